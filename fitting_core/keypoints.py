@@ -1,0 +1,103 @@
+"""The 137 OpenPose keypoints: the one place that defines their order, names, groups and bones."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+BODY_25 = (
+    "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist mid_hip right_hip right_knee "
+    "right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear left_big_toe left_small_toe "
+    "left_heel right_big_toe right_small_toe right_heel"
+).split()
+_FINGER_POINTS = [f"{finger}{k}" for finger in ("thumb", "index", "middle", "ring", "pinky") for k in (1, 2, 3, 4)]
+HAND_21 = ["wrist", *_FINGER_POINTS]
+FACE_70 = (
+    [f"contour{i}" for i in range(17)]
+    + [f"right_brow{i}" for i in range(5)]
+    + [f"left_brow{i}" for i in range(5)]
+    + [f"nose_bridge{i}" for i in range(4)]
+    + [f"nostrils{i}" for i in range(5)]
+    + [f"right_eyelid{i}" for i in range(6)]
+    + [f"left_eyelid{i}" for i in range(6)]
+    + [f"outer_lip{i}" for i in range(12)]
+    + [f"inner_lip{i}" for i in range(8)]
+    + ["right_pupil", "left_pupil"]
+)
+
+BODY = slice(0, 25)
+LEFT_HAND = slice(25, 46)
+RIGHT_HAND = slice(46, 67)
+HANDS = slice(25, 67)
+FACE = slice(67, 137)
+CONTOUR = slice(67, 84)
+INNER_FACE = slice(84, 135)
+COUNT = 137
+GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
+
+NAMES = (
+    BODY_25
+    + [f"left_{n}" for n in HAND_21]
+    + [f"right_{n}" for n in HAND_21]
+    + [f"face_{n}" for n in FACE_70]
+)
+INDEX = {name: i for i, name in enumerate(NAMES)}
+# Wrists are told apart by group: INDEX["left_wrist"] must be the body's point, not the hand's.
+INDEX.update({name: i for i, name in enumerate(BODY_25)})
+
+_BODY_BONES = (
+    "nose-neck neck-right_shoulder right_shoulder-right_elbow right_elbow-right_wrist neck-left_shoulder "
+    "left_shoulder-left_elbow left_elbow-left_wrist neck-mid_hip mid_hip-right_hip right_hip-right_knee "
+    "right_knee-right_ankle mid_hip-left_hip left_hip-left_knee left_knee-left_ankle nose-right_eye nose-left_eye "
+    "right_eye-right_ear left_eye-left_ear left_ankle-left_big_toe left_big_toe-left_small_toe left_ankle-left_heel "
+    "right_ankle-right_big_toe right_big_toe-right_small_toe right_ankle-right_heel"
+).split()
+_HAND_BONES = [(0 if k == 0 else 4 * f + k, 4 * f + k + 1) for f in range(5) for k in range(4)]
+
+
+def _chain(first: int, last: int, *, closed: bool = False) -> list[tuple[int, int]]:
+    pairs = [(FACE.start + i, FACE.start + i + 1) for i in range(first, last)]
+    return pairs + ([(FACE.start + last, FACE.start + first)] if closed else [])
+
+
+BONES: list[tuple[int, int]] = (
+    [(BODY_25.index(a), BODY_25.index(b)) for a, b in (bone.split("-") for bone in _BODY_BONES)]
+    + [(start + a, start + b) for start in (LEFT_HAND.start, RIGHT_HAND.start) for a, b in _HAND_BONES]
+    + _chain(0, 16)
+    + _chain(17, 21)
+    + _chain(22, 26)
+    + _chain(27, 30)
+    + _chain(31, 35)
+    + _chain(36, 41, closed=True)
+    + _chain(42, 47, closed=True)
+    + _chain(48, 59, closed=True)
+    + _chain(60, 67, closed=True)
+)
+"""Pairs of keypoint indices to draw a line between."""
+
+LIMBS = [BODY_25.index(f"{side}_{n}") for side in ("right", "left") for n in
+         ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")]
+"""The 12 limb keypoints on which pose errors are usually reported."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Keypoints:
+    """Detections of one person over a clip, in the order of NAMES.
+
+    A keypoint that was not detected has confidence 0 and a finite position (its value means nothing), never NaN.
+    """
+
+    xy: Float[np.ndarray, "T 137 2"]
+    """Pixels, x right, y down, origin at the image's top left corner."""
+    confidence: Float[np.ndarray, "T 137"]
+    """0 (not detected) to 1."""
+
+    def __post_init__(self) -> None:
+        assert self.xy.shape[1:] == (COUNT, 2) and self.confidence.shape == self.xy.shape[:2]
+        assert np.isfinite(self.xy).all() and np.isfinite(self.confidence).all()
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    def __getitem__(self, frames: slice) -> "Keypoints":
+        return replace(self, xy=self.xy[frames], confidence=self.confidence[frames])
