@@ -3,6 +3,7 @@
 import hashlib
 import re
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -177,10 +178,8 @@ def _npz_array(archive: Any, key: str) -> np.ndarray:
     except ValueError as error:
         if "allow_pickle" not in str(error):
             raise InputError(f"'{key}' is damaged ({error})") from error
-        raise InputError(
-            f"'{key}' is an array of Python objects, expected numbers; such arrays are not read"
-        ) from error
-    except (EOFError, MemoryError, zipfile.zlib.error) as error:
+        raise InputError(f"'{key}' is an array of Python objects, expected numbers") from error
+    except (EOFError, MemoryError, zlib.error) as error:
         raise InputError(f"'{key}' is damaged ({error})") from error
 
 
@@ -247,7 +246,7 @@ def _weights(raw: _Raw, shape: tuple[int, int]) -> Float[np.ndarray, "V J"]:
     off = float(np.abs(weights.sum(axis=1) - 1).max())
     if off > 1e-2 or weights.min() < -1e-6:
         raise raw.error(
-            f"has skinning weights that sum to 1 only within {off:.2g}, expected sums of 1 and none below 0"
+            f"has skinning weights that miss a sum of 1 by up to {off:.2g}, expected sums of 1, none below 0"
         )
     return weights
 
@@ -276,7 +275,7 @@ def _surface_keypoints(raw: _Raw, form: Form, vertices: int) -> dict[str, int]:
         return {name: int(v) for name, v in zip(SURFACE_KEYPOINTS, own, strict=True) if v >= 0}
     if vertices < form.vertices:
         raise raw.error(
-            f"has {vertices} vertices, expected the {form.vertices} of {form.title}: the keypoints' vertices are not known",
+            f"has {vertices} vertices, expected the {form.vertices} of {form.title}, whose keypoint vertices are known",
             f"Use the official mesh, or add a '{OWN_KEYPOINTS}' array of {len(SURFACE_KEYPOINTS)} vertices (-1: none).",
         )
     return form.surface_keypoints()

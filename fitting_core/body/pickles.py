@@ -16,7 +16,7 @@ import scipy.sparse
 from fitting_core.errors import InputError
 
 MAX_ELEMENTS = 2**28
-"""Elements of the largest array that a stand-in may unfold to: a body needs some 16 million, this is 2 GB of float64."""
+"""Elements of the largest matrix that a stand-in may unfold to, 2 GB of float64; a body needs some 16 million."""
 
 
 class _Kept:
@@ -65,9 +65,7 @@ class _Sparse(_Kept):
     def array(self) -> np.ndarray:
         shape = tuple(int(n) for n in self.state.get("_shape", self.state.get("shape", ())))
         if len(shape) != 2 or min(shape) < 0 or shape[0] * shape[1] > MAX_ELEMENTS:
-            raise InputError(
-                f"a sparse matrix of shape {shape}, expected two sides and at most {MAX_ELEMENTS} elements"
-            )
+            raise InputError(f"a sparse matrix of shape {shape}, expected two sides, at most {MAX_ELEMENTS} elements")
         matrix = type(self).layout(self._parts(), shape=shape)
         # Compressed forms do not check their indices otherwise, and an index outside would write outside the array.
         matrix.check_format(full_check=True)
