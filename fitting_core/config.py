@@ -47,6 +47,8 @@ class ShapeSample:
     strategy: Literal["random", "confident", "coverage"] = "random"
     """Random with a seed; highest mean confidence; or chosen so that every body part is seen."""
     seed: int = 0
+    stages: tuple[int, ...] = (1, 2, 3, 4, 5)
+    """Which of the five stages run, in order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +128,7 @@ PRESETS: dict[str, FitConfig] = {
         hip_weight=1.0,
         yaws="four",
         relay_rounds=3,
-        shape_sample=ShapeSample(strategy="coverage"),
+        shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
         temporal=Temporal(mode="global", space="camera", stages=(5,)),
     ),
 }

@@ -63,8 +63,8 @@ class Stages:
             device=self.device,
         )
         self.xy, self.confidence = self.tensor(keypoints.xy), self.tensor(keypoints.confidence)
-        self._points: list[Point | None] = keypoint_points(body)
-        self._known = torch.tensor([p is not None for p in self._points], device=self.device)
+        self.keypoint_points: list[Point | None] = keypoint_points(body)
+        self._known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
         self._compiled: dict[tuple[int, ...], BodyPoints] = {}
         self.all_frames = torch.arange(len(keypoints), device=self.device)
         seen = self.confidence > SEEN
@@ -96,7 +96,7 @@ class Stages:
     def _view(self, indices: Tensor, state: State | None) -> View:
         key = tuple(indices.tolist())
         if key not in self._compiled:
-            points = [p for p in (self._points[i] for i in key) if p is not None]
+            points = [p for p in (self.keypoint_points[i] for i in key) if p is not None]
             self._compiled[key] = BodyPoints(self.body, points, dtype=self.dtype, device=self.device)
         points = self._compiled[key]
         focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
@@ -113,7 +113,7 @@ class Stages:
     def _data(self, selection: _Selection) -> Data:
         return Data(self.xy[:, selection.indices], selection.weight, self.config.robust_pixels)
 
-    def free(self, stage: int, *, betas: bool, resting: bool = False) -> Free:
+    def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.
 
         Hands and face move only if the clip shows them at all: nothing but their priors would act on them. `resting`
@@ -123,7 +123,7 @@ class Stages:
         stages = [stage - 1] if resting else range(N_STAGES)
         hands = self.has(kp.HANDS) and any(w.hand_keypoints[s] > 0 for s in stages)
         face = self.has(kp.FACE) and any(w.face_keypoints[s] > 0 for s in stages)
-        return Free(hands=hands, face=face, betas=betas)
+        return Free(hands=hands, face=face, betas=betas, translation=translation)
 
     def objective(self, stage: int, state: State, free: Free) -> FrameObjective:
         """E_o of a stage (1 to 5).

@@ -1,11 +1,11 @@
 """Levenberg-Marquardt on the closed-form normal equations, every independent group with its own damping."""
 
 from collections.abc import Generator
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from fitting_core.config import SolverSettings
 from fitting_core.solvers.problem import Problem
 from fitting_core.solvers.solution import Progress, Solution
 from fitting_core.state import State
@@ -13,22 +13,21 @@ from fitting_core.state import State
 _START, _SMALLEST, _LARGEST = 1e-3, 1e-7, 1e8
 
 
-@dataclass(frozen=True, kw_only=True)
 class LevenbergMarquardt:
     """Nielsen's damping rule (K. Madsen, H. B. Nielsen, O. Tingleff, Methods for Non-Linear Least Squares, 2004)."""
 
-    tolerance: float
-    """A group ends when an accepted step lowers its cost by less than this share."""
-    iterations: int
+    def __init__(self, settings: SolverSettings) -> None:
+        self.settings, self.iterations = settings, settings.iterations
 
-    def minimise(self, problem: Problem, start: State) -> Generator[Progress, None, Solution]:
+    def minimise(self, problem: Problem, start: State, *, final: bool) -> Generator[Progress, None, Solution]:
         """Lowers the cost of every group; yields after each iteration.
 
         A group whose start is not finite is returned as it came; no step to a cost that is not finite is ever taken.
         """
+        tolerance = self.settings.final_tolerance if final else self.settings.stage_tolerance
         run = _Run(problem, start)
         for iteration in range(self.iterations):
-            run.iterate(self.tolerance)
+            run.iterate(tolerance)
             yield Progress(iteration=iteration + 1, cost=run.cost.detach(), running=len(run.active))
             if not len(run.active):
                 break
