@@ -120,7 +120,7 @@ def _json_files(folder: Path) -> list[Path]:
             f"No keypoint files in {folder}: found {found}; expected one file per frame named "
             f"<name>_000000000000{SUFFIX}, as OpenPose's --write_json makes them."
         )
-    return sorted(files, key=lambda file: (split_number(_stem(file))[1] or 0, natural_key(_stem(file))))
+    return sorted(files, key=lambda file: natural_key(_stem(file)))
 
 
 def _forbid_same_number(files: Sequence[Path]) -> None:
@@ -190,10 +190,8 @@ def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float
     for k, value in enumerate(values):
         if type(value) not in (int, float):
             raise InputError(f"{where}, {NAMES[places[k // 3]]} ({key}): found {value!r}; expected a number.")
-    try:
-        points = np.array(values, dtype=float).reshape(-1, 3)
-    except OverflowError:
-        points = np.array([math.inf if abs(value) > _MAX_POSITION else value for value in values]).reshape(-1, 3)
+    # Python's integers have no limit, floats have: an integer of 400 digits is a wrong position and not an overflow.
+    points = np.array([math.inf if abs(value) > 1e300 else value for value in values], dtype=float).reshape(-1, 3)
     wrong_position = ~(np.abs(points[:, :2]) <= _MAX_POSITION).all(1)
     wrong_confidence = ~((points[:, 2] >= 0) & (points[:, 2] <= _MAX_CONFIDENCE))
     if (wrong_position | wrong_confidence).any():
