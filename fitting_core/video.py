@@ -101,7 +101,9 @@ class FrameSource:
             image = self._decoder.read(index)
         where = f"{self._decoder.label(index)} of {self.path}"
         if image is None:
-            raise InputError(f"{where} cannot be decoded ({self.count} frames in all). The file is damaged: re-encode it.")
+            raise InputError(
+                f"{where} cannot be decoded ({self.count} frames in all). The file is damaged: re-encode it."
+            )
         if image.shape[1::-1] != self.size:
             raise InputError(
                 f"{where} is {image.shape[1]} x {image.shape[0]} pixels, but {self._decoder.label(0)} is "

@@ -65,7 +65,7 @@ class Detections:
 
 
 def guess_scale(points: Float[np.ndarray, "N 2"]) -> str:
-    """"pixels", "0..1" or "-1..1", by the range of all positions of a clip."""
+    """ "pixels", "0..1" or "-1..1", by the range of all positions of a clip."""
     if not len(points) or np.abs(points).max() > _NORMALISED_LIMIT:
         return PIXELS
     return SIGNED if points.min() < _SIGNED_LIMIT else UNIT
