@@ -139,6 +139,8 @@ class FrameSource:
 class _Images:
     """Image files, read when asked for."""
 
+    frame_rate: float | None = None
+
     def __init__(self, path: Path) -> None:
         entries = sorted(path.iterdir(), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
         visible = [file for file in entries if not file.name.startswith(".")]
@@ -147,8 +149,7 @@ class _Images:
             found = f"{len(visible)} other files, such as {visible[0].name}" if visible else "an empty folder"
             raise InputError(f"No images in {path}: found {found}; expected files in {', '.join(IMAGE_SUFFIXES)}.")
         self.count = self.declared_count = len(self._files)
-        self.frame_rate = None
-        self.stems = tuple(file.stem for file in self._files)
+        self.stems: tuple[str, ...] | None = tuple(file.stem for file in self._files)
         if self.read(0) is None:
             raise InputError(f"{self._files[0]} is not an image that can be decoded; remove or replace it.")
 
@@ -167,7 +168,7 @@ class _Images:
 class _Video:
     """A video file, decoded on from the last frame or after a seek."""
 
-    stems = None
+    stems: tuple[str, ...] | None = None
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -180,7 +181,7 @@ class _Video:
         self._next = 0
         self.declared_count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.frame_rate = float(rate) if np.isfinite(rate) and rate > 0 else None
+        self.frame_rate: float | None = float(rate) if np.isfinite(rate) and rate > 0 else None
         self.count = self._countable()
         if self.count == 0:
             raise InputError(
