@@ -348,7 +348,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, figure, monkeypatch):
         ("signs/gebaerden/keypoints", 149, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
         ("signs/psychologie/keypoints_body_only", 157, [BODY]),
         ("openpose_sequences/openpose", 93, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
-        ("openpose_sequences/example", 66, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
+        ("openpose_sequences/example", 66, [BODY, RIGHT_HAND, FACE]),
     ],
 )
 def test_real_files(shared_data, folder, frames, parts):
