@@ -49,7 +49,7 @@ class _Raw:
             value = as_array(self.values[key])
         except InputError as error:
             raise self.error(f"'{key}' is {error}") from error
-        if value.dtype.kind not in "fiub":
+        if value.dtype.kind not in "fiu":
             raise self.error(
                 f"'{key}' holds {value.dtype} values, expected numbers",
                 "Save it again as a plain numeric array (numpy.asarray(..., dtype=float)).",
@@ -65,14 +65,13 @@ class _Raw:
     def floats(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
         return np.ascontiguousarray(self.array(key, shape), dtype=np.float64)
 
-    def indices(self, key: str, shape: tuple[int | None, ...], limit: int) -> np.ndarray:
-        """Whole numbers from 0 to below limit."""
+    def indices(self, key: str, shape: tuple[int | None, ...], *, limit: int, first: int = 0) -> np.ndarray:
+        """Whole numbers from first to below limit."""
         value = self.array(key, shape)
         whole = value.astype(np.int64)
-        if (whole != value).any() or (value.size and (whole.min() < 0 or whole.max() >= limit)):
-            raise self.error(
-                f"'{key}' holds values from {value.min()} to {value.max()}, expected whole ones from 0 to {limit - 1}"
-            )
+        if (whole != value).any() or (value.size and (whole.min() < first or whole.max() >= limit)):
+            found = f"values from {value.min()} to {value.max()}"
+            raise self.error(f"'{key}' holds {found}, expected whole numbers from {first} to {limit - 1}")
         return whole
 
 
@@ -106,7 +105,7 @@ def load_body(path: Path) -> BodyModel:
         shape_directions=shape,
         expression_directions=expression,
         pose_directions=forms.pose_directions_in_55(form, raw.floats("posedirs", (len(template), 3, columns))),
-        joint_regressor=forms.regressor_in_55(form, raw.floats("J_regressor", (joints, len(template)))),
+        joint_regressor=forms.regressor_in_55(form, _regressor(raw, (joints, len(template)))),
         skinning_weights=forms.weights_in_55(form, _weights(raw, (len(template), joints))),
         parents=forms.parents_of_55(),
         faces=faces,
@@ -241,6 +240,14 @@ def _ten(directions: np.ndarray, start: int) -> Float[np.ndarray, "V 3 10"]:
     return np.ascontiguousarray(directions[:, :, start : start + 10], dtype=np.float64)
 
 
+def _regressor(raw: _Raw, shape: tuple[int, int]) -> Float[np.ndarray, "J V"]:
+    regressor = raw.floats("J_regressor", shape)
+    off = float(np.abs(regressor.sum(axis=1) - 1).max())
+    if off > 1e-2:
+        raise raw.error(f"has joint regressor rows that miss a sum of 1 by up to {off:.2g}, expected sums of 1")
+    return regressor
+
+
 def _weights(raw: _Raw, shape: tuple[int, int]) -> Float[np.ndarray, "V J"]:
     weights = raw.floats("weights", shape)
     off = float(np.abs(weights.sum(axis=1) - 1).max())
@@ -271,7 +278,7 @@ def _hands(raw: _Raw) -> tuple[Float[np.ndarray, "2 45 45"], Float[np.ndarray, "
 
 def _surface_keypoints(raw: _Raw, form: Form, vertices: int) -> dict[str, int]:
     if OWN_KEYPOINTS in raw.values:
-        own = raw.indices(OWN_KEYPOINTS, (len(SURFACE_KEYPOINTS),), limit=vertices)
+        own = raw.indices(OWN_KEYPOINTS, (len(SURFACE_KEYPOINTS),), limit=vertices, first=-1)
         return {name: int(v) for name, v in zip(SURFACE_KEYPOINTS, own, strict=True) if v >= 0}
     if vertices < form.vertices:
         raise raw.error(
@@ -285,8 +292,8 @@ def _gender(raw: _Raw) -> str | None:
     told = raw.values.get("gender")
     if told is None:
         return gender_of_name(raw.path)
-    word = str(np.asarray(told).reshape(-1)[0] if np.size(told) else "").lower()
-    word = word.removeprefix("b'").strip("'")
+    value = as_array(told).reshape(-1)
+    word = (value.astype(str)[0] if value.dtype.kind in "SU" and len(value) else str(told)).lower()
     if word not in _GENDERS:
         raise raw.error(f"has the gender '{word}', expected neutral, male or female")
     return _GENDERS[word]
