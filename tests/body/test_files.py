@@ -27,7 +27,18 @@ from tests.body_files import (
     write_smpl_pickle,
 )
 
-ARRAYS = ["template", "shape_directions", "expression_directions", "pose_directions", "joint_regressor", "skinning_weights", "hand_components", "hand_mean", "landmark_weights", "contour_weights"]
+ARRAYS = [
+    "template",
+    "shape_directions",
+    "expression_directions",
+    "pose_directions",
+    "joint_regressor",
+    "skinning_weights",
+    "hand_components",
+    "hand_mean",
+    "landmark_weights",
+    "contour_weights",
+]
 INDICES = ["parents", "faces", "landmark_vertices", "contour_vertices"]
 
 
@@ -366,10 +377,10 @@ def test_npz_that_unpacks_too_large_is_refused_before_unpacking(tmp_path: Path, 
     np.savez_compressed(path, **body_arrays())
     with zipfile.ZipFile(path) as archive:
         size = sum(m.file_size for m in archive.infolist())
-    monkeypatch.setattr("fitting_core.body.files.MAX_BYTES", size - 1)
+    monkeypatch.setattr("fitting_core.body.raw_file.MAX_BYTES", size - 1)
     with pytest.raises(InputError, match="unpacks to"):
         load_body(path)
-    monkeypatch.setattr("fitting_core.body.files.MAX_BYTES", size)
+    monkeypatch.setattr("fitting_core.body.raw_file.MAX_BYTES", size)
     assert len(load_body(path).template) == VERTICES
 
 
