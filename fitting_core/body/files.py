@@ -1,7 +1,7 @@
 """Read a SMPL-X, SMPL-H or SMPL file into a BodyModel."""
 
 import re
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -62,7 +62,7 @@ def load_body(path: Path) -> BodyModel:
     )
 
 
-def gender_of_name(path: Path) -> str | None:
+def gender_of_name(path: PurePath) -> str | None:
     """Gender that a file's name tells, or its folder's for names like `female/model.npz`; None if neither does."""
     for name in (path.stem, path.parent.name):
         words = re.split(r"[^a-z]+", name.lower())
