@@ -24,6 +24,7 @@ class CurvatureHistory:
         """Pairs taken in since the row was last forgotten, (b,)."""
         self._size = size
         # Rings: pair k lies in slot k % size. Unused slots are zero, and one on the diagonal of R, so they drop out.
+        # Products below the diagonal of R in order of time may be stale: they are never read.
         self._steps, self._changes = like.new_zeros(b, size, n), like.new_zeros(b, size, n)
         self._products = torch.eye(size, dtype=like.dtype, device=like.device).repeat(b, 1, 1)
         self._gamma = like.new_ones(b)
@@ -38,7 +39,6 @@ class CurvatureHistory:
         slots = self.count[rows] % self._size
         used = self._used(rows)
         self._products[rows, :used, slots] = _times(self._steps[:, :used][rows], changes)
-        self._products[rows, slots] = 0
         self._products[rows, slots, slots] = curvature
         self._steps[rows, slots], self._changes[rows, slots] = steps, changes
         self._gamma[rows] = curvature / changes.square().sum(-1)

@@ -23,7 +23,7 @@ class LineSearches:
 
     Both algorithms are one rule here: `low` is the best point so far with sufficient decrease, `high` bounds the
     bracket on its other side and lies at an infinite step as long as none does. A point is (step, cost, slope) with
-    the slope along the direction. Costs must be finite, or +inf for a trial that counts as too long.
+    the slope along the direction. A trial with infinite cost or a slope that is not finite counts as too long.
     """
 
     def __init__(self, like: Float[Tensor, "b n"], *, evaluations: int, smallest_move: float) -> None:
@@ -77,7 +77,7 @@ class LineSearches:
         trial = torch.stack([self.step[rows], cost, slope], dim=-1)
         last_low, last_high, start = self.low[rows], self._high[rows], self._start[rows]
         enough = cost <= start[:, COST] + SUFFICIENT_DECREASE * trial[:, STEP] * start[:, SLOPE]
-        lower = enough & (cost < last_low[:, COST])
+        lower = enough & (cost < last_low[:, COST]) & slope.isfinite()
         turned = lower & (slope * (last_high - last_low)[:, STEP] >= 0)
         low = torch.where(lower[:, None], trial, last_low)
         high = torch.where(lower[:, None], torch.where(turned[:, None], last_low, last_high), trial)

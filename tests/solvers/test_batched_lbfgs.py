@@ -224,6 +224,30 @@ def test_wrong_gradient_ends_in_the_line_search():
     assert result.reasons == (Reason.LINE_SEARCH,) and result.evaluations[0] <= 2 + 25
 
 
+def test_failed_line_search_is_tried_again_along_the_steepest_descent():
+    calls = 0
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        nonlocal calls
+        calls += 1
+        cost, gradient = with_gradient(rosenbrock)(x, rows)
+        return (torch.full_like(cost, torch.nan) if 20 < calls <= 50 else cost), gradient
+
+    result = minimise_lbfgs(function, -torch.ones(1, 3, dtype=torch.float64), line_evaluations=20)
+    assert result.reasons[0] in (Reason.CONVERGED, Reason.GRADIENT)
+    torch.testing.assert_close(result.x, torch.ones_like(result.x), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("slope", [torch.nan, torch.inf, -torch.inf])
+def test_slope_that_overflows_is_too_long(slope: float):
+    row, one = torch.tensor([0]), torch.ones(1, dtype=torch.float64)
+    lines = LineSearches(one[:, None], evaluations=25, smallest_move=0.0)
+    lines.begin(row, step=one, cost=0 * one, gradient=-one[:, None], direction=one[:, None])
+    found, failed = lines.advance(row, cost=-one, gradient=one[:, None], slope=slope * one)
+    assert not found[0] and not failed[0]
+    assert lines.low.tolist() == [[0, 0, -1]] and 0 < float(lines.step[0]) < 1
+
+
 def test_unbounded_cost_ends_finite():
     result = minimise_lbfgs(lambda x, rows: (x.sum(-1), torch.ones_like(x)), torch.zeros(1, 3), rounds=2)
     assert bool(result.x.isfinite().all()) and -torch.inf < float(result.cost[0]) < -1e6
@@ -271,6 +295,7 @@ LINES: dict[str, Cost] = {
     "wavy": lambda t, _: (t - 3).square() + 2 * (5 * t).sin() - 10 * t,
     "wall": lambda t, _: t.neg() - 0.1 * (2 - t).log(),
     "overflow": lambda t, _: (50 * t).exp() - 1e4 * t,
+    "cliff": lambda t, _: (1e4 * (t - 1)).clamp(max=200).exp() - t,
     "flat, far": lambda t, _: -(1e-4 * t + 1).log() + 1e-10 * t.square(),
 }
 
@@ -289,8 +314,9 @@ def test_strong_wolfe_conditions_hold_at_accepted_steps(name: str):
         cost, slope = line(lines.step[going], going)
         finite = cost.isfinite() & slope.isfinite()
         cost, slope = torch.where(finite, cost, torch.inf), torch.where(finite, slope, 0)
+        last = lines.low[going, 1]
         found, failed = lines.advance(going, cost=cost, gradient=slope[:, None], slope=slope)
-        assert not bool(failed.any())
+        assert not bool(failed.any()) and bool((lines.low[going, 1] <= last).all())
         going = going[~found]
         if not len(going):
             break
@@ -321,7 +347,8 @@ def test_directions_agree_with_the_two_loop_recursion_over_a_full_ring():
         torch.testing.assert_close(direction, two_loops(pairs[row], g), rtol=1e-11, atol=1e-11)
     history.forget(torch.tensor([0]))
     torch.testing.assert_close(history.direction(torch.tensor([0]), gradient[:1]), -gradient[:1], rtol=0, atol=0)
-    torch.testing.assert_close(history.direction(torch.tensor([1]), gradient[1:2])[0], directions[1])
+    both = history.direction(torch.tensor([1, 0]), gradient[[1, 0]])
+    torch.testing.assert_close(both, torch.stack([directions[1], -gradient[0]]))
 
 
 def two_loops(pairs: list[tuple[Tensor, Tensor]], gradient: Tensor) -> Tensor:
