@@ -207,17 +207,21 @@ class _Video:
     def read(self, index: int) -> np.ndarray | None:
         if not 0 <= index - self._next <= _SKIP:
             self._seek(index)
+        image = self._decode(index)
+        if image is None:
+            # Seeking can fail where decoding from the start does not: back in an AVI of one frame, for example.
+            self._reopen()
+            image = self._decode(index)
+        return image
+
+    def _decode(self, index: int) -> np.ndarray | None:
         while self._next < index:
             if not self._capture.grab():
-                self._reopen()
                 return None
             self._next += 1
         ok, image = self._capture.read()
-        if not ok:
-            self._reopen()
-            return None
         self._next += 1
-        return image
+        return image if ok else None
 
     def _seek(self, index: int) -> None:
         self._capture.set(cv2.CAP_PROP_POS_FRAMES, index)

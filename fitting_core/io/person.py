@@ -192,7 +192,7 @@ def _describe(tracks: list[_Track], count: int, first_frame: int) -> str:
         frames = sorted({first_frame + t for track in others for t in track.entries})
         sentences.append(
             f"The largest and surest of {len(tracks)} people (or false detections) was taken; the others appear in "
-            f"{len(frames)} frames ({spans(frames)})."
+            f"frames {spans(frames)}."
         )
     if others and others[0].score > _RIVAL * chosen.score:
         start, place = next(iter(others[0].entries.items()))
