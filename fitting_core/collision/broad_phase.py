@@ -1,7 +1,8 @@
 """Pairs of triangles whose bounding boxes overlap, found with a bounding volume hierarchy.
 
-The tree's topology is built once, over triangles sorted along a Morton curve; for new vertex positions only the boxes are
-refitted. Whatever the topology, the answer is exact: it is the same as that of testing every pair of boxes.
+The tree's topology is built once, over triangles sorted along a Morton curve; for new vertex positions only the boxes
+are refitted, and only those of groups that are asked for. Whatever the topology, the answer is exact: it is the same
+as that of testing every pair of boxes.
 """
 
 from dataclasses import dataclass
@@ -18,18 +19,23 @@ _NO_CHILD = -1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundingTree:
-    """Topology of a forest of boxes over triangles: one binary tree for each group of triangles."""
+    """Topology of a forest of boxes over triangles: one binary tree for each group of triangles.
+
+    Node g is the root of group g.
+    """
 
     order: Int[np.ndarray, "F"]
     """Triangle at each slot; a node holds a run of slots."""
+    slot_group: Int[np.ndarray, "F"]
+    """Group of each slot's triangle, ascending."""
+    node_group: Int[np.ndarray, "N"]
+    """Group of each node's triangles."""
     first: Int[np.ndarray, "N"]
     """First slot of each node."""
     last: Int[np.ndarray, "N"]
     """One past the last slot of each node."""
     children: Int[np.ndarray, "N 2"]
     """Nodes below each node; -1 below a leaf."""
-    roots: Int[np.ndarray, "G"]
-    """Root of each group; -1 for a group without triangles."""
     level_starts: tuple[int, ...]
     """First node of each level, roots first; the nodes of a level are consecutive. Ends with the number of nodes."""
     leaves: Int[np.ndarray, "L"]
@@ -49,7 +55,7 @@ def build_tree(centers: Float[np.ndarray, "F 3"], *, groups: Int[np.ndarray, "F"
 
     Args:
         centers: Centre of each triangle, in any pose that keeps near triangles near: the rest pose of a body.
-        groups: Group of each triangle, 0 or more; None puts all into group 0.
+        groups: Group of each triangle: numbers from 0 without gaps. None puts all into group 0.
 
     Returns:
         One tree per group, of median splits along the Morton curve.
@@ -57,40 +63,42 @@ def build_tree(centers: Float[np.ndarray, "F 3"], *, groups: Int[np.ndarray, "F"
     groups = np.zeros(len(centers), dtype=np.int64) if groups is None else np.asarray(groups)
     order = np.lexsort((_morton_codes(centers), groups))
     present, starts, counts = np.unique(groups[order], return_index=True, return_counts=True)
-    roots = np.full(int(groups.max(initial=-1)) + 1, -1, dtype=np.int64)
-    roots[present] = np.arange(len(present))
+    assert (present == np.arange(len(present))).all(), "groups must be numbered without gaps"
     first, last, children, level_starts = _split_ranges(starts, starts + counts)
     leaves = np.flatnonzero(children[:, 0] == _NO_CHILD)
     return BoundingTree(
         order=order,
+        slot_group=groups[order],
+        node_group=groups[order][first],
         first=first,
         last=last,
         children=children,
-        roots=roots,
         level_starts=level_starts,
         leaves=leaves[np.argsort(first[leaves])],
     )
 
 
 def overlapping_triangles(
-    tree: BoundingTree, triangles: Float[np.ndarray, "F 3 3"], group_pairs: Int[np.ndarray, "R 2"]
+    tree: BoundingTree,
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    group_pairs: Int[np.ndarray, "R 2"],
 ) -> Int[np.ndarray, "P 2"]:
     """Pairs of triangles of the given pairs of groups whose bounding boxes touch or overlap.
 
     Args:
         tree: Built over as many triangles.
-        triangles: Corners; finite.
+        vertices: Finite.
+        faces: Corners of every triangle.
         group_pairs: Unordered and without repetition; (g, g) asks for the pairs within group g.
 
     Returns:
         Triangle numbers, the smaller first, every pair once, in no particular order.
     """
-    low = np.minimum(np.minimum(triangles[:, 0], triangles[:, 1]), triangles[:, 2])[tree.order]
-    high = np.maximum(np.maximum(triangles[:, 0], triangles[:, 1]), triangles[:, 2])[tree.order]
-    slots = Boxes(low=low, high=high)
-    roots = tree.roots[group_pairs].reshape(-1, 2)
-    leaf_pairs = _overlapping_leaves(tree, _refit(tree, slots), roots[(roots >= 0).all(axis=1)])
-    slot_pairs = _slot_pairs(tree, leaf_pairs)
+    wanted = np.zeros(len(tree.first), dtype=bool)
+    wanted[group_pairs] = True
+    slots = _slot_boxes(tree, vertices, faces, wanted)
+    slot_pairs = _slot_pairs(tree, _overlapping_leaves(tree, _refit(tree, slots, wanted), group_pairs))
     slot_pairs = slot_pairs[_overlap(slots, slot_pairs)]
     return np.sort(tree.order[slot_pairs], axis=1)
 
@@ -127,14 +135,29 @@ def _split_ranges(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.
     return np.concatenate([empty, *firsts]), np.concatenate([empty, *lasts]), nodes, tuple(level_starts)
 
 
-def _refit(tree: BoundingTree, slots: Boxes) -> Boxes:
-    """Boxes of all nodes around the boxes of the triangles."""
+def _slot_boxes(tree: BoundingTree, vertices: np.ndarray, faces: np.ndarray, wanted: Bool[np.ndarray, "G"]) -> Boxes:
+    """Boxes of the triangles of the wanted groups; the others' are not filled in."""
+    slots = np.flatnonzero(wanted[tree.slot_group])
+    a, b, c = (vertices[corners] for corners in faces[tree.order[slots]].T)
+    low, high = np.empty((len(tree.order), 3)), np.empty((len(tree.order), 3))
+    low[slots] = np.minimum(np.minimum(a, b), c)
+    high[slots] = np.maximum(np.maximum(a, b), c)
+    return Boxes(low=low, high=high)
+
+
+def _refit(tree: BoundingTree, slots: Boxes, wanted: Bool[np.ndarray, "G"]) -> Boxes:
+    """Boxes of the nodes of the wanted groups, around the boxes of their triangles."""
     low, high = np.empty((len(tree.first), 3)), np.empty((len(tree.first), 3))
-    if len(tree.leaves):
-        low[tree.leaves] = np.minimum.reduceat(slots.low, tree.first[tree.leaves])
-        high[tree.leaves] = np.maximum.reduceat(slots.high, tree.first[tree.leaves])
-    for start, end in zip(tree.level_starts[-2::-1], tree.level_starts[:0:-1], strict=True):
-        inner = start + np.flatnonzero(tree.children[start:end, 0] != _NO_CHILD)
+    leaves = tree.leaves[wanted[tree.node_group[tree.leaves]]]
+    first, end = tree.first[leaves], tree.last[leaves]
+    low[leaves], high[leaves] = slots.low[first], slots.high[first]
+    for step in range(1, LEAF_SIZE):
+        slot = np.minimum(first + step, end - 1)
+        low[leaves] = np.minimum(low[leaves], slots.low[slot])
+        high[leaves] = np.maximum(high[leaves], slots.high[slot])
+    for start, stop in zip(tree.level_starts[-2::-1], tree.level_starts[:0:-1], strict=True):
+        inner = (tree.children[start:stop, 0] != _NO_CHILD) & wanted[tree.node_group[start:stop]]
+        inner = start + np.flatnonzero(inner)
         left, right = tree.children[inner].T
         low[inner] = np.minimum(low[left], low[right])
         high[inner] = np.maximum(high[left], high[right])

@@ -17,7 +17,11 @@ class CollisionFinder:
 
     faces: Int[np.ndarray, "F 3"]
     part_pairs: Int[np.ndarray, "R 2"]
-    """Pairs of parts whose triangles count as colliding; (p, p) for collisions within a part."""
+    """Pairs of parts whose triangles count as colliding, parts renumbered without gaps; (p, p): within a part."""
+    part_vertices: Int[np.ndarray, "M"]
+    """Vertices of part 0, then of part 1, ...; one on a border belongs to every part that it touches."""
+    part_starts: Int[np.ndarray, "Q"]
+    """Where each part starts in `part_vertices`; every part has one."""
     tree: BoundingTree
     """Boxes over the triangles, one tree per part."""
     resting: Int[np.ndarray, "K"]
@@ -32,13 +36,14 @@ class CollisionFinder:
             vertices: Metres; finite.
         """
         assert np.isfinite(vertices).all(), "collisions of vertices that are not finite"
-        triangles = np.asarray(vertices, dtype=np.float64)[self.faces]
-        pairs = overlapping_triangles(self.tree, triangles, self.part_pairs)
+        vertices = np.asarray(vertices, dtype=np.float64)
+        pairs = overlapping_triangles(self.tree, vertices, self.faces, self._near_parts(vertices))
         pairs = pairs[~self._share_vertex(pairs)]
-        pairs = pairs[triangles_intersect(triangles[pairs[:, 0]], triangles[pairs[:, 1]])]
-        keys = np.sort(pairs[:, 0] * len(self.faces) + pairs[:, 1])
+        corners = vertices[self.faces[pairs]]
+        pairs = pairs[triangles_intersect(corners[:, 0], corners[:, 1])]
+        keys = np.sort(self._keys(pairs))
         keys = keys[~np.isin(keys, self.resting, assume_unique=True)]
-        return np.stack(np.divmod(keys, len(self.faces)), axis=1) if len(keys) else np.zeros((0, 2), dtype=np.int64)
+        return np.stack([keys // len(self.faces), keys % len(self.faces)], axis=1)
 
     def without_resting(self, vertices: Float[np.ndarray, "V 3"]) -> "CollisionFinder":
         """A finder for which the pairs that intersect in this rest pose, too, do not count.
@@ -46,9 +51,17 @@ class CollisionFinder:
         Args:
             vertices: The mesh at rest, of any shape.
         """
-        pairs = self.find(vertices)
-        keys = pairs[:, 0] * len(self.faces) + pairs[:, 1]
-        return replace(self, resting=np.union1d(self.resting, keys))
+        return replace(self, resting=np.union1d(self.resting, self._keys(self.find(vertices))))
+
+    def _keys(self, pairs: Int[np.ndarray, "P 2"]) -> Int[np.ndarray, "P"]:
+        return pairs[:, 0] * len(self.faces) + pairs[:, 1]
+
+    def _near_parts(self, vertices: Float[np.ndarray, "V 3"]) -> Int[np.ndarray, "R 2"]:
+        """The pairs of parts whose bounding boxes overlap: in most poses few."""
+        points = vertices[self.part_vertices]
+        low, high = np.minimum.reduceat(points, self.part_starts), np.maximum.reduceat(points, self.part_starts)
+        a, b = self.part_pairs.T
+        return self.part_pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
 
     def _share_vertex(self, pairs: Int[np.ndarray, "P 2"]) -> Bool[np.ndarray, "P"]:
         first, second = self.faces[pairs[:, 0]], self.faces[pairs[:, 1]]
@@ -76,12 +89,15 @@ def collision_finder(
     """
     faces = np.asarray(faces, dtype=np.int64)
     parts = np.zeros(len(faces), dtype=np.int64) if parts is None else np.asarray(parts)
-    count = int(parts.max(initial=-1)) + 1
-    counted = np.ones((count, count), dtype=bool) if ignored is None else ~ignored[:count, :count]
+    present, groups = np.unique(parts, return_inverse=True)
+    counted = np.ones((len(present),) * 2, dtype=bool) if ignored is None else ~ignored[np.ix_(present, present)]
+    part_of_vertex, part_vertices = np.divmod(np.unique(groups[:, None] * len(vertices) + faces), max(len(vertices), 1))
     return CollisionFinder(
         faces=faces,
         part_pairs=np.argwhere(np.triu(counted)),
-        tree=build_tree(vertices[faces].mean(axis=1), groups=parts),
+        part_vertices=part_vertices,
+        part_starts=np.searchsorted(part_of_vertex, np.arange(len(present))),
+        tree=build_tree(np.asarray(vertices, dtype=np.float64)[faces].mean(axis=1), groups=groups),
         resting=np.zeros(0, dtype=np.int64),
     )
 

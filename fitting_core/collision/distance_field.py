@@ -1,20 +1,21 @@
 """How deep colliding triangles intrude on each other: the conical distance field.
 
-Each triangle carries a cone: its axis is the triangle's normal n through the circumcentre o, its radius is the circumradius
-r at the triangle, shrinks to zero at height sigma above it, and grows below it, inside the body. A point at height
-x = n.(v - o) and distance rho from the axis has
+Each triangle carries a cone: its axis is the triangle's normal n through the circumcentre o, its radius is the
+circumradius r at the triangle, shrinks to zero at height sigma above it, and grows below it, inside the body. A point
+at height x = n.(v - o) and distance rho from the axis has
 
     Phi = rho / (r (1 - x / sigma)),    Psi = ((1 - Phi) Upsilon(x))^2 where Phi < 1 and x < sigma, else 0.
 
-The penalty of a colliding pair (s, t) is the sum of |-Psi_t(v) n_s|^2 over the corners v of s, and the same with the roles
-exchanged: n is a unit vector, so the residuals are the six values of Psi. Sources: Ballan et al., "Motion capture of hands
-in action using discriminative salient points", ECCV 2012; Tzionas et al., "Capturing hands in action using discriminative
-salient points and physics simulation", IJCV 2016, section 3.2; used for bodies by Pavlakos et al., "Expressive body
+The penalty of a colliding pair (s, t) is the sum of |-Psi_t(v) n_s|^2 over the corners v of s, and the same with the
+roles exchanged: n is a unit vector, so the residuals are the six values of Psi. Sources: Ballan et al., "Motion capture
+of hands in action using discriminative salient points", ECCV 2012; Tzionas et al., "Capturing hands in action using
+discriminative salient points and physics simulation", IJCV 2016; used for bodies by Pavlakos et al., "Expressive body
 capture" (SMPLify-X), CVPR 2019.
 
-Upsilon adds a length to pure numbers, so the unit counts: here metres. At sigma = 1e-4 m, Upsilon is 1 + depth to 1e-4 for
-any real intrusion, so a residual is nearly (1 - Phi)^2 and the penalty nearly counts intruding corners; its slope with
-depth is about 2 per metre. A larger sigma keeps the field down to sigma above the surface and its slope there is steeper.
+Upsilon adds a length to pure numbers, so the unit counts: here metres. At sigma = 1e-4 m it jumps from 0 to 1 within
+0.2 mm of the surface and is 1 + depth below: a residual is nearly (1 - Phi)^2, the penalty nearly counts intruding
+corners, and what moves them is the slope of Phi across the cone as much as the depth. A larger sigma gives a gentler
+field that begins sigma above the surface.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 SIGMA = 1e-4
-"""Metres. SMPLify-X's published configuration for SMPL-X; Tzionas et al. use 0.5 on hands."""
+"""Metres. The usual setting for SMPL-X bodies (the "cone height" of configurations in the manner of SMPLify-X); Tzionas
+et al. use 0.5 in their own unit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,8 +203,8 @@ def _field_with_derivatives(
 ) -> tuple[Float[Tensor, "N P"], Float[Tensor, "N P 3"], Float[Tensor, "N P 3 3"]]:
     """Psi, and its derivatives by the point and by the triangle's corners a_i.
 
-    With w_i(p) the barycentric coordinates of the point's foot in the triangle's plane, w_i(o) those of the circumcentre,
-    and u the vector from the axis to the point:
+    With w_i(p) the barycentric coordinates of the point's foot in the triangle's plane, w_i(o) those of the
+    circumcentre, and u the vector from the axis to the point:
 
         dx         = n.dv - sum_i w_i(p) n.da_i
         r dr       = sum_i w_i(o) (a_i - o).da_i

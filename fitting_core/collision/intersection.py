@@ -1,8 +1,8 @@
 """Do two triangles intersect? Exact, vectorised.
 
 Every decision is the sign of an orientation determinant. It is computed in float64 with an error bound (Shewchuk,
-"Adaptive precision floating-point arithmetic and fast robust geometric predicates", 1997, stage A), and again in rational
-arithmetic in the few cases that the bound leaves open. So no epsilon is chosen and no crossing is missed.
+"Adaptive precision floating-point arithmetic and fast robust geometric predicates", 1997, stage A), and again in
+rational arithmetic in the few cases that the bound leaves open. So no epsilon is chosen and no crossing is missed.
 """
 
 from fractions import Fraction
@@ -21,8 +21,8 @@ _EDGES = ((0, 1), (1, 2), (2, 0))
 def triangles_intersect(first: Float[np.ndarray, "N 3 3"], second: Float[np.ndarray, "N 3 3"]) -> Bool[np.ndarray, "N"]:
     """Whether each pair of triangles has a common point.
 
-    Triangles are closed: touching counts. Coplanar ones intersect if they overlap or touch within their plane. A triangle
-    without area intersects nothing: it has no inside to intrude on.
+    Triangles are closed: touching counts. Coplanar ones intersect if they overlap or touch within their plane. A
+    triangle without area intersects nothing: it has no inside to intrude on.
 
     Args:
         first: Corners of the first triangle of each pair; finite.
@@ -98,8 +98,8 @@ def _meets_plane(sides: Int[np.ndarray, "N 3"]) -> Bool[np.ndarray, "N"]:
 def _edges_cross(triangles: np.ndarray, others: np.ndarray, sides: np.ndarray) -> Bool[np.ndarray, "N"]:
     """Whether an edge of the other triangle that does not lie in the triangle's plane meets the triangle.
 
-    Edges within the plane need no test: the triangles are not coplanar, so where such an edge meets the triangle, either
-    one of its ends does, which belongs to an edge that leaves the plane, or an edge of the triangle meets the other one.
+    Edges within the plane need no test. The triangles are not coplanar, so where such an edge meets the triangle,
+    either one of its ends does, and belongs to an edge that leaves the plane, or the triangle's edge meets the other.
     """
     crossing = np.zeros(len(triangles), dtype=bool)
     for i, j in _EDGES:

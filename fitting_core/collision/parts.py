@@ -1,5 +1,7 @@
 """Body parts of the triangles, and which parts are neighbours, whose collisions do not count."""
 
+from itertools import pairwise
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -20,7 +22,7 @@ _COARSE_PART = {
         for k in (2, 3)
     },
 }
-"""Joints whose triangles belong to another joint's part: the face to the head, the toes to the foot, a finger is one part."""
+"""Joints whose triangles belong to another's part: the face to the head, the toes to the foot, a finger is one part."""
 
 PART_OF_JOINT = np.array([JOINT[_COARSE_PART.get(name, name)] for name in JOINTS])
 """A part's number is the number of its joint nearest the pelvis."""
@@ -31,7 +33,7 @@ _TOUCHING_PARTS = (
     *((f"{side}_hip", "spine1") for side in ("left", "right")),
     *((f"{side}_shoulder", spine) for side in ("left", "right") for spine in ("spine2", "spine3")),
     # Neighbouring fingers touch whenever a hand is closed.
-    *((f"{side}_{a}1", f"{side}_{b}1") for side in ("left", "right") for a, b in zip(_FINGERS, _FINGERS[1:])),
+    *((f"{side}_{a}1", f"{side}_{b}1") for side in ("left", "right") for a, b in pairwise(_FINGERS)),
     *((f"{side}_thumb1", f"{side}_index1") for side in ("left", "right")),
 )
 """Neighbours beyond parent and child."""
