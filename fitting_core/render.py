@@ -20,9 +20,8 @@ from jaxtyping import Float, Int, UInt8
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.off_screen import BACKENDS, prepare
 
-BACKENDS = {"egl": "libegl1 libgl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
-"""Ways to draw without a display, best first, with the Debian packages that each needs beside Python's own."""
 PROBE_SECONDS = 60
 DEFAULT_COLOR = (0.62, 0.68, 0.76)
 _CAMERA_TO_GL = np.array([1.0, -1.0, -1.0])
@@ -31,6 +30,9 @@ _CAMERA_TO_GL = np.array([1.0, -1.0, -1.0])
 _LIGHTS = (((-0.5, 0.7, 0.9), 2.6), ((0.9, 0.1, 0.6), 0.8), ((0.3, 0.6, -1.0), 1.0))
 _AMBIENT = 0.14
 _PROBE = """
+import sys
+from fitting_core.off_screen import prepare
+prepare(sys.argv[1])
 import pyrender
 scene = pyrender.Scene()
 scene.add(pyrender.Mesh([pyrender.Primitive(positions=[[-1, -1, -2], [1, -1, -2], [0, 1, -2]], mode=4)]))
@@ -86,8 +88,8 @@ def _candidates() -> list[str]:
 
 def probe(backend: str) -> str | None:
     """None if the backend draws a triangle correctly in a process of its own; else the last line of what it said."""
-    environment = os.environ | {"PYOPENGL_PLATFORM": backend, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-c", _PROBE]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+    command = [sys.executable, "-c", _PROBE, backend]
     try:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PROBE_SECONDS)
     except subprocess.TimeoutExpired:
@@ -108,11 +110,11 @@ def _no_gl_message() -> str:
 
 
 def _load_pyrender() -> Any:
-    """pyrender, set to the backend that works. It reads the environment when it is imported and at every context."""
+    """pyrender, set to the backend that works."""
     backend = off_screen_gl()
     if backend is None:
         raise InputError(_no_gl_message())
-    os.environ["PYOPENGL_PLATFORM"] = backend
+    prepare(backend)
     import pyrender
 
     return pyrender
@@ -138,6 +140,8 @@ class Renderer:
         self.camera = camera
         self._pyrender = _load_pyrender()
         self._target = self._pyrender.OffscreenRenderer(*camera.size)
+        # pyrender assumes that OSMesa has no framebuffers; Mesa's OpenGL 3.3 does, and alpha and smooth outlines need them.
+        self._target._platform.supports_framebuffers = lambda: True
         self._normal_sums: dict[tuple[int, int], tuple[np.ndarray, scipy.sparse.csr_matrix]] = {}
 
     def __enter__(self) -> "Renderer":
