@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, N_HAND_COMPONENTS, BodyModel
+from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_HAND_COMPONENTS, BodyModel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
