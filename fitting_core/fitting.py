@@ -21,7 +21,8 @@ from fitting_core.phases.progress import Step
 from fitting_core.phases.shared_shape import fit_shape
 from fitting_core.result import FitResult, PhaseResult
 from fitting_core.solvers import make_solver
-from fitting_core.stages import N_STAGES, SEEN, Stages
+from fitting_core.reliability import SEEN
+from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
 
 TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}

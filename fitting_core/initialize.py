@@ -10,7 +10,8 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core import rotations
 from fitting_core.body.model import JOINT
-from fitting_core.stages import SEEN, Stages
+from fitting_core.reliability import SEEN
+from fitting_core.stages import Stages
 from fitting_core.state import State
 
 SIDE_VIEW = 0.25

@@ -1,6 +1,6 @@
 """From a clip, a body and a configuration to the objective of each stage."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -18,11 +18,10 @@ from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
 from fitting_core.priors.pose import PRIORS
+from fitting_core.reliability import SEEN, trusted_confidence
 from fitting_core.state import Free, Parametrisation, State
 from fitting_core.terms import Bending, Data, Lean, Quadratic, Term
 
-SEEN = 0.2
-"""Confidence from which a keypoint counts as seen, where a yes or no is needed."""
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
 DEPTH_WEIGHT = 100.0
@@ -53,7 +52,10 @@ class Stages:
     """
 
     def __init__(self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig) -> None:
-        self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
+        self.body, self.config, self.camera = body, config, camera
+        if config.distrust_cut_off:
+            keypoints = replace(keypoints, confidence=trusted_confidence(keypoints, camera.size))
+        self.keypoints = keypoints
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
             body,
