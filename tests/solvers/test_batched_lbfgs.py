@@ -231,9 +231,9 @@ def test_failed_line_search_is_tried_again_along_the_steepest_descent():
         nonlocal calls
         calls += 1
         cost, gradient = with_gradient(rosenbrock)(x, rows)
-        return (torch.full_like(cost, torch.nan) if 20 < calls <= 50 else cost), gradient
+        return (torch.full_like(cost, torch.nan) if 20 < calls <= 45 else cost), gradient
 
-    result = minimise_lbfgs(function, -torch.ones(1, 3, dtype=torch.float64), line_evaluations=20)
+    result = minimise_lbfgs(function, -torch.ones(1, 3, dtype=torch.float64), line_evaluations=10)
     assert result.reasons[0] in (Reason.CONVERGED, Reason.GRADIENT)
     torch.testing.assert_close(result.x, torch.ones_like(result.x), rtol=0, atol=1e-5)
 
@@ -303,14 +303,14 @@ LINES: dict[str, Cost] = {
 @pytest.mark.parametrize("name", LINES)
 def test_strong_wolfe_conditions_hold_at_accepted_steps(name: str):
     line = with_gradient(LINES[name])
-    first = torch.logspace(-3, 3, 13, dtype=torch.float64)
+    first = torch.cat([torch.logspace(-3, 3, 13, dtype=torch.float64), torch.tensor([1.02], dtype=torch.float64)])
     rows = torch.arange(len(first))
     zeros, ones = torch.zeros_like(first), torch.ones_like(first)[:, None]
     cost0, slope0 = line(zeros, rows)
-    lines = LineSearches(ones, evaluations=40, smallest_move=0.0)
+    lines = LineSearches(ones, evaluations=30, smallest_move=0.0)
     lines.begin(rows, step=first, cost=cost0, gradient=slope0[:, None], direction=ones)
     going = rows
-    for _ in range(40):
+    for _ in range(30):
         cost, slope = line(lines.step[going], going)
         finite = cost.isfinite() & slope.isfinite()
         cost, slope = torch.where(finite, cost, torch.inf), torch.where(finite, slope, 0)
