@@ -146,7 +146,7 @@ def test_files_that_hold_no_frames(tmp_path, name, content, message):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(InputError, match="gone.mp4 does not exist; expected a video file or a folder of images"):
+    with pytest.raises(InputError, match=r"gone.mp4 does not exist; expected a video file or a folder of images"):
         FrameSource(tmp_path / "gone.mp4")
 
 
@@ -187,7 +187,7 @@ def test_a_frame_that_is_not_there(write_video, index):
 
 
 def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match="No images in .*found an empty folder; expected files in .png, .jpg"):
+    with pytest.raises(InputError, match=r"No images in .*found an empty folder; expected files in .png, .jpg"):
         FrameSource(tmp_path)
 
 
@@ -209,7 +209,7 @@ def test_a_broken_image_among_good_ones(write_images):
     folder = write_images(["a1.png", "a2.png", "a3.png"])
     (folder / "a2.png").write_bytes(b"not an image")
     with FrameSource(folder) as frames:
-        with pytest.raises(InputError, match="Image a2.png of .* cannot be decoded"):
+        with pytest.raises(InputError, match=r"Image a2.png of .* cannot be decoded"):
             frames.frame(1)
         assert shown(frames.frame(2)) == 2
 
