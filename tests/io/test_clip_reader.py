@@ -14,6 +14,7 @@ import pytest
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
+from fitting_core.video import FrameSource
 
 SIZE = (320, 240)
 
@@ -211,6 +212,11 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
     assert f"There are 20 keypoint files, walk.avi has {len(clip)} frames" in alignment_note(clip)
 
 
+def test_unevenly_spaced_frames_are_noted(video, walk, monkeypatch):
+    monkeypatch.setattr(FrameSource, "uneven", True)
+    assert "The frames of walk.avi are not evenly spaced in time" in read_clip(video(1), walk([0])).notes[0]
+
+
 def test_nothing_detected_in_the_whole_clip(video, write_people):
     folder = write_people({f"walk_{t}": [] for t in range(3)})
     with pytest.raises(InputError, match=r"No keypoint is detected in any of the 3 frames of .*keypoints"):
@@ -299,6 +305,7 @@ def test_real_clips(shared_data, folder, frames, size, rate):
     path = shared_data / folder
     clip = read_clip(path / "video.mp4", path / "keypoints")
     assert (len(clip), clip.camera.size, clip.frame_rate, clip.notes) == (frames, size, rate, ())
+    assert clip.name == path.name
     assert (clip.keypoints.confidence[:, :9].max(1) > 0.2).all()
 
 

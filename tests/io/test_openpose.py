@@ -144,7 +144,10 @@ MALFORMED_PEOPLE = {
     "people is an object": ({}, "found an object with version, people; expected an object with a list 'people'"),
     "people is null": (None, "expected an object with a list 'people'"),
     "person is a list": ([[1, 2]], "person 0 is a list; expected an object"),
-    "person without lists": ([{"person_id": [-1]}], "person 0 has none of the lists pose_keypoints_2d"),
+    "person without lists": (
+        [{"person_id": [-1]}],
+        "person 0 has no list of keypoints; expected at least one of pose_key",
+    ),
     "second person": ([PERSON, {"pose_keypoints_2d": [1, 2]}], "person 1, pose_keypoints: found 2 values"),
     "74 values": ([{"pose_keypoints_2d": BODY_LIST[:-1]}], r"found 74 values; expected 75 \(25 points\) or 54"),
     "MPI's 45 values": ([{"pose_keypoints_2d": triples(15)}], r"found 45 values; expected 75 \(25 points\) or 54"),
@@ -152,6 +155,8 @@ MALFORMED_PEOPLE = {
     "face of 68": ([{"face_keypoints_2d": triples(68)}], r"found 204 values; expected 210"),
     "list is a text": ([{"pose_keypoints_2d": "1,2,3"}], "pose_keypoints: found a text; expected a list of numbers"),
     "list is an object": ([{"pose_keypoints_2d": {"0": 1}}], "pose_keypoints: found an object; expected a list"),
+    "list is an empty text": ([{"pose_keypoints_2d": ""}], "pose_keypoints: found a text; expected a list"),
+    "list is false": ([{"pose_keypoints_2d": False}], "pose_keypoints: found a truth value; expected a list"),
     "x is NaN": (with_value(12, float("nan")), r"right_wrist \(pose_keypoints\): found position \(nan"),
     "y is infinite": (with_value(13, float("inf")), r"right_wrist .*found position \(14, inf\)"),
     "x is huge": (with_value(12, 1e7), r"right_wrist .*found position \(1e\+07, 18\); expected numbers up to 1e\+06"),
@@ -172,6 +177,25 @@ def test_malformed_people_are_named(write_people, people, message):
     with pytest.raises(InputError, match=message) as error:
         read_openpose(folder)
     assert "walk_5_keypoints.json" in str(error.value)
+
+
+_NUMBERS = st.one_of(st.floats(), st.integers(), st.none(), st.text(max_size=2), st.floats(0, 1))
+_LISTS = st.one_of(st.lists(_NUMBERS, max_size=3), st.lists(st.floats(0, 1), min_size=54, max_size=54), _NUMBERS)
+_KEYS = st.sampled_from(["pose_keypoints_2d", "pose_keypoints", "face_keypoints_2d", "person_id", "x"])
+_PEOPLE = st.one_of(st.lists(st.one_of(st.dictionaries(_KEYS, _LISTS, max_size=3), _NUMBERS), max_size=3), _NUMBERS)
+
+
+@settings(max_examples=200, deadline=None)
+@given(people=_PEOPLE)
+def test_whatever_a_file_holds_is_read_or_refused_in_words(tmp_path_factory, people):
+    file = tmp_path_factory.getbasetemp() / "any_0_keypoints.json"
+    file.write_text(json.dumps({"people": people}))
+    try:
+        points = read_openpose(file).frames[0]
+    except InputError as error:
+        assert "any_0_keypoints.json" in str(error) and "expected" in str(error)
+    else:
+        assert np.isfinite(points).all() and (points[..., 2] <= 1).all() and (points[..., 2] >= 0).all()
 
 
 MALFORMED_TEXT = {
