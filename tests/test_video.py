@@ -74,6 +74,41 @@ def test_video_in_sequence_and_at_random(write_video, name, codec):
         assert [shown(frames.frame(index)) for index in order] == order
 
 
+def with_frame_durations(mp4: bytes, durations: list[tuple[int, float]]) -> bytes:
+    """The video with other times: (number of frames, duration relative to now), ... in place of its one duration.
+
+    The table of durations grows, and with it every box around it; they stand after the frames, whose places stay.
+    """
+    boxes, start = [], 0
+    for kind in (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stts"):
+        while mp4[start + 4 : start + 8] != kind:
+            start += struct.unpack_from(">I", mp4, start)[0]
+        boxes.append(start)
+        start += 8
+    (size,), (step,) = struct.unpack_from(">I", mp4, boxes[-1]), struct.unpack_from(">I", mp4, boxes[-1] + 20)
+    rows = b"".join(struct.pack(">II", count, round(relative * step)) for count, relative in durations)
+    table = struct.pack(">I4sII", 16 + len(rows), b"stts", 0, len(durations)) + rows
+    result = bytearray(mp4[: boxes[-1]] + table + mp4[boxes[-1] + size :])
+    for box in boxes[:-1]:
+        struct.pack_into(">I", result, box, struct.unpack_from(">I", mp4, box)[0] + len(table) - size)
+    return bytes(result)
+
+
+def test_unevenly_spaced_frames_at_random(write_video):
+    """OpenCV alone gives frame 29 for 28 here, and none for 29."""
+    file = write_video(30, "phone.mp4", "mp4v")
+    with FrameSource(file) as frames:
+        assert not frames.uneven
+    file.write_bytes(with_frame_durations(file.read_bytes(), [(10, 1), (10, 0.25), (10, 1.75)]))
+    with FrameSource(file) as frames:
+        assert frames.uneven and frames.count == 30
+        assert [shown(frame) for frame in frames] == list(range(30))
+        for index in range(30):
+            for before in (0, 29):
+                frames.frame(before)
+                assert shown(frames.frame(index)) == index
+
+
 def test_frames_are_rgb(write_video):
     with FrameSource(write_video(1)) as frames:
         frame = frames.frame(0)
@@ -146,7 +181,7 @@ def test_files_that_hold_no_frames(tmp_path, name, content, message):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(InputError, match="gone.mp4 does not exist; expected a video file or a folder of images"):
+    with pytest.raises(InputError, match=r"gone.mp4 does not exist; expected a video file or a folder of images"):
         FrameSource(tmp_path / "gone.mp4")
 
 
@@ -187,7 +222,7 @@ def test_a_frame_that_is_not_there(write_video, index):
 
 
 def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match="No images in .*found an empty folder; expected files in .png, .jpg"):
+    with pytest.raises(InputError, match=r"No images in .*found an empty folder; expected files in .png, .jpg"):
         FrameSource(tmp_path)
 
 
@@ -209,7 +244,7 @@ def test_a_broken_image_among_good_ones(write_images):
     folder = write_images(["a1.png", "a2.png", "a3.png"])
     (folder / "a2.png").write_bytes(b"not an image")
     with FrameSource(folder) as frames:
-        with pytest.raises(InputError, match="Image a2.png of .* cannot be decoded"):
+        with pytest.raises(InputError, match=r"Image a2.png of .* cannot be decoded"):
             frames.frame(1)
         assert shown(frames.frame(2)) == 2
 

@@ -143,14 +143,21 @@ def _footage(path: Path | None) -> _Footage:
     if path is None:
         return _Footage(path=None, size=None, frame_rate=None, timeline=None)
     with FrameSource(path) as frames:
-        notes = ()
+        notes = []
         if frames.count < frames.declared_count:
-            notes = (
+            notes.append(
                 f"{path.name} is truncated: it says it has {frames.declared_count} frames, but only {frames.count} can "
-                "be decoded; these are used.",
+                "be decoded; these are used."
+            )
+        if frames.uneven:
+            notes.append(
+                f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were. Re-encode it "
+                "at a constant frame rate if motion looks jerky, and detect the keypoints on the result."
             )
         timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
-        return _Footage(path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=notes)
+        return _Footage(
+            path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=tuple(notes)
+        )
 
 
 def _known_size(footage: _Footage, option: tuple[int, int] | None) -> tuple[int, int] | None:
@@ -252,6 +259,7 @@ def _check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...
 
 def _name(path: Path) -> str:
     path = path.resolve()
-    inner = path.name in ("images", "keypoints") and path.parent.name
     stem = path.name if path.is_dir() else path.stem
-    return path.parent.name if inner else stem.removesuffix("_keypoints")
+    # A generic name says nothing; the folder around it does.
+    inner = stem in ("images", "keypoints", "video") and path.parent.name
+    return inner or stem.removesuffix("_keypoints")

@@ -169,10 +169,11 @@ def _frame(file: Path, people: list[Any]) -> Float[np.ndarray, "P 137 3"]:
         if not isinstance(entry, dict):
             raise InputError(f"{where} is {_kind(entry)}; expected an object with the list 'pose_keypoints_2d'.")
         if not any(_list(entry, key) is not None for key in PARTS):
-            raise InputError(f"{where} has none of the lists {', '.join(f'{key}_2d' for key in PARTS)}.")
+            keys = ", ".join(f"{key}_2d" for key in PARTS)
+            raise InputError(f"{where} has no list of keypoints; expected at least one of {keys}.")
         for key, layouts in PARTS.items():
             values = _list(entry, key)
-            if values:
+            if values not in (None, []):
                 places = _places(where, key, values, layouts)
                 frame[k, places] = _points(where, key, values, places)
                 if places is _COCO_PLACES:

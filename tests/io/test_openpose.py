@@ -15,10 +15,11 @@ from fitting_core.io.detections import guess_scale, to_pixels
 from fitting_core.io.openpose import read_openpose, write_openpose
 from fitting_core.keypoints import BODY, BODY_25, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 
-COCO = (
-    "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist right_hip right_knee "
-    "right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear"
-).split(" ")
+COCO = [
+    "nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist",
+    "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle",
+    "right_eye", "left_eye", "right_ear", "left_ear",
+]  # fmt: skip
 
 
 def triples(count: int, *, start: float = 10.0, confidence: float = 0.5) -> list[float]:
@@ -72,7 +73,7 @@ def test_each_list_alone_goes_to_its_part(write_people, key, part, count, suffix
 
 
 def test_empty_lists_count_as_not_detected(write_people):
-    empty = dict.fromkeys(["face_keypoints_2d", "hand_left_keypoints_2d", "hand_right_keypoints_2d"], [])
+    empty = {f"{part}_keypoints_2d": [] for part in ("face", "hand_left", "hand_right")}
     points = read_openpose(write_people({"a_0": [PERSON | empty]})).frames[0][0]
     assert (points[25:] == 0).all() and (points[BODY, 2] == 0.5).all()
 
@@ -143,7 +144,10 @@ MALFORMED_PEOPLE = {
     "people is an object": ({}, "found an object with version, people; expected an object with a list 'people'"),
     "people is null": (None, "expected an object with a list 'people'"),
     "person is a list": ([[1, 2]], "person 0 is a list; expected an object"),
-    "person without lists": ([{"person_id": [-1]}], "person 0 has none of the lists pose_keypoints_2d"),
+    "person without lists": (
+        [{"person_id": [-1]}],
+        "person 0 has no list of keypoints; expected at least one of pose_key",
+    ),
     "second person": ([PERSON, {"pose_keypoints_2d": [1, 2]}], "person 1, pose_keypoints: found 2 values"),
     "74 values": ([{"pose_keypoints_2d": BODY_LIST[:-1]}], r"found 74 values; expected 75 \(25 points\) or 54"),
     "MPI's 45 values": ([{"pose_keypoints_2d": triples(15)}], r"found 45 values; expected 75 \(25 points\) or 54"),
@@ -151,6 +155,8 @@ MALFORMED_PEOPLE = {
     "face of 68": ([{"face_keypoints_2d": triples(68)}], r"found 204 values; expected 210"),
     "list is a text": ([{"pose_keypoints_2d": "1,2,3"}], "pose_keypoints: found a text; expected a list of numbers"),
     "list is an object": ([{"pose_keypoints_2d": {"0": 1}}], "pose_keypoints: found an object; expected a list"),
+    "list is an empty text": ([{"pose_keypoints_2d": ""}], "pose_keypoints: found a text; expected a list"),
+    "list is false": ([{"pose_keypoints_2d": False}], "pose_keypoints: found a truth value; expected a list"),
     "x is NaN": (with_value(12, float("nan")), r"right_wrist \(pose_keypoints\): found position \(nan"),
     "y is infinite": (with_value(13, float("inf")), r"right_wrist .*found position \(14, inf\)"),
     "x is huge": (with_value(12, 1e7), r"right_wrist .*found position \(1e\+07, 18\); expected numbers up to 1e\+06"),
@@ -171,6 +177,25 @@ def test_malformed_people_are_named(write_people, people, message):
     with pytest.raises(InputError, match=message) as error:
         read_openpose(folder)
     assert "walk_5_keypoints.json" in str(error.value)
+
+
+_NUMBERS = st.one_of(st.floats(), st.integers(), st.none(), st.text(max_size=2), st.floats(0, 1))
+_LISTS = st.one_of(st.lists(_NUMBERS, max_size=3), st.lists(st.floats(0, 1), min_size=54, max_size=54), _NUMBERS)
+_KEYS = st.sampled_from(["pose_keypoints_2d", "pose_keypoints", "face_keypoints_2d", "person_id", "x"])
+_PEOPLE = st.one_of(st.lists(st.one_of(st.dictionaries(_KEYS, _LISTS, max_size=3), _NUMBERS), max_size=3), _NUMBERS)
+
+
+@settings(max_examples=200, deadline=None)
+@given(people=_PEOPLE)
+def test_whatever_a_file_holds_is_read_or_refused_in_words(tmp_path_factory, people):
+    file = tmp_path_factory.getbasetemp() / "any_0_keypoints.json"
+    file.write_text(json.dumps({"people": people}))
+    try:
+        points = read_openpose(file).frames[0]
+    except InputError as error:
+        assert "any_0_keypoints.json" in str(error) and "expected" in str(error)
+    else:
+        assert np.isfinite(points).all() and (points[..., 2] <= 1).all() and (points[..., 2] >= 0).all()
 
 
 MALFORMED_TEXT = {
@@ -196,7 +221,7 @@ def test_malformed_files_are_named(tmp_path, content, message):
 
 
 def test_a_missing_path_is_named(tmp_path):
-    with pytest.raises(InputError, match="No keypoints at .*gone: there is no such file or folder"):
+    with pytest.raises(InputError, match=r"No keypoints at .*gone: there is no such file or folder"):
         read_detections(tmp_path / "gone")
     with pytest.raises(InputError, match="gone does not exist"):
         read_openpose(tmp_path / "gone")
@@ -204,12 +229,12 @@ def test_a_missing_path_is_named(tmp_path):
 
 def test_a_folder_in_place_of_a_file_is_named(tmp_path):
     (tmp_path / "a_0_keypoints.json").mkdir()
-    with pytest.raises(InputError, match="a_0_keypoints.json cannot be read: "):
+    with pytest.raises(InputError, match=r"a_0_keypoints.json cannot be read: "):
         read_openpose(tmp_path)
 
 
 def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match="No keypoint files in .*found an empty folder; expected one file per frame"):
+    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one file per frame"):
         read_detections(tmp_path)
 
 
@@ -275,7 +300,7 @@ def test_normalised_coordinates_need_the_image_size(write_people, figure):
 
 
 def test_an_unknown_scale(write_people):
-    with pytest.raises(InputError, match="keypoint_scale is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
+    with pytest.raises(InputError, match=r"keypoint_scale is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
         to_pixels(read_openpose(write_people({"a_0": [PERSON]})), SIZE, keypoint_scale="0-1")
 
 
@@ -299,10 +324,12 @@ def test_what_is_written_reads_back_the_same(tmp_path_factory, clip, first):
         detected = confidence > 0
         assert (points[:, 2] == confidence).all()
         assert (points[detected, :2] == xy[detected]).all()
+        assert (points[~detected] == 0).all()
 
 
 def test_written_files_look_like_openpose(tmp_path, figure):
     points = np.stack([figure(50, 200), np.zeros((137, 3))])
+    points[1, :, :2] = 7
     paths = write_openpose(tmp_path / "new", Keypoints(xy=points[..., :2], confidence=points[..., 2]), name="walk")
     assert [path.name for path in paths] == ["walk_000000000000_keypoints.json", "walk_000000000001_keypoints.json"]
     assert sorted(tmp_path.joinpath("new").iterdir()) == paths
@@ -356,6 +383,6 @@ def test_real_files(shared_data, folder, frames, parts):
     assert detections.numbers == tuple(range(frames))
     assert guess_scale(detections.detected_points()) == "pixels"
     confidence = np.stack([people[0, :, 2] for people in detections.frames])
-    assert 0 <= confidence.min() and confidence.max() <= 1
+    assert confidence.min() >= 0 and confidence.max() <= 1
     detected = [part for part in (BODY, LEFT_HAND, RIGHT_HAND, FACE) if confidence[:, part].any()]
     assert detected == parts
