@@ -19,9 +19,9 @@ from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step
 from fitting_core.phases.shared_shape import fit_shape
+from fitting_core.reliability import SEEN
 from fitting_core.result import FitResult, PhaseResult
 from fitting_core.solvers import make_solver
-from fitting_core.reliability import SEEN
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
 
@@ -181,5 +181,4 @@ def observed_joints(stages: Stages) -> Bool[np.ndarray, "T 55"]:
     compiled = BodyPoints(stages.body, [p for p in points if p is not None])
     hangs = np.zeros((len(points), N_JOINTS), bool)
     hangs[np.array(known)[compiled.entry_point.numpy()], compiled.entry_joint.numpy()] = True
-    seen = stages.keypoints.confidence > SEEN
-    return (seen.astype(int) @ hangs.astype(int)) > 0
+    return (stages.seen.cpu().numpy().astype(int) @ hangs.astype(int)) > 0

@@ -1,6 +1,6 @@
 """From a clip, a body and a configuration to the objective of each stage."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
 from fitting_core.priors.pose import PRIORS
-from fitting_core.reliability import SEEN, trusted_confidence
+from fitting_core.reliability import SEEN, cut_off
 from fitting_core.state import Free, Parametrisation, State
 from fitting_core.terms import Bending, Data, Lean, Quadratic, Term
 
@@ -52,10 +52,8 @@ class Stages:
     """
 
     def __init__(self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig) -> None:
-        self.body, self.config, self.camera = body, config, camera
-        if config.distrust_cut_off:
-            keypoints = replace(keypoints, confidence=trusted_confidence(keypoints, camera.size))
-        self.keypoints = keypoints
+        self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
+        side = cut_off(keypoints, camera.size) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
             body,
@@ -65,13 +63,15 @@ class Stages:
             device=self.device,
         )
         self.xy, self.confidence = self.tensor(keypoints.xy), self.tensor(keypoints.confidence)
+        self.side = self.tensor(side)
+        self.seen = (self.confidence > SEEN) & (self.side == 0).all(-1)
+        """Keypoints of which the image says where they are, (T, 137) bool."""
         self.keypoint_points: list[Point | None] = keypoint_points(body)
         self._known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
         self._compiled: dict[tuple[int, ...], BodyPoints] = {}
         self.all_frames = torch.arange(len(keypoints), device=self.device)
-        seen = self.confidence > SEEN
-        self.hips_seen = seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
-        self.leg_seen = torch.stack([seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
+        self.hips_seen = self.seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
+        self.leg_seen = torch.stack([self.seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
 
     def tensor(self, a: np.ndarray) -> Tensor:
         """The array in the fit's type and on its device."""
@@ -113,7 +113,8 @@ class Stages:
         return contour_bins(points.world_rotations(state.orient, p.pose(state, p.body_pose(state))))
 
     def _data(self, selection: _Selection) -> Data:
-        return Data(self.xy[:, selection.indices], selection.weight, self.config.robust_pixels)
+        i = selection.indices
+        return Data(self.xy[:, i], selection.weight, self.side[:, i], self.config.robust_pixels)
 
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.
@@ -184,4 +185,4 @@ class Stages:
 
     def usable(self) -> Tensor:
         """Frames with enough confident keypoints to say where the person is, (T,) bool."""
-        return (self.confidence[:, kp.BODY] > SEEN).sum(1) >= 4
+        return self.seen[:, kp.BODY].sum(1) >= 4

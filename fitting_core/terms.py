@@ -66,17 +66,23 @@ class Data:
     xy: Float[Tensor, "T N 2"]
     weight: Float[Tensor, "T N"]
     """Confidence x joint weight x 1000 / image height."""
+    side: Float[Tensor, "T N 2"]
+    """1 (-1): the point lies there or at a larger (smaller) coordinate, see reliability.cut_off; 0: just there."""
     rho: float
     name: str = "data"
 
+    def _errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
+        error = e.pixels - self.xy[e.frames]
+        return torch.where(error * self.side[e.frames] > 0, 0.0, error)
+
     def residual(self, e: Estimate) -> Tensor:
         """Robustified, weighted pixels."""
-        r = e.pixels - self.xy[e.frames]
+        r = self._errors(e)
         return (self.weight[e.frames][..., None] * self.rho * r / (r * r + self.rho**2).sqrt()).flatten(1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
         """IRLS: exact gradient; Triggs' correction was no better and left outliers where they were."""
-        r = e.pixels - self.xy[e.frames]
+        r = self._errors(e)
         scale = self.weight[e.frames][..., None] * self.rho**2 / (r * r + self.rho**2)
         weighted, left = scale * r, scale[..., None] * e.projection
         pull = (left.transpose(-1, -2) @ weighted[..., None])[..., 0]
