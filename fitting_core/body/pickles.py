@@ -111,7 +111,15 @@ class _Sparse(_Kept):
         return matrix.toarray()
 
     def _parts(self) -> tuple[Any, ...]:
-        return tuple(as_array(self.state[k]) for k in ("data", "indices", "indptr"))
+        return self._numbers("data"), self._indices(self.state["indices"]), self._indices(self.state["indptr"])
+
+    def _numbers(self, key: str) -> np.ndarray:
+        return as_array(self.state[key]).astype(np.float64)
+
+    @staticmethod
+    def _indices(value: object) -> np.ndarray:
+        # In this computer's byte order: scipy's compiled code reads others as if they were, and past the array's end.
+        return as_array(value).astype(np.int64)
 
 
 class _Csc(_Sparse):
@@ -129,7 +137,7 @@ class _Coo(_Sparse):
 
     def _parts(self) -> tuple[Any, ...]:
         coordinates = self.state["coords"] if "coords" in self.state else (self.state["row"], self.state["col"])
-        return as_array(self.state["data"]), tuple(as_array(c) for c in coordinates)
+        return self._numbers("data"), tuple(self._indices(c) for c in coordinates)
 
 
 def as_array(value: object) -> np.ndarray:
