@@ -173,7 +173,6 @@ def _big_endian(array: np.ndarray) -> np.ndarray:
 
 
 def _big_endian_sparse(arrays: dict[str, Any]) -> Any:
-    """scipy's compiled code would read these indices in the wrong order, and so outside of the arrays."""
     matrix = scipy.sparse.csc_matrix(arrays["J_regressor"])
     matrix.indices, matrix.indptr = _big_endian(matrix.indices), _big_endian(matrix.indptr)
     return matrix
@@ -256,9 +255,20 @@ def test_hostile_streams_are_refused(tmp_path: Path, stream: bytes, message: str
         load_body(path)
 
 
-def test_sparse_indices_outside_are_refused(tmp_path: Path):
+BROKEN_INDICES: dict[str, Callable[[Any], None]] = {
+    "index too large": lambda matrix: matrix.indices.__setitem__(3, 10**6),
+    "index negative": lambda matrix: matrix.indices.__setitem__(3, -1),
+    "pointer back": lambda matrix: matrix.indptr.__setitem__(4, -5),
+    "pointer outside": lambda matrix: matrix.indptr.__setitem__(-1, 10**9),
+    # scipy takes the last pointer for the number of entries, checks nothing if that is 0, and crashes the process.
+    "pointer past a full check": lambda matrix: matrix.indptr.__setitem__(slice(1, None), [10**9] * 59 + [0]),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_INDICES)
+def test_sparse_indices_outside_are_refused(tmp_path: Path, case: str):
     matrix = scipy.sparse.csc_matrix(body_arrays("smpl")["J_regressor"])
-    matrix.indices[3] = 10**6
+    BROKEN_INDICES[case](matrix)
     with pytest.raises(InputError, match="'J_regressor' is a sparse matrix that is damaged"):
         load_body(write_pickle(tmp_path / "a.pkl", body_arrays("smpl") | {"J_regressor": matrix}))
 
