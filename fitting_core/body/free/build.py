@@ -178,11 +178,12 @@ def _contour(
     ears = surface.vertices_of(surface.parts["ears"])
     left_ear = ears[positions[ears, 0] > 0]
     eyes = eye_height(face_of(surface, rig, positions))
-    skin = surface.parts["head"] & ~surface.parts["ears"]
     centres = positions[surface.quads].mean(1)
-    skin &= contour_skin(centres, on_neck, eyes, float(np.quantile(positions[left_ear, 2], 0.75)))
+    head = surface.parts["head"] & ~surface.parts["ears"]
+    skin = head & contour_skin(centres, on_neck, eyes, float(positions[left_ear, 2].max()))
     points = contour_points(positions[surface.triangles[surface.triangles_of(skin)]], eyes)
-    faces, barycentric = _on_parts(points.reshape(-1, 3), surface, skin, positions)
+    # On the whole head: the contour's own skin has a gap behind the jaw's angle, over which points would jump.
+    faces, barycentric = _on_parts(points.reshape(-1, 3), surface, head, positions)
     return faces.reshape(points.shape[:2]), barycentric.reshape(points.shape)
 
 

@@ -49,7 +49,7 @@ EXPRESSIONS = (
         opposite="brows lowered",
         actions={"browInnerUp": 0.35, "browOuterUp": 0.35, "browDown": -0.30},
     ),
-    Expression(name="eyes closed", opposite="eyes wide", actions={"eyeBlink": 0.32}),
+    Expression(name="eyes closed", opposite="eyes wide", actions={"eyeBlink": 0.30}),
     Expression(name="cheeks puffed", opposite="cheeks drawn in", actions={"cheekPuff": 0.35}),
     Expression(
         name="nose wrinkled, eyes squinted",

@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -50,7 +50,7 @@ def nearest_on_triangles(
         The triangle of each nearest point, and its barycentric coordinates there (not negative, sum 1).
     """
     count = min(_CANDIDATES, len(triangles))
-    candidates = cKDTree(triangles.mean(1)).query(points, count)[1].reshape(len(points), count)
+    candidates = np.asarray(KDTree(triangles.mean(1)).query(points, count)[1]).reshape(len(points), count)
     barycentric = _nearest_barycentric(points[:, None], triangles[candidates])
     found = np.einsum("pck,pckd->pcd", barycentric, triangles[candidates])
     best = np.linalg.norm(found - points[:, None], axis=-1).argmin(1)

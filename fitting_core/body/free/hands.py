@@ -53,7 +53,7 @@ def _synergies() -> list[list[Move]]:
     one_by_one = {"index": 1.0, "middle": 0.3, "ring": -0.5, "pinky": -0.8}
     outer_inner = {"index": 0.6, "middle": -0.9, "ring": -0.6, "pinky": 0.9}
     middle_ring = {"index": -0.3, "middle": 0.9, "ring": -0.9, "pinky": 0.3}
-    together = dict.fromkeys(_LONG, 1.0)
+    together: dict[str, float] = {finger: 1.0 for finger in _LONG}
     fan = {"index": -1.0, "middle": -0.2, "ring": 0.5, "pinky": 1.0}
     thumb_follows: list[Move] = [("thumb", 1, _FLEX, 0.25), ("thumb", 2, _FLEX, 0.35), ("thumb", 3, _FLEX, 0.45)]
     return [

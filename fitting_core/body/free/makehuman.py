@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fitting_core.errors import InputError
 
@@ -49,7 +49,7 @@ class BaseMesh:
     @cached_property
     def mirror(self) -> Int[np.ndarray, "N"]:
         """The vertex on the other side of the body's middle plane."""
-        return cKDTree(self.vertices).query(self.vertices * [-1, 1, 1])[1]
+        return np.asarray(KDTree(self.vertices).query(self.vertices * [-1, 1, 1])[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,7 +15,7 @@ _STILL = 1e-4  # metres per unit of an expression: vertices that move less tell 
 _STILL_HEAD = 2e-3
 _FACE_WEIGHT = 2.0
 _SUM_WEIGHT = 3.0
-_PENALTY = 3e-3  # metres per unit of weight
+_PENALTY = 5e-3  # metres per unit of weight
 _SMALLEST_WEIGHT = 1e-4
 
 

@@ -52,15 +52,15 @@ def pick_surface_keypoints(
         rest: a typical body in the rest pose.
         positions: its vertices by their numbers in the base mesh.
     """
-    found = {"nose": nose_tip(surface, positions, rest.bone_heads[rig.index["eye.L"], 1])}
+    found: dict[str, int] = {"nose": nose_tip(surface, positions, rest.bone_heads[rig.index["eye.L"], 1])}
     for side, name in SIDES.items():
         front = surface.vertices_of(surface.parts[f"eye_front.{side}"])
-        found[f"{name}_eye"] = front[positions[front, 2].argmax()]
+        found[f"{name}_eye"] = int(front[positions[front, 2].argmax()])
         found[f"{name}_ear"] = _ear(surface, positions, 1 if side == "L" else -1)
         found[f"{name}_heel"] = _heel(surface, rig, positions, f"foot.{side}")
         for tip, bone in _TIP_BONES.items():
             found[f"{name}_{tip}"] = _tip(surface, rig, rest, positions, f"{bone}.{side}")
-    return {keypoint: int(vertex) for keypoint, vertex in found.items()}
+    return found
 
 
 def nose_tip(surface: Surface, positions: Float[np.ndarray, "N 3"], eye_height: float) -> int:
