@@ -88,7 +88,7 @@ def read_layout(data: Path) -> Layout:
     )
 
 
-def build_body(layout: Layout, gender: str, report: Callable[[float], None] = lambda share: None) -> BodyArrays:
+def build_body(layout: Layout, gender: str, report: Callable[[float], object] = lambda share: None) -> BodyArrays:
     """Builds one body.
 
     Args:
@@ -159,7 +159,9 @@ def _typical_body(targets: ShapeTargets, rig: Rig, surface: Surface) -> tuple[Re
     return rest, (positions + positions[mirror] * MIRROR) / 2
 
 
-def _sample(layout: Layout, gender: str, random: np.random.Generator, report: Callable[[float], None]) -> SampledBodies:
+def _sample(
+    layout: Layout, gender: str, random: np.random.Generator, report: Callable[[float], object]
+) -> SampledBodies:
     vertices, joints = [], []
     for done in range(0, _BODIES, _CHUNK):
         for body in sample_bodies(layout.targets, gender, _CHUNK, random):
