@@ -31,6 +31,10 @@ class Weights:
     """Self-intersection of the mesh."""
     lean: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Lean of the root against the image's vertical, where no leg is seen (beyond the paper)."""
+    turn: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Turn of the root away from the camera, where no leg is seen (beyond the paper)."""
+    rest: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper)."""
     body_keypoints: Five = (1.0, 1.0, 1.0, 1.0, 1.0)
     """BODY_25 keypoints in the data term."""
     hand_keypoints: Five = (0.0, 0.0, 0.0, 0.1, 2.0)
@@ -121,6 +125,8 @@ _SMPLIFYX_WEIGHTS = replace(
 _TCFIT_WEIGHTS = replace(
     _PAPER.weights,
     lean=(30.0,) * 5,
+    turn=(15.0,) * 5,
+    rest=(0.0, 0.0, 0.0, 15.0, 15.0),
     collision=(0.0,) * 5,
     # 68 landmarks at weight 2 outvoted the body: betas went to the face's proportions and made a signer's body thin
     # (beta 3 at -1.3), and jitter was 32 % higher; reprojection is the same.

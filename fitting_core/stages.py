@@ -1,15 +1,16 @@
 """From a clip, a body and a configuration to the objective of each stage."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.kinematics import contour_bins
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.pairs import Point, keypoint_points
 from fitting_core.body.points import BodyPoints
 from fitting_core.camera import Camera
@@ -20,7 +21,7 @@ from fitting_core.objective import FrameObjective
 from fitting_core.priors.pose import PRIORS
 from fitting_core.reliability import SEEN, cut_off
 from fitting_core.state import Free, Parametrisation, State
-from fitting_core.terms import Bending, Data, Lean, Quadratic, Term
+from fitting_core.terms import Bending, Data, Quadratic, Rest, Term, Upright
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
@@ -158,9 +159,27 @@ class Stages:
             quadratic("shape", c.betas, w.shape[s]),
             Bending(w.bending[s]),
         ]
-        if w.lean[s] and not bool(self.leg_seen.all()):
-            terms.append(Lean(w.lean[s] * (~self.leg_seen).to(self.xy)))
+        terms += self._upright(w.lean[s], w.turn[s])
+        if w.rest[s]:
+            unseen = ~torch.as_tensor(self.observed[:, 1:22], device=self.device).repeat_interleave(3, 1)
+            target = prior.decode(prior.neutral.to(self.xy)[None])[0]
+            terms.append(Rest(w.rest[s] * unseen.to(self.xy), target))
         return terms
+
+    def _upright(self, lean: float, turn: float) -> list[Term]:
+        if not (lean or turn) or bool(self.leg_seen.all()):
+            return []
+        unheld = (~self.leg_seen).to(self.xy)
+        return [Upright(lean * unheld, turn * unheld)]
+
+    @cached_property
+    def observed(self) -> Bool[np.ndarray, "T 55"]:
+        """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
+        known = [i for i, p in enumerate(self.keypoint_points) if p is not None]
+        points = BodyPoints(self.body, [p for p in self.keypoint_points if p is not None])
+        hangs = np.zeros((kp.COUNT, N_JOINTS), int)
+        hangs[np.array(known)[points.entry_point.numpy()], points.entry_joint.numpy()] = 1
+        return (self.seen.cpu().numpy().astype(int) @ hangs) > 0
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.
@@ -178,8 +197,7 @@ class Stages:
             "depth", slice(where.stop - 1, where.stop), self.xy.new_full((1,), DEPTH_WEIGHT), depth[:, None]
         )
         terms: list[Term] = [self._data(selection), hold]
-        if any(self.config.weights.lean) and not bool(self.leg_seen.all()):
-            terms.append(Lean(max(self.config.weights.lean) * (~self.leg_seen).to(self.xy)))
+        terms += self._upright(max(self.config.weights.lean), max(self.config.weights.turn))
         free = Free(body=False, hands=False, face=False, betas=False)
         return FrameObjective(terms, self._view(selection.indices, None), free)
 
