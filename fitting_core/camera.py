@@ -1,10 +1,15 @@
 """The pinhole camera: intrinsics, where they come from, and projection."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from jaxtyping import Float
-from torch import Tensor
+
+if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
+    from torch import Tensor
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 

@@ -35,12 +35,7 @@ INNER_FACE = slice(84, 135)
 COUNT = 137
 GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
 
-NAMES = (
-    BODY_25
-    + [f"left_{n}" for n in HAND_21]
-    + [f"right_{n}" for n in HAND_21]
-    + [f"face_{n}" for n in FACE_70]
-)
+NAMES = BODY_25 + [f"left_{n}" for n in HAND_21] + [f"right_{n}" for n in HAND_21] + [f"face_{n}" for n in FACE_70]
 INDEX = {name: i for i, name in enumerate(NAMES)}
 # Wrists are told apart by group: INDEX["left_wrist"] must be the body's point, not the hand's.
 INDEX.update({name: i for i, name in enumerate(BODY_25)})
@@ -75,8 +70,11 @@ BONES: list[tuple[int, int]] = (
 )
 """Pairs of keypoint indices to draw a line between."""
 
-LIMBS = [BODY_25.index(f"{side}_{n}") for side in ("right", "left") for n in
-         ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")]
+LIMBS = [
+    BODY_25.index(f"{side}_{n}")
+    for side in ("right", "left")
+    for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+]
 """The 12 limb keypoints on which pose errors are usually reported."""
 
 

@@ -77,7 +77,7 @@ class BodyModel:
     """Inner face landmarks as barycentric points on triangles; zero rows where the model has none."""
     contour_vertices: Int[np.ndarray, "79 17 3"]
     contour_weights: Float[np.ndarray, "79 17 3"]
-    """Face contour landmarks by head yaw: bins 0..39 are 0..39 degrees, bins 40..78 are -1..-39 degrees."""
+    """Face contour by the head's turn to its right: tables 0..39 for 0..39 degrees, 40..78 for -1..-39 degrees."""
     keypoint_offsets: dict[str, KeypointOffset] = field(default_factory=dict)
     """By the name of the body keypoint; others lie on their joint or vertex."""
     source: Path | None = None

@@ -1,0 +1,162 @@
+"""Poses a body by where its hands and feet are: two-bone inverse kinematics over all frames at once.
+
+Everything here is in the world of the rest pose: x to the body's left, y up, z forward, metres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.model import JOINT, N_JOINTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limb:
+    """Three joints in a row, and which way the middle one points when it is bent."""
+
+    joints: tuple[str, str, str]
+    rest_pole: tuple[float, float, float]
+    """In the rest pose: backward for elbows, forward for knees."""
+    twist_share: float
+    """How much of the last joint's twist the middle joint takes: a forearm pronates along its whole length."""
+
+
+LIMBS = {
+    **{
+        f"{side}_arm": Limb(
+            joints=(f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist"),
+            rest_pole=(0.0, 0.0, -1.0),
+            twist_share=0.6,
+        )
+        for side in ("left", "right")
+    },
+    **{
+        f"{side}_leg": Limb(
+            joints=(f"{side}_hip", f"{side}_knee", f"{side}_ankle"), rest_pole=(0.0, 0.0, 1.0), twist_share=0.0
+        )
+        for side in ("left", "right")
+    },
+}
+
+
+class Figure:
+    """A body of one shape over T frames, posed joint by joint from the root outward.
+
+    Args:
+        rest: Joints of the rest pose, metres.
+        parents: Parent of each joint, -1 for the root.
+        root: Where the root joint is in each frame.
+    """
+
+    def __init__(self, rest: Float[np.ndarray, "55 3"], parents: np.ndarray, root: Float[np.ndarray, "T 3"]) -> None:
+        self.rest, self.parents, self.root = rest, parents, root
+        self.local = np.tile(np.eye(3), (len(root), N_JOINTS, 1, 1))
+
+    def turn(self, joint: str, rotation: Float[np.ndarray, "T 3 3"]) -> None:
+        """Set a joint's rotation relative to its parent."""
+        self.local[:, JOINT[joint]] = rotation
+
+    def world(self, joint: str) -> tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3"]]:
+        """Rotation and position of a joint, as its ancestors and it stand now."""
+        chain = [JOINT[joint]]
+        while self.parents[chain[-1]] >= 0:
+            chain.append(int(self.parents[chain[-1]]))
+        rotation, position = np.tile(np.eye(3), (len(self.root), 1, 1)), self.root
+        for j in reversed(chain):
+            if self.parents[j] >= 0:
+                position = position + rotation @ (self.rest[j] - self.rest[self.parents[j]])
+            rotation = rotation @ self.local[:, j]
+        return rotation, position
+
+    def reach(
+        self,
+        limb: Limb,
+        target: Float[np.ndarray, "T 3"],
+        pole: Float[np.ndarray, "T 3"],
+        end: Float[np.ndarray, "T 3 3"],
+    ) -> None:
+        """Set the limb's three joints so that the last one is at `target`, turned as `end` in the world.
+
+        The middle joint lies in the plane of the limb's ends and `pole`, on the pole's side. A target out of reach is
+        approached up to 99.5 % of the limb's length, as a limb is seldom quite straight.
+        """
+        first, middle, last = (JOINT[name] for name in limb.joints)
+        bones = self.rest[middle] - self.rest[first], self.rest[last] - self.rest[middle]
+        origin, parent = self._socket(first)
+        upper, lower = _two_bones(origin, target, pole, *(float(np.linalg.norm(b)) for b in bones))
+        rest_frame = _frame(bones[0], np.array(limb.rest_pole))
+        first_world = _frame(upper, _pole_of(upper, lower, pole)) @ np.swapaxes(rest_frame, -1, -2)
+        middle_world = _shortest_turn(first_world @ bones[1], lower) @ first_world
+        twist = _twist(np.swapaxes(middle_world, -1, -2) @ end, bones[1])
+        middle_world = middle_world @ Rotation.from_rotvec(limb.twist_share * twist).as_matrix()
+        self.local[:, first] = np.swapaxes(parent, -1, -2) @ first_world
+        self.local[:, middle] = np.swapaxes(first_world, -1, -2) @ middle_world
+        self.local[:, last] = np.swapaxes(middle_world, -1, -2) @ end
+
+    def _socket(self, joint: int) -> tuple[np.ndarray, np.ndarray]:
+        """Position of a joint and world rotation of its parent."""
+        names = list(JOINT)
+        parent, _ = self.world(names[self.parents[joint]])
+        _, position = self.world(names[joint])
+        return position, parent
+
+
+def hand_rotation(
+    fingers: Float[np.ndarray, "T 3"], palm: Float[np.ndarray, "T 3"], side: str
+) -> Float[np.ndarray, "T 3 3"]:
+    """World rotation of a hand whose fingers point along one direction and whose palm faces another.
+
+    The palm's direction is made perpendicular to the fingers'. At rest fingers point sideways and palms face down.
+    """
+    rest = _frame(np.array([1.0 if side == "left" else -1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]))
+    return _frame(fingers, palm) @ rest.T
+
+
+def _two_bones(
+    origin: np.ndarray, target: np.ndarray, pole: np.ndarray, upper: float, lower: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vectors (T, 3) of the two bones, by the law of cosines."""
+    line = target - origin
+    length = np.linalg.norm(line, axis=-1, keepdims=True)
+    line = line / length
+    distance = np.clip(length, abs(upper - lower) + 1e-3, 0.995 * (upper + lower))
+    side = _unit(pole - (pole * line).sum(-1, keepdims=True) * line)
+    cosine = (upper**2 + distance**2 - lower**2) / (2 * upper * distance)
+    first = upper * (cosine * line + np.sqrt(1 - cosine**2) * side)
+    return first, distance * line - first
+
+
+def _pole_of(upper: np.ndarray, lower: np.ndarray, pole: np.ndarray) -> np.ndarray:
+    """The direction that the bent joint points to: in the limb's plane, on the side of the pole."""
+    line = _unit(upper + lower)
+    return pole - (pole * line).sum(-1, keepdims=True) * line
+
+
+def _frame(along: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """Rotation with columns: `along`, `towards` made perpendicular to it, and their cross product."""
+    a = _unit(along)
+    b = _unit(towards - (towards * a).sum(-1, keepdims=True) * a)
+    return np.stack([a, b, np.cross(a, b)], -1)
+
+
+def _shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Rotations (T, 3, 3) that turn vectors a into the directions b, by the shortest way."""
+    a, b = _unit(a), _unit(b)
+    axis = np.cross(a, b)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (a * b).sum(-1, keepdims=True))
+    return Rotation.from_rotvec(np.where(sine > 1e-12, axis / np.maximum(sine, 1e-12), 0.0) * angle).as_matrix()
+
+
+def _twist(rotation: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """The part of rotations (T, 3, 3) about an axis, as axis-angle (T, 3): swing-twist decomposition of quaternions."""
+    axis = _unit(axis)
+    q = Rotation.from_matrix(rotation).as_quat()
+    angle = 2 * np.arctan2(q[:, :3] @ axis, q[:, 3])
+    return ((angle + np.pi) % (2 * np.pi) - np.pi)[:, None] * axis
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)

@@ -1,0 +1,128 @@
+"""Put keypoint files and video frames together, frame by frame."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.io.detections import Detections
+from fitting_core.keypoints import COUNT
+
+# Two stray files numbered 0 and 1000000 are no clip of a million frames.
+_MOST_MISSING = 1000
+_MOST_MISSING_PER_FILE = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timeline:
+    """The frames of a clip before a part of it is selected."""
+
+    numbers: range
+    """How frames are counted: from 0 in a video, as the files are numbered without one."""
+    stems: tuple[str, ...] | None = None
+    """Per frame the image's name, if frames are image files."""
+    source: Path | None = None
+    """The video or the folder of images; None if there is none."""
+
+
+def timeline_of_keypoints(detections: Detections) -> Timeline:
+    """The frames from the first to the last keypoint file, where there is no video.
+
+    Raises:
+        InputError: Files of several clips, or numbers too far apart to be one.
+    """
+    _forbid_mixed_clips(detections)
+    numbers = detections.numbers
+    if numbers is None:
+        return Timeline(numbers=range(len(detections)))
+    span = range(min(numbers), max(numbers) + 1)
+    if len(span) - len(numbers) > _MOST_MISSING + _MOST_MISSING_PER_FILE * len(numbers):
+        raise InputError(
+            f"The {len(numbers)} keypoint files in {detections.source} are numbered from {span[0]} to {span[-1]}: "
+            "too few for so many frames. Remove the files that do not belong to the clip, or renumber them."
+        )
+    return Timeline(numbers=span)
+
+
+def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple[str, ...]]:
+    """Detections of every frame of the timeline, and notes on how they were put together where it was not plain.
+
+    The first of these that fits is used: the images' names; the numbers in the file names, as frames counted from 0;
+    the numbers, counted from the first file; the order of the files. Frames without a file have no people.
+
+    Raises:
+        InputError: Files of several clips in one folder.
+    """
+    places, how = _places(detections, timeline)
+    count = len(timeline.numbers)
+    kept = {place: k for k, place in places.items() if 0 <= place < count}
+    nobody = np.zeros((0, COUNT, 3))
+    frames = tuple(detections.frames[kept[t]] if t in kept else nobody for t in range(count))
+    stems = tuple(detections.stems[kept[t]] if t in kept else "" for t in range(count))
+    notes = _notes(len(detections), len(kept), timeline, how, plain=list(places.values()) == list(range(count)))
+    return replace(detections, frames=frames, stems=stems), notes
+
+
+def select(
+    detections: Detections, timeline: Timeline, first_frame: int | None, last_frame: int | None
+) -> tuple[Detections, int]:
+    """The part from first_frame to last_frame (both included), and the number of its first frame.
+
+    Raises:
+        InputError: The frames asked for are not in the clip.
+    """
+    numbers = timeline.numbers
+    first = numbers[0] if first_frame is None else first_frame
+    last = numbers[-1] if last_frame is None else last_frame
+    if first not in numbers or last not in numbers or first > last:
+        raise InputError(
+            f"Frames {first} to {last} were asked for (first_frame, last_frame); expected two frames in order out of "
+            f"{numbers[0]} to {numbers[-1]}, which the clip has."
+        )
+    part = slice(first - numbers[0], last - numbers[0] + 1)
+    return replace(detections, frames=detections.frames[part], stems=detections.stems[part]), first
+
+
+def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, int], str]:
+    """By the file: the place of its frame in the timeline; and how that was found, in words."""
+    if timeline.stems and set(detections.stems) <= set(timeline.stems):
+        place = {stem: t for t, stem in enumerate(timeline.stems)}
+        return {k: place[stem] for k, stem in enumerate(detections.stems)}, "by the images' names"
+    _forbid_mixed_clips(detections)
+    numbers, count = detections.numbers, len(timeline.numbers)
+    if numbers is not None:
+        offsets = {
+            "by the numbers in their names": timeline.numbers[0],
+            "by their numbers, from the first file on": min(numbers),
+        }
+        for how, offset in offsets.items():
+            places = {k: number - offset for k, number in enumerate(numbers)}
+            if max(places.values()) < count:
+                return places, how
+    return {k: k for k in range(len(detections))}, "in their order, from the start"
+
+
+def _notes(files: int, used: int, timeline: Timeline, how: str, *, plain: bool) -> tuple[str, ...]:
+    if plain:
+        return ()
+    count = len(timeline.numbers)
+    frames = (
+        f"{timeline.source.name} has {count} frames" if timeline.source else f"the files' numbers span {count} frames"
+    )
+    sentences = [f"There are {files} keypoint files, {frames}; they were aligned {how}."]
+    if used < files:
+        sentences.append(f"The last {files - used} files have no frame and are left out.")
+    if used < count:
+        sentences.append(f"{count - used} frames have no keypoints and count as not detected.")
+    return (" ".join(sentences),)
+
+
+def _forbid_mixed_clips(detections: Detections) -> None:
+    if detections.numbers is None and len(detections) > 1 and len(detections.prefixes) > 1:
+        names = ", ".join(f"{prefix}..." for prefix in detections.prefixes[:3])
+        raise InputError(
+            f"{detections.source} holds keypoint files of {len(detections.prefixes)} clips ({names}); expected one "
+            "clip per folder. Move them apart."
+        )

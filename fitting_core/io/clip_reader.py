@@ -1,0 +1,265 @@
+"""Read a clip: frames, keypoints and camera put together into what is fitted."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.camera import Camera, default_focal, focal_from_35mm, focal_from_fov
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.alignment import Timeline, align, select, timeline_of_keypoints
+from fitting_core.io.detections import Detections, to_pixels
+from fitting_core.io.person import choose_person
+from fitting_core.keypoints import Keypoints
+from fitting_core.video import FrameSource
+
+DEFAULT_FRAME_RATE = 30.0
+_MAX_FRAME_RATE = 2000.0
+_FOV_RANGE = (0.5, 170.0)
+"""Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
+FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
+    "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels, as given"),
+    "fov": (
+        lambda degrees, size: focal_from_fov(degrees, size[0]),
+        "horizontal field of view of {:g} degrees, as given",
+    ),
+    "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm, as given"),
+}
+"""By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
+_DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
+_MAX_CENTER = 2.0
+"""Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
+
+_LANDSCAPE = ((320, 240), (640, 480), (854, 480), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160), (7680, 4320))
+_COMMON_SIZES = sorted([*_LANDSCAPE, *((h, w) for w, h in _LANDSCAPE)], key=lambda size: size[0] * size[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Footage:
+    """What read_clip needs to know of the frames; without a video, what stands in for it."""
+
+    path: Path | None
+    size: tuple[int, int] | None
+    frame_rate: float | None
+    timeline: Timeline | None
+    notes: tuple[str, ...] = ()
+
+
+def read_clip(
+    video: Path | None,
+    keypoints: Path | None = None,
+    *,
+    focal_length: float | None = None,
+    fov: float | None = None,
+    focal_length_35mm: float | None = None,
+    center: tuple[float, float] | None = None,
+    person: int | None = None,
+    keypoint_scale: str = "auto",
+    frame_rate: float | None = None,
+    image_size: tuple[int, int] | None = None,
+    first_frame: int | None = None,
+    last_frame: int | None = None,
+) -> Clip:
+    """Read one person's keypoints, the camera and the frame rate of a clip.
+
+    Frames without keypoints get confidence 0 everywhere. Whatever a user should know about how the input was read
+    stands in the clip's notes; where the focal length comes from stands in its camera.
+
+    Args:
+        video: A video file, a folder of images, or a folder in SMPLify-X layout (``images`` and ``keypoints`` inside).
+            None to go without: overlays and comparisons with the video are then not possible.
+        keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout.
+        focal_length: Pixels.
+        fov: Horizontal field of view in degrees.
+        focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
+            default is the image diagonal.
+        center: Principal point in pixels; the image's centre by default.
+        person: Entry of each frame's list of people, from 0; by default, the most prominent person is followed.
+        keypoint_scale: "auto", "pixels", "0..1" or "-1..1".
+        frame_rate: Frames per second; by default the video's.
+        image_size: Width and height in pixels, where there is no video; by default guessed from the keypoints.
+        first_frame: Number of the first frame to use, counted from 0 (as the files are numbered, if there is no video).
+        last_frame: Number of the last frame to use.
+
+    Raises:
+        InputError: A file is missing or broken, options contradict each other, or nothing was detected.
+    """
+    focal = _the_one_given({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+    images, keypoint_path = locate(video, keypoints)
+    detections = read_detections(keypoint_path)
+    footage = _footage(images)
+    size = _known_size(footage, image_size)
+    detections, scale_notes = to_pixels(detections, size, keypoint_scale=keypoint_scale)
+    size, size_notes = (size, ()) if size else _guess_size(detections)
+    timeline = footage.timeline or timeline_of_keypoints(detections)
+    detections, alignment_notes = align(detections, timeline)
+    detections, first = select(detections, timeline, first_frame, last_frame)
+    choice = choose_person(detections, person=person, first_frame=first)
+    rate, rate_notes = _frame_rate(frame_rate, footage)
+    return Clip(
+        keypoints=choice.keypoints,
+        camera=_camera(size, center, focal),
+        frame_rate=rate,
+        name=_name(video or keypoint_path),
+        source=images,
+        first_frame=first,
+        notes=(
+            *footage.notes,
+            *alignment_notes,
+            *([choice.note] if choice.note else []),
+            *scale_notes,
+            *size_notes,
+            *_check_inside(choice.keypoints, size),
+            *rate_notes,
+        ),
+    )
+
+
+def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path]:
+    """Where the frames and the keypoints are, given what the user pointed at.
+
+    Raises:
+        InputError: Neither names keypoints.
+    """
+    inside = video if video is not None and (video / "images").is_dir() else None
+    images = inside / "images" if inside else video
+    if keypoints is not None:
+        return images, keypoints
+    if video is None:
+        raise InputError("Neither a video nor keypoints were given; expected at least the keypoints.")
+    found = video / "keypoints"
+    if found.is_dir() and inside:
+        return images, found
+    missing = "keypoints" if inside else "images"
+    hint = f"; as a folder in SMPLify-X layout it lacks {missing}/" if video.is_dir() else ""
+    raise InputError(f"No keypoints given for {video}{hint}. Name the folder or file of the keypoints.")
+
+
+def _footage(path: Path | None) -> _Footage:
+    if path is None:
+        return _Footage(path=None, size=None, frame_rate=None, timeline=None)
+    with FrameSource(path) as frames:
+        notes = []
+        if frames.count < frames.declared_count:
+            notes.append(
+                f"{path.name} is truncated: it says it has {frames.declared_count} frames, but only {frames.count} can "
+                "be decoded; these are used."
+            )
+        if frames.uneven:
+            notes.append(
+                f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were. Re-encode it "
+                "at a constant frame rate if motion looks jerky, and detect the keypoints on the result."
+            )
+        timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
+        return _Footage(
+            path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=tuple(notes)
+        )
+
+
+def _known_size(footage: _Footage, option: tuple[int, int] | None) -> tuple[int, int] | None:
+    if option is None:
+        return footage.size
+    if not all(1 <= side <= 100_000 and side == int(side) for side in option):
+        raise InputError(f"image_size is {option[0]} x {option[1]}; expected width and height in whole pixels.")
+    if footage.size and footage.size != tuple(option):
+        raise InputError(
+            f"image_size is {option[0]} x {option[1]}, but {footage.path} is {footage.size[0]} x {footage.size[1]} "
+            "pixels. Leave the option out."
+        )
+    return (int(option[0]), int(option[1]))
+
+
+def _guess_size(detections: Detections) -> tuple[tuple[int, int], tuple[str, ...]]:
+    """The smallest common image size that holds all keypoints."""
+    points = detections.detected_points()
+    width, height = np.ceil(points.max(0)).astype(int) + 1 if len(points) else (1, 1)
+    fitting = [size for size in _COMMON_SIZES if width <= size[0] and height <= size[1]]
+    size = fitting[0] if fitting else (int(width), int(height))
+    note = (
+        f"The image size is not known; {size[0]} x {size[1]} is assumed, the smallest common size that holds all "
+        f"keypoints (they reach {width} x {height}). Give image_size for a right camera."
+    )
+    return size, (note,)
+
+
+def _frame_rate(option: float | None, footage: _Footage) -> tuple[float, tuple[str, ...]]:
+    if option is not None and not 0 < option <= _MAX_FRAME_RATE:
+        raise InputError(
+            f"frame_rate is {option:g}; expected frames per second, above 0 and up to {_MAX_FRAME_RATE:g}."
+        )
+    if option is None and footage.frame_rate is None:
+        note = f"The frame rate is not known; {DEFAULT_FRAME_RATE:g} frames per second are assumed. Give frame_rate."
+        return DEFAULT_FRAME_RATE, (note,)
+    if option is None:
+        return footage.frame_rate or DEFAULT_FRAME_RATE, ()
+    if footage.frame_rate and abs(option - footage.frame_rate) > 0.01:
+        return option, (f"The frame rate is {option:g} as given; the video says {footage.frame_rate:g}.",)
+    return option, ()
+
+
+def _the_one_given(options: dict[str, float | None]) -> tuple[str, float] | None:
+    given = {name: value for name, value in options.items() if value is not None}
+    if len(given) > 1:
+        listed = " and ".join(f"{name}={value:g}" for name, value in given.items())
+        raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
+    for name, value in given.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value:g}; expected a positive number.")
+        if name == "fov" and value > _FOV_RANGE[1]:
+            raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
+    return next(iter(given.items()), None)
+
+
+def _camera(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
+    if focal is None:
+        pixels, source = default_focal(size), _DEFAULT_FOCAL
+    else:
+        to_focal, words = FOCAL_OPTIONS[focal[0]]
+        pixels, source = to_focal(focal[1], size), words.format(focal[1])
+        _check_angle(pixels, size, source)
+    middle = (size[0] / 2, size[1] / 2)
+    if center is not None and not all(
+        abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
+    ):
+        raise InputError(
+            f"center is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
+            f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
+        )
+    return Camera(focal=(pixels, pixels), center=center or middle, size=size, source=source)
+
+
+def _check_angle(focal: float, size: tuple[int, int], source: str) -> None:
+    degrees = 2 * math.degrees(math.atan(size[0] / 2 / focal))
+    if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
+        raise InputError(
+            f"A camera with a {source.removesuffix(', as given')} sees {degrees:.3g} degrees of an image of "
+            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels (use "
+            "focal_length_35mm for millimetres), fov in degrees."
+        )
+
+
+def _check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:
+    """A note, or an error, where the keypoints do not look as if made on these images."""
+    points = keypoints.xy[keypoints.confidence > 0]
+    outside = ((points < 0) | (points >= np.array(size))).any(1)
+    if outside.mean() > 0.5:
+        raise InputError(
+            f"{outside.mean():.0%} of the keypoints lie outside the image: they reach {points[:, 0].max():.0f} x "
+            f"{points[:, 1].max():.0f}, the image is {size[0]} x {size[1]}. They were made on images of another size, "
+            "or rotated; use the same images."
+        )
+    if outside.mean() > 0.05:
+        return (f"{outside.mean():.0%} of the keypoints lie outside the image of {size[0]} x {size[1]}.",)
+    return ()
+
+
+def _name(path: Path) -> str:
+    path = path.resolve()
+    stem = path.name if path.is_dir() else path.stem
+    # A generic name says nothing; the folder around it does.
+    inner = stem in ("images", "keypoints", "video") and path.parent.name
+    return inner or stem.removesuffix("_keypoints")

@@ -1,0 +1,211 @@
+"""Choose one person over a clip: follow everybody from frame to frame, and keep the most prominent track."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linear_sum_assignment
+
+from fitting_core.errors import InputError
+from fitting_core.io.detections import Detections
+from fitting_core.keypoints import BODY, COUNT, Keypoints
+
+# Distances are in units of a person's size, the weighted root mean square distance of the keypoints from their centre:
+# about a quarter of the body height for somebody upright.
+_REACH = 1.0
+"""How far the same person's keypoints can lie from one frame to the next, on average."""
+_REACH_GROWTH = 0.1
+"""What every frame without a detection adds to it."""
+_MOST_REACH = 2.5
+_COMMON_POINTS = 3
+"""With fewer keypoints in common, centres are compared instead."""
+_VELOCITY_FRAMES = 5
+"""A person who is not seen is taken to move on for so many frames, then to stand still."""
+_UNMATCHABLE = 1e6
+_RIVAL = 0.7
+"""Share of the chosen track's score from which another person is worth a warning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonChoice:
+    """One person's keypoints, and how they were chosen."""
+
+    keypoints: Keypoints
+    """Of every frame; where the person was not found, everything has confidence 0."""
+    entries: tuple[int | None, ...]
+    """Per frame, the person's place in the frame's list of people; None where the person was not found."""
+    note: str
+    """The choice in words for the user; empty where there was none to make."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """A detection, with its centre and size."""
+
+    body: Float[np.ndarray, "25 3"]
+    centre: Float[np.ndarray, "2"]
+    size: float
+    confidence: float
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "137 3"]) -> "_Seen":
+        # The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body.
+        used = points[BODY] if (points[BODY, 2] > 0).any() else points
+        centre = np.average(used[:, :2], axis=0, weights=used[:, 2])
+        squares = ((used[:, :2] - centre) ** 2).sum(1)
+        size = float(np.sqrt(np.average(squares, weights=used[:, 2])))
+        return cls(body=points[BODY], centre=centre, size=size, confidence=float(used[:, 2].mean()))
+
+
+@dataclass(eq=False)
+class _Track:
+    """One person as followed so far."""
+
+    frame: int
+    seen: _Seen
+    velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
+    entries: dict[int, int] = field(default_factory=dict)
+    score: float = 0.0
+
+    def shift(self, frame: int) -> Float[np.ndarray, "2"]:
+        """How far the person should have moved by then, moving on as before."""
+        return self.velocity * min(frame - self.frame, _VELOCITY_FRAMES)
+
+    def reach(self, frame: int) -> float:
+        """How far from there, in sizes, a detection still is the same person."""
+        return min(_REACH + _REACH_GROWTH * (frame - self.frame - 1), _MOST_REACH)
+
+    def add(self, frame: int, entry: int, seen: _Seen) -> None:
+        """Take a frame's detection as this person's."""
+        if self.entries:
+            self.velocity = 0.5 * (self.velocity + _offset(self.seen, seen) / (frame - self.frame))
+        self.frame, self.seen = frame, seen
+        self.entries[frame] = entry
+        self.score += seen.size * seen.confidence
+
+
+def choose_person(detections: Detections, *, person: int | None = None, first_frame: int = 0) -> PersonChoice:
+    """Choose one person over the clip.
+
+    Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
+    person's size (one-to-one assignment of least total distance), also through frames without a detection; the track
+    with the largest sum of size times mean confidence is taken. Nobody else fills its gaps.
+
+    Args:
+        detections: In pixels.
+        person: Take this entry (from 0) of every frame's list of people instead.
+        first_frame: Number of the first frame, for the note.
+
+    Raises:
+        InputError: No detection in the whole clip, or no frame with so many people.
+    """
+    if not len(detections.detected_points()):
+        raise InputError(
+            f"No keypoint is detected in any of the {len(detections)} frames of {detections.source}. "
+            "Check that the detector ran on the right video, and lower its threshold if it did."
+        )
+    if person is not None:
+        return _nth_entry(detections, person)
+    tracks = sorted(_follow(detections), key=lambda track: track.score, reverse=True)
+    entries = tuple(tracks[0].entries.get(t) for t in range(len(detections)))
+    return PersonChoice(
+        keypoints=_keypoints(detections, entries), entries=entries, note=_describe(tracks, len(detections), first_frame)
+    )
+
+
+def _nth_entry(detections: Detections, person: int) -> PersonChoice:
+    if not 0 <= person < detections.most_people:
+        raise InputError(
+            f"person={person}, but no frame of {detections.source} has more than {detections.most_people} people; "
+            f"expected 0 to {detections.most_people - 1}. Leave the option out to have the person followed."
+        )
+    entries = tuple(person if person < len(people) else None for people in detections.frames)
+    keypoints = _keypoints(detections, entries)
+    if not keypoints.confidence.any():
+        raise InputError(f"person={person} has no detected keypoint in any frame of {detections.source}.")
+    found = sum(entry is not None for entry in entries)
+    note = f"Person: entry {person} of each frame's list, as asked; {found} of {len(entries)} frames have it."
+    return PersonChoice(keypoints=keypoints, entries=entries, note=note)
+
+
+def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypoints:
+    points = np.zeros((len(entries), COUNT, 3))
+    for t, entry in enumerate(entries):
+        if entry is not None:
+            points[t] = detections.frames[t][entry]
+    return Keypoints(xy=points[..., :2], confidence=points[..., 2])
+
+
+def _follow(detections: Detections) -> list[_Track]:
+    tracks: list[_Track] = []
+    for t, people in enumerate(detections.frames):
+        seen = {entry: _Seen.of(points) for entry, points in enumerate(people) if (points[:, 2] > 0).any()}
+        matches = _match(tracks, list(seen.values()), t)
+        for k, (entry, one) in enumerate(seen.items()):
+            if k not in matches:
+                tracks.append(_Track(frame=t, seen=one))
+            (tracks[matches[k]] if k in matches else tracks[-1]).add(t, entry, one)
+    return tracks
+
+
+def _match(tracks: list[_Track], people: list[_Seen], frame: int) -> dict[int, int]:
+    """By the place in people: the place in tracks of the same person."""
+    if not tracks or not people:
+        return {}
+    distances = _distances(people, tracks, frame)
+    possible = distances <= np.array([track.reach(frame) for track in tracks])
+    rows, columns = linear_sum_assignment(np.where(possible, distances, _UNMATCHABLE))
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if possible[i, j]}
+
+
+def _distances(people: list[_Seen], tracks: list[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+    """Mean distance of common body points, or else of the centres, in sizes of the larger of the two."""
+    shifts = np.array([track.shift(frame) for track in tracks])
+    a = np.array([one.body for one in people])[:, None]
+    b = np.array([track.seen.body for track in tracks])[None]
+    weights = np.sqrt(a[..., 2] * b[..., 2])
+    apart = np.linalg.norm(a[..., :2] - b[..., :2] - shifts[:, None], axis=-1)
+    of_points = (weights * apart).sum(-1) / np.maximum(weights.sum(-1), 1e-9)
+    centres = np.array([one.centre for one in people])[:, None] - [track.seen.centre for track in tracks]
+    of_centres = np.linalg.norm(centres - shifts, axis=-1)
+    sizes = np.maximum.outer([one.size for one in people], [track.seen.size for track in tracks])
+    enough = (weights > 0).sum(-1) >= _COMMON_POINTS
+    return np.where(enough, of_points, of_centres) / np.maximum(sizes, 1e-9)
+
+
+def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
+    """Mean motion of common body points; (0, 0) where they are too few to say."""
+    weights = np.sqrt(before.body[:, 2] * after.body[:, 2])
+    if (weights > 0).sum() < _COMMON_POINTS:
+        return np.zeros(2)
+    return np.average(after.body[:, :2] - before.body[:, :2], axis=0, weights=weights)
+
+
+def _describe(tracks: list[_Track], count: int, first_frame: int) -> str:
+    chosen, others = tracks[0], tracks[1:]
+    missing = [first_frame + t for t in range(count) if t not in chosen.entries]
+    if not others and not missing:
+        return ""
+    found = f"Person: found in {len(chosen.entries)} of {count} frames"
+    sentences = [f"{found}, not in frames {spans(missing)}." if missing else f"{found}."]
+    if others:
+        frames = sorted({first_frame + t for track in others for t in track.entries})
+        sentences.append(
+            f"The largest and surest of {len(tracks)} people (or false detections) was taken; the others appear in "
+            f"frames {spans(frames)}."
+        )
+    if others and others[0].score > _RIVAL * chosen.score:
+        start, place = next(iter(others[0].entries.items()))
+        sentences.append(
+            f"Another person is nearly as prominent, from frame {first_frame + start} on at place {place} of the "
+            f"list: use person={place} if that is who you want."
+        )
+    return " ".join(sentences)
+
+
+def spans(frames: list[int], most: int = 5) -> str:
+    """Ascending frame numbers in words: ``3, 7-12``; after ``most`` spans, how many follow."""
+    starts = [k for k, t in enumerate(frames) if k == 0 or t != frames[k - 1] + 1]
+    ends = [*(k - 1 for k in starts[1:]), len(frames) - 1]
+    words = [str(frames[a]) if a == b else f"{frames[a]}-{frames[b]}" for a, b in zip(starts, ends, strict=True)]
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

@@ -1,0 +1,73 @@
+"""Pose priors: how the solver writes the body's pose, and what it holds to be likely."""
+
+from typing import Protocol
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.model import JOINT
+
+
+class PosePrior(Protocol):
+    """A space of poses in which the squared distance to `neutral` is the penalty.
+
+    L2 on axis-angle is the identity; a latent prior (VPoser's interface) decodes its latent to 63 numbers.
+    """
+
+    size: int
+    neutral: Float[Tensor, "size"]
+    """The most likely pose, where fits start and unseen limbs rest."""
+
+    def decode(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63"]:
+        """Axis-angle of the 21 body joints."""
+        ...
+
+    def encode(self, body_pose: Float[Tensor, "B 63"]) -> Float[Tensor, "B size"]:
+        """The z whose decoded pose is nearest."""
+        ...
+
+    def jacobian(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63 size"] | None:
+        """d decode / dz; None stands for the identity."""
+        ...
+
+
+class AxisAnglePrior:
+    """L2 on the axis-angle of the 21 body joints, around a mean pose."""
+
+    size = 63
+
+    def __init__(self, mean: Float[Tensor, "63"] | None = None) -> None:
+        self.neutral = torch.zeros(63, dtype=torch.float64) if mean is None else mean
+
+    def decode(self, z: Tensor) -> Tensor:
+        """The pose itself."""
+        return z
+
+    def encode(self, body_pose: Tensor) -> Tensor:
+        """The pose itself."""
+        return body_pose
+
+    def jacobian(self, z: Tensor) -> None:
+        """The identity."""
+        return None
+
+
+def relaxed_pose() -> Float[Tensor, "63"]:
+    """Standing at ease, the forearms a little forward: where an unseen arm rests, instead of in the model's T-pose.
+
+    Forearms that start before the body also find their way to hands in front of it: from arms hanging straight, every
+    second forearm of a signer ended behind the back, at the same reprojection error.
+    """
+    pose = torch.zeros(21, 3, dtype=torch.float64)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        pose[JOINT[f"{side}_shoulder"] - 1] = torch.tensor([0.1, -0.25 * sign, -1.15 * sign])
+        pose[JOINT[f"{side}_elbow"] - 1] = torch.tensor([0.0, -0.9 * sign, 0.0])
+    return pose.flatten()
+
+
+PRIORS = {
+    "axis_angle": AxisAnglePrior,
+    "relaxed": lambda: AxisAnglePrior(relaxed_pose()),
+}
+"""Pose priors by the name that a configuration gives."""
