@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from assets import BODIES
-from fitting_core.body.free.build import joint_parents
+from fitting_core.body.forms import PARENTS
 from fitting_core.body.free.expressions import EXPRESSIONS
 from fitting_core.body.free.skinning import JAW_OPENING, MAX_INFLUENCES, joint_mirror
 from fitting_core.body.free.surface_keypoints import SMPLX_VERTICES
@@ -52,7 +52,7 @@ def posed(body: Arrays, pose: dict[str, tuple[float, float, float]], *, correcte
     if corrected:
         vertices = vertices + body["posedirs"] @ (rotations[1:] - np.eye(3)).ravel()
     world = [np.eye(4)] * len(JOINTS)
-    for joint, parent in enumerate(joint_parents()):
+    for joint, parent in enumerate(PARENTS):
         local = np.eye(4)
         local[:3, :3] = rotations[joint]
         local[:3, 3] = joints[joint] - (joints[parent] if parent >= 0 else 0)
@@ -109,7 +109,7 @@ def test_keys_and_shapes_are_those_of_the_format(body: Arrays) -> None:
         "dynamic_lmk_faces_idx": (79, 17),
     }
     assert all(np.isfinite(value).all() for value in body.values())
-    assert (body["kintree_table"][0, 1:] == joint_parents()[1:]).all()
+    assert (body["kintree_table"][0, 1:] == np.array(PARENTS)[1:]).all()
     assert body["kintree_table"][0, 0] == 2**32 - 1
 
 
