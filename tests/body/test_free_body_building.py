@@ -14,7 +14,7 @@ from fitting_core.body.forms import PARENTS
 from fitting_core.body.free.__main__ import main, write_body
 from fitting_core.body.free.build import build_body, read_layout
 from fitting_core.body.free.geometry import axis_angle, frame, nearest_on_triangles, shortest_rotation
-from fitting_core.body.free.makehuman import DataFolder
+from fitting_core.body.free.makehuman import REQUIRED, DataFolder
 from fitting_core.body.free.skinning import joint_mirror, joints_of_bone, limit_influences
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
@@ -101,6 +101,30 @@ def test_a_wrong_data_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"base\.obj is missing") as error:
         DataFolder(tmp_path)
     assert str(tmp_path) in str(error.value) and "pip install --no-deps" in str(error.value)
+
+
+@pytest.fixture
+def broken_data(tmp_path: Path) -> DataFolder:
+    """A folder that has every file that it must, all of them nonsense."""
+    for name in REQUIRED:
+        path = tmp_path / "data" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix:
+            path.write_text("v 1 2 3\n")
+        else:
+            path.mkdir()
+    return DataFolder(tmp_path / "data")
+
+
+def test_broken_data_files_are_named(broken_data: DataFolder) -> None:
+    with pytest.raises(InputError, match=r"base\.obj has 1 vertices where MakeHuman's base mesh has 19158"):
+        broken_data.base_mesh()
+    with pytest.raises(InputError, match=r"jawOpen\.target is no MakeHuman target"):
+        broken_data.face_action("jawOpen")
+    with pytest.raises(InputError, match=r"torso-vshape-incr\.target\.gz is no MakeHuman target"):
+        broken_data.shape_target("torso/torso-vshape-incr")
+    with pytest.raises(InputError, match=r"body_parts_segmentation\.png cannot be read as an image"):
+        broken_data.part_image()
 
 
 def test_the_command_reports_a_wrong_data_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
