@@ -99,7 +99,11 @@ class FitConfig:
     hand_components: int = 12
     """Principal components of each hand; 45 for full axis-angle."""
     robust_pixels: float = 100.0
-    """rho of the Geman-McClure function, in pixels."""
+    """rho of the Geman-McClure function for body keypoints, in pixels."""
+    robust_pixels_fine: float = 100.0
+    """The same for hands and face."""
+    robust_at_height: float | None = None
+    """Image height to which both rho belong; they scale with the clip's own. None: pixels as they are."""
     neck_weight: float = 0.0
     """Factor of the neck keypoint in the stages; the camera step always uses it."""
     hip_weight: float = 0.0
@@ -142,6 +146,8 @@ PRESETS: dict[str, FitConfig] = {
         weights=_TCFIT_WEIGHTS,
         pose_prior="relaxed",
         hip_weight=1.0,
+        robust_pixels_fine=30.0,
+        robust_at_height=1000.0,
         one_sided_cut_off=True,
         yaws="four",
         relay_rounds=3,

@@ -115,7 +115,11 @@ class Stages:
 
     def _data(self, selection: _Selection) -> Data:
         i = selection.indices
-        return Data(self.xy[:, i], selection.weight, self.side[:, i], self.config.robust_pixels)
+        config = self.config
+        scale = self.camera.size[1] / config.robust_at_height if config.robust_at_height else 1.0
+        fine = (i >= kp.HANDS.start)[:, None]
+        rho = scale * torch.where(fine, config.robust_pixels_fine, config.robust_pixels).to(self.xy)
+        return Data(self.xy[:, i], selection.weight, self.side[:, i], rho)
 
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.

@@ -69,7 +69,8 @@ class Data:
     """Confidence x joint weight x 1000 / image height."""
     side: Float[Tensor, "T N 2"]
     """1 (-1): the point lies there or at a larger (smaller) coordinate, see reliability.cut_off; 0: just there."""
-    rho: float
+    rho: Float[Tensor, "N 1"]
+    """Pixels at which the Geman-McClure function stops to pull."""
     name: str = "data"
 
     def _errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
@@ -174,7 +175,7 @@ class Upright:
 
     lean x the horizontal part (x and z) of the root's up axis in camera space, and turn x the sideways part (x) of its
     forward axis. Nothing else holds the root there: it leaned 67 degrees on average at 1-3 px error, and turned by up
-    to 27 degrees on a signer who faces the camera, because shoulders a few percent narrower than the model's ask for it.
+    to 27 degrees on a signer who faces the camera, because shoulders narrower than the model's ask for it.
     """
 
     lean: Float[Tensor, "T"]
