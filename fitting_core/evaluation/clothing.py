@@ -80,7 +80,12 @@ class Outfit:
         waist, ankle = self._at("spine1")[1] - 0.01, self._at("left_ankle")[1]
         sleeve = shoulder[0] + 0.62 * (elbow[0] - shoulder[0])
         collar = np.linalg.norm((rest - neck - [0, 0.035, 0]) / [1.0, 1.15, 1.0], axis=1)
-        shirt = _above(up, waist - 0.01, 0.003) * _below(across, sleeve, 0.004) * _above(collar, 0.105, 0.003) * _below(up, neck[1] + 0.02, 0.003)
+        shirt = (
+            _above(up, waist - 0.01, 0.003)
+            * _below(across, sleeve, 0.004)
+            * _above(collar, 0.105, 0.003)
+            * _below(up, neck[1] + 0.02, 0.003)
+        )
         return [(SHIRT, shirt), (TROUSERS, _below(up, waist, 0.003) * _above(up, ankle + 0.03, 0.003))]
 
 

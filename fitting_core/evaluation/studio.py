@@ -98,7 +98,7 @@ class Studio:
         lit = light(fragments.interpolate(faces, normals))[:, None]
         person = colors(fragments.interpolate(faces, paint)) * lit
         image, _ = self._over(self._color * self._shadow(vertices)[..., None], fragments.pixel, person)
-        nearest = depth.reshape(self.camera.size[1], _SAMPLES, self.camera.size[0], _SAMPLES).min((1, 3))
+        nearest = np.minimum.reduce([depth[i::_SAMPLES, j::_SAMPLES] for i in range(_SAMPLES) for j in range(_SAMPLES)])
         return (255 * np.minimum(image, 1.0) ** (1 / 2.2) + 0.5).astype(np.uint8), nearest
 
     def _over(self, below: np.ndarray, samples: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
