@@ -47,6 +47,8 @@ class ShapeSample:
     strategy: Literal["random", "confident", "coverage"] = "random"
     """Random with a seed; highest mean confidence; or chosen so that every body part is seen."""
     seed: int = 0
+    stages: tuple[int, ...] = (1, 2, 3, 4, 5)
+    """Which of the five stages run, in order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +100,8 @@ class FitConfig:
     """Factor of the neck keypoint in the stages; the camera step always uses it."""
     hip_weight: float = 0.0
     """Factor of both hip keypoints in the stages; the camera step always uses them."""
+    distrust_cut_off: bool = False
+    """Leave out detections that a detector makes up where the image cuts a person off (see reliability.py)."""
     yaws: Literal["side_view", "four"] = "side_view"
     """Starting orientations of phase 1: turned by 180 degrees when seen from the side, or four quarter turns."""
     relay_rounds: int = 0
@@ -124,9 +128,10 @@ PRESETS: dict[str, FitConfig] = {
         weights=_TCFIT_WEIGHTS,
         pose_prior="relaxed",
         hip_weight=1.0,
+        distrust_cut_off=True,
         yaws="four",
         relay_rounds=3,
-        shape_sample=ShapeSample(strategy="coverage"),
+        shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
         temporal=Temporal(mode="global", space="camera", stages=(5,)),
     ),
 }

@@ -53,7 +53,9 @@ class FrameObjective:
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
         """E of each frame; infinite where a point lies behind the camera."""
         estimate = Estimate(self.view, state, frames)
-        total = sum((term.residual(estimate).square().sum(1) for term in self.terms), state.vector.new_zeros(len(state)))
+        total = sum(
+            (term.residual(estimate).square().sum(1) for term in self.terms), state.vector.new_zeros(len(state))
+        )
         return torch.where(estimate.valid, total, torch.inf)
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:
@@ -66,7 +68,9 @@ class FrameObjective:
         """Costs and normal equations, in chunks of frames that stay in the cache."""
         parts = [self._normal(Estimate(self.view, state[i], frames[i])) for i in torch.arange(len(frames)).split(CHUNK)]
         return Normal(
-            torch.cat([p.cost for p in parts]), torch.cat([p.gradient for p in parts]), torch.cat([p.matrix for p in parts])
+            torch.cat([p.cost for p in parts]),
+            torch.cat([p.gradient for p in parts]),
+            torch.cat([p.matrix for p in parts]),
         )
 
     def _normal(self, e: Estimate) -> Normal:

@@ -73,7 +73,7 @@ class PointJacobian:
             out[:, self.finger_points, :, start : start + self.basis.shape[1]] = fingers @ self.basis
         if self.free.face:
             self._put_coefficients(out, posed, left, self.place[self.columns.jaw.start] + 3, slice(10, N_COEFFICIENTS))
-        if translation:
+        if translation and self.free.translation:
             start = self.place[self.columns.translation.start]
             out[..., start : start + 3] = left
         if self.free.betas:

@@ -60,12 +60,13 @@ class Columns:
 
 @dataclass(frozen=True)
 class Free:
-    """Which groups a solver moves besides orientation and translation; the others rest where they are."""
+    """Which groups a solver moves besides the orientation; the others rest where they are."""
 
     body: bool = True
     hands: bool = True
     face: bool = True
     betas: bool = True
+    translation: bool = True
 
     def columns(self, c: Columns) -> list[slice]:
         """Slices of the tangent vector that move, in order."""
@@ -75,7 +76,7 @@ class Free:
             (self.hands, c.hands),
             (self.face, slice(c.jaw.start, c.expression.stop)),
         ]
-        groups += [(True, c.translation), (self.betas, c.betas)]
+        groups += [(self.translation, c.translation), (self.betas, c.betas)]
         return [columns for free, columns in groups if free]
 
     def index(self, c: Columns) -> Tensor:

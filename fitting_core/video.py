@@ -7,7 +7,7 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from fitting_core.errors import InputError
 from fitting_core.frame_names import natural_key
@@ -16,6 +16,7 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 # Decoding on costs one frame each, a seek up to a whole group of pictures (often 12 to 250 frames).
 _SKIP = 12
+_SAME_TIME_MS = 1.0
 
 
 class _Decoder(Protocol):
@@ -27,6 +28,11 @@ class _Decoder(Protocol):
     """What can be decoded."""
     frame_rate: float | None
     stems: tuple[str, ...] | None
+
+    @property
+    def uneven(self) -> bool:
+        """Whether times between frames differ."""
+        ...
 
     def read(self, index: int) -> np.ndarray | None:
         """Frame as BGR; None if it cannot be decoded."""
@@ -63,7 +69,8 @@ class FrameSource:
         self._lock = threading.Lock()
         self._decoder: _Decoder = _Images(path) if images else _Video(path)
         first = self._decoder.read(0)
-        assert first is not None
+        if first is None:
+            raise InputError(f"The first frame of {path} cannot be decoded; re-encode it.")
         self.size: tuple[int, int] = (first.shape[1], first.shape[0])
         """Width and height in pixels, of the upright image."""
 
@@ -81,6 +88,11 @@ class FrameSource:
     def frame_rate(self) -> float | None:
         """Frames per second; None for images and for files that do not say it."""
         return self._decoder.frame_rate
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the times between frames differ by more than half, as in many videos from phones."""
+        return self._decoder.uneven
 
     @property
     def stems(self) -> tuple[str, ...] | None:
@@ -139,6 +151,9 @@ class FrameSource:
 class _Images:
     """Image files, read when asked for."""
 
+    frame_rate: float | None = None
+    uneven = False
+
     def __init__(self, path: Path) -> None:
         entries = sorted(path.iterdir(), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
         visible = [file for file in entries if not file.name.startswith(".")]
@@ -147,8 +162,7 @@ class _Images:
             found = f"{len(visible)} other files, such as {visible[0].name}" if visible else "an empty folder"
             raise InputError(f"No images in {path}: found {found}; expected files in {', '.join(IMAGE_SUFFIXES)}.")
         self.count = self.declared_count = len(self._files)
-        self.frame_rate = None
-        self.stems = tuple(file.stem for file in self._files)
+        self.stems: tuple[str, ...] | None = tuple(file.stem for file in self._files)
         if self.read(0) is None:
             raise InputError(f"{self._files[0]} is not an image that can be decoded; remove or replace it.")
 
@@ -167,7 +181,7 @@ class _Images:
 class _Video:
     """A video file, decoded on from the last frame or after a seek."""
 
-    stems = None
+    stems: tuple[str, ...] | None = None
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -177,15 +191,21 @@ class _Video:
                 f"{path} is not a video that OpenCV can open (found {path.stat().st_size} bytes). If it plays "
                 "elsewhere, re-encode it as H.264 in MP4; if not, it is damaged or was not fully copied."
             )
-        self._next = 0
+        self._last = -1
         self.declared_count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.frame_rate = float(rate) if np.isfinite(rate) and rate > 0 else None
+        self.frame_rate: float | None = float(rate) if np.isfinite(rate) and rate > 0 else None
+        self._times = _frame_times(path)
         self.count = self._countable()
         if self.count == 0:
             raise InputError(
                 f"{path} has no frame that can be decoded (the file says it has {self.declared_count}); re-encode it."
             )
+
+    @property
+    def uneven(self) -> bool:
+        steps = np.diff(self._times)
+        return len(steps) > 0 and bool((np.abs(steps - np.median(steps)) > 0.5 * np.median(steps)).any())
 
     def _countable(self) -> int:
         """Frames that decode: the declared number if the last of them does, else all are counted."""
@@ -201,32 +221,59 @@ class _Video:
     def _reopen(self) -> None:
         self._capture.release()
         self._capture = cv2.VideoCapture(str(self._path))
-        self._next = 0
+        self._last = -1
 
     def read(self, index: int) -> np.ndarray | None:
-        if not 0 <= index - self._next <= _SKIP:
+        if not 0 <= index - self._last <= _SKIP:
             self._seek(index)
-        while self._next < index:
-            if not self._capture.grab():
-                self._reopen()
-                return None
-            self._next += 1
-        ok, image = self._capture.read()
-        if not ok:
+        image = self._decode(index)
+        if image is None:
+            # Seeking can fail where decoding from the start does not: back in an AVI of one frame, for example.
             self._reopen()
-            return None
-        self._next += 1
+            image = self._decode(index)
         return image
 
+    def _decode(self, index: int) -> np.ndarray | None:
+        while self._last < index:
+            if not self._capture.grab():
+                return None
+            self._last += 1
+        ok, image = self._capture.retrieve()
+        return image if ok else None
+
     def _seek(self, index: int) -> None:
-        self._capture.set(cv2.CAP_PROP_POS_FRAMES, index)
-        if round(self._capture.get(cv2.CAP_PROP_POS_FRAMES)) == index:
-            self._next = index
-        else:
-            self._reopen()
+        """Go to a frame or to one shortly before it; back to the start if its place cannot be told.
+
+        OpenCV takes frames for evenly spaced when it seeks, which phones' are not: it then lands next to the frame
+        that was asked for and says nothing. So the frame's time tells where it is, and the time of what was decoded
+        after the seek tells which frame that is.
+        """
+        if index < len(self._times) and self.frame_rate:
+            even = round((self._times[index] - self._times[0]) / 1000 * self.frame_rate)
+            for margin in (0, _SKIP, 4 * _SKIP):
+                self._capture.set(cv2.CAP_PROP_POS_FRAMES, max(0, even - margin))
+                if self._capture.grab():
+                    offsets = np.abs(self._times - self._capture.get(cv2.CAP_PROP_POS_MSEC))
+                    self._last = int(offsets.argmin())
+                    if self._last <= index and offsets.min() < _SAME_TIME_MS:
+                        return
+        self._reopen()
 
     def label(self, index: int) -> str:
         return f"Frame {index}"
 
     def close(self) -> None:
         self._capture.release()
+
+
+def _frame_times(path: Path) -> Float[np.ndarray, "T"]:
+    """When each frame is shown, in milliseconds, from the container alone: 30,000 frames take a tenth of a second.
+
+    Empty if OpenCV's backend cannot read a file without decoding it.
+    """
+    packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    times = []
+    while packets.grab():
+        times.append(packets.get(cv2.CAP_PROP_POS_MSEC))
+    packets.release()
+    return np.sort(np.array(times, dtype=float))  # Packets come in the order of decoding.

@@ -1,13 +1,7 @@
 """Read a SMPL-X, SMPL-H or SMPL file into a BodyModel."""
 
-import hashlib
 import re
-import zipfile
-import zlib
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, BinaryIO
+from pathlib import Path, PurePath
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,65 +9,11 @@ from jaxtyping import Float, Int
 from fitting_core.body import forms
 from fitting_core.body.forms import FORMS, Form
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, BodyModel
-from fitting_core.body.pickles import as_array, read_pickle
-from fitting_core.errors import InputError
+from fitting_core.body.pickles import as_array
+from fitting_core.body.raw_file import HANDS, OWN_KEYPOINTS, RawFile, read_raw
 
-REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
-HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
-LANDMARKS = ("lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx", "dynamic_lmk_bary_coords")
-OWN_KEYPOINTS = "keypoint_vertices"
-"""Optional key for a mesh that is not the official one: a vertex for each of SURFACE_KEYPOINTS, -1 for none."""
-_KEYS = (*REQUIRED, *HANDS, *LANDMARKS, OWN_KEYPOINTS, "gender")
-MAX_BYTES = 4 * 2**30
-"""Unpacked size of the largest file that is read; SMPL-X's is some 0.5 GB."""
-
-_SHARED_ADVICE = "Download the model again from its official site, or run `tcfit models` to see the bodies found here."
 _GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "n": "neutral", "m": "male", "f": "female"}
 _OTHER_MODELS = {16: "a MANO hand", 5: "a FLAME head", 33: "a SMAL animal", 35: "a SMAL animal"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Raw:
-    """What a file holds, before anything of it is believed."""
-
-    path: Path
-    values: dict[str, Any]
-    hash: str
-
-    def error(self, problem: str, advice: str = _SHARED_ADVICE) -> InputError:
-        return InputError(f"{self.path}: {problem}. {advice}")
-
-    def array(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-        """The array of a key, checked: numbers, of this shape (None: any length), all finite."""
-        try:
-            value = as_array(self.values[key])
-        except InputError as error:
-            raise self.error(f"'{key}' is {error}") from error
-        if value.dtype.kind not in "fiub":
-            raise self.error(
-                f"'{key}' holds {value.dtype} values, expected numbers",
-                "Save it again as a plain numeric array (numpy.asarray(..., dtype=float)).",
-            )
-        if value.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, value.shape, strict=True)):
-            expected = " x ".join("any" if n is None else str(n) for n in shape)
-            raise self.error(f"'{key}' has the shape {_shape(value)}, expected {expected}")
-        if value.dtype.kind == "f" and not np.isfinite(value).all():
-            bad = value.size - int(np.isfinite(value).sum())
-            raise self.error(f"'{key}' holds {bad} values that are not finite (NaN or infinity), expected none")
-        return value
-
-    def floats(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-        return np.ascontiguousarray(self.array(key, shape), dtype=np.float64)
-
-    def indices(self, key: str, shape: tuple[int | None, ...], limit: int) -> np.ndarray:
-        """Whole numbers from 0 to below limit."""
-        value = self.array(key, shape)
-        whole = value.astype(np.int64)
-        if (whole != value).any() or (value.size and (whole.min() < 0 or whole.max() >= limit)):
-            raise self.error(
-                f"'{key}' holds values from {value.min()} to {value.max()}, expected whole ones from 0 to {limit - 1}"
-            )
-        return whole
 
 
 def load_body(path: Path) -> BodyModel:
@@ -88,7 +28,7 @@ def load_body(path: Path) -> BodyModel:
     Raises:
         InputError: The file is missing, damaged, not a body model, or holds what does not fit together.
     """
-    raw = _read(Path(path))
+    raw = read_raw(Path(path))
     template = raw.floats("v_template", (None, 3))
     form = _form(raw, vertices=len(template))
     _check_size(raw, template)
@@ -106,7 +46,7 @@ def load_body(path: Path) -> BodyModel:
         shape_directions=shape,
         expression_directions=expression,
         pose_directions=forms.pose_directions_in_55(form, raw.floats("posedirs", (len(template), 3, columns))),
-        joint_regressor=forms.regressor_in_55(form, raw.floats("J_regressor", (joints, len(template)))),
+        joint_regressor=forms.regressor_in_55(form, _regressor(raw, (joints, len(template)))),
         skinning_weights=forms.weights_in_55(form, _weights(raw, (len(template), joints))),
         parents=forms.parents_of_55(),
         faces=faces,
@@ -122,7 +62,7 @@ def load_body(path: Path) -> BodyModel:
     )
 
 
-def gender_of_name(path: Path) -> str | None:
+def gender_of_name(path: PurePath) -> str | None:
     """Gender that a file's name tells, or its folder's for names like `female/model.npz`; None if neither does."""
     for name in (path.stem, path.parent.name):
         words = re.split(r"[^a-z]+", name.lower())
@@ -132,73 +72,7 @@ def gender_of_name(path: Path) -> str | None:
     return None
 
 
-def _read(path: Path) -> _Raw:
-    if not path.is_file():
-        found = "is a folder" if path.is_dir() else "does not exist"
-        raise InputError(f"{path}: {found}, expected a body model file. {_SHARED_ADVICE}")
-    if path.suffix.lower() not in _READERS:
-        raise InputError(
-            f"{path}: ends in '{path.suffix}', expected {' or '.join(_READERS)}. Give the model file itself."
-        )
-    try:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-            file.seek(0)
-            values = _READERS[path.suffix.lower()](file)
-    except InputError as error:
-        raise InputError(f"{path}: {error}. {_SHARED_ADVICE}") from error
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror or error}). Check its permissions and disk."
-        ) from error
-    raw = _Raw(path=path, values=values, hash=digest)
-    _check_keys(raw)
-    return raw
-
-
-def _read_npz(file: BinaryIO) -> dict[str, Any]:
-    """Only the known keys: official files carry others (joint2num, part2num) that hold pickled objects."""
-    try:
-        with zipfile.ZipFile(file) as members:
-            size = sum(m.file_size for m in members.infolist() if Path(m.filename).stem in _KEYS)
-        if size > MAX_BYTES:
-            raise InputError(
-                f"unpacks to {size / 2**30:.1f} GB, expected a body model of at most {MAX_BYTES / 2**30:.0f} GB"
-            )
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as archive:
-            return {key: _npz_array(archive, key) if key in _KEYS else None for key in archive.files}
-    except zipfile.BadZipFile as error:
-        raise InputError(f"is no complete npz archive, it is damaged or was cut off ({error})") from error
-
-
-def _npz_array(archive: Any, key: str) -> np.ndarray:
-    try:
-        return archive[key]
-    except ValueError as error:
-        if "allow_pickle" not in str(error):
-            raise InputError(f"'{key}' is damaged ({error})") from error
-        raise InputError(f"'{key}' is an array of Python objects, expected numbers") from error
-    except (EOFError, MemoryError, zlib.error) as error:
-        raise InputError(f"'{key}' is damaged ({error})") from error
-
-
-_READERS: dict[str, Callable[[BinaryIO], dict[str, Any]]] = {".npz": _read_npz, ".pkl": read_pickle}
-
-
-def _check_keys(raw: _Raw) -> None:
-    if {"poses", "trans"} <= raw.values.keys():
-        raise raw.error(
-            "is a motion (it has 'poses' and 'trans'), expected a body model",
-            "Give the model file itself, e.g. SMPLX_NEUTRAL.npz.",
-        )
-    missing = [key for key in REQUIRED if key not in raw.values]
-    if missing:
-        has = ", ".join(sorted(raw.values)[:12]) or "nothing"
-        raise raw.error(f"has no {', '.join(missing)} (it has {has}), expected a SMPL-X, SMPL-H or SMPL model")
-
-
-def _form(raw: _Raw, *, vertices: int) -> Form:
+def _form(raw: RawFile, *, vertices: int) -> Form:
     joints = len(raw.array("J_regressor", (None, vertices)))
     if joints not in FORMS:
         other = f" like {_OTHER_MODELS[joints]}" if joints in _OTHER_MODELS else ""
@@ -207,13 +81,13 @@ def _form(raw: _Raw, *, vertices: int) -> Form:
     return FORMS[joints]
 
 
-def _check_size(raw: _Raw, template: Float[np.ndarray, "V 3"]) -> None:
+def _check_size(raw: RawFile, template: Float[np.ndarray, "V 3"]) -> None:
     height = float(np.ptp(template, axis=0).max())
     if not 0.2 < height < 5.0:
         raise raw.error(f"measures {height:.3g} at its longest, expected a body in metres (0.2 to 5)")
 
 
-def _check_tree(raw: _Raw, form: Form) -> None:
+def _check_tree(raw: RawFile, form: Form) -> None:
     """Joints are known by their place, so the tree must be the one that goes with their names."""
     table = raw.array("kintree_table", (2, len(form.joints))).astype(np.int64)
     parents = np.where(table[0] >= 2**31, -1, table[0])
@@ -221,7 +95,7 @@ def _check_tree(raw: _Raw, form: Form) -> None:
         raise raw.error(f"has another joint tree ('kintree_table') than {form.title}")
 
 
-def _directions(raw: _Raw, form: Form, vertices: int) -> tuple[np.ndarray, np.ndarray]:
+def _directions(raw: RawFile, form: Form, vertices: int) -> tuple[np.ndarray, np.ndarray]:
     """Shape and expression directions, (V,3,10) each."""
     directions = raw.array("shapedirs", (vertices, 3, None))
     columns = directions.shape[2]
@@ -241,7 +115,15 @@ def _ten(directions: np.ndarray, start: int) -> Float[np.ndarray, "V 3 10"]:
     return np.ascontiguousarray(directions[:, :, start : start + 10], dtype=np.float64)
 
 
-def _weights(raw: _Raw, shape: tuple[int, int]) -> Float[np.ndarray, "V J"]:
+def _regressor(raw: RawFile, shape: tuple[int, int]) -> Float[np.ndarray, "J V"]:
+    regressor = raw.floats("J_regressor", shape)
+    off = float(np.abs(regressor.sum(axis=1) - 1).max())
+    if off > 1e-2:
+        raise raw.error(f"has joint regressor rows that miss a sum of 1 by up to {off:.2g}, expected sums of 1")
+    return regressor
+
+
+def _weights(raw: RawFile, shape: tuple[int, int]) -> Float[np.ndarray, "V J"]:
     weights = raw.floats("weights", shape)
     off = float(np.abs(weights.sum(axis=1) - 1).max())
     if off > 1e-2 or weights.min() < -1e-6:
@@ -252,7 +134,7 @@ def _weights(raw: _Raw, shape: tuple[int, int]) -> Float[np.ndarray, "V J"]:
 
 
 def _landmarks(
-    raw: _Raw, faces: Int[np.ndarray, "F 3"], prefix: str, shape: tuple[int, ...]
+    raw: RawFile, faces: Int[np.ndarray, "F 3"], prefix: str, shape: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and barycentric weights of landmarks, zero rows if the file has none."""
     triangles, weights = f"{prefix}lmk_faces_idx", f"{prefix}lmk_bary_coords"
@@ -262,16 +144,16 @@ def _landmarks(
     return faces[raw.indices(triangles, shape, limit=len(faces))], raw.floats(weights, (*shape, 3))
 
 
-def _hands(raw: _Raw) -> tuple[Float[np.ndarray, "2 45 45"], Float[np.ndarray, "2 45"]]:
+def _hands(raw: RawFile) -> tuple[Float[np.ndarray, "2 45 45"], Float[np.ndarray, "2 45"]]:
     if not all(key in raw.values for key in HANDS):
         return np.stack([forms.plain_hand_components()] * 2), np.zeros((2, 45))
     components = np.stack([raw.floats(f"hands_components{side}", (45, 45)) for side in "lr"])
     return components, np.stack([raw.floats(f"hands_mean{side}", (45,)) for side in "lr"])
 
 
-def _surface_keypoints(raw: _Raw, form: Form, vertices: int) -> dict[str, int]:
+def _surface_keypoints(raw: RawFile, form: Form, vertices: int) -> dict[str, int]:
     if OWN_KEYPOINTS in raw.values:
-        own = raw.indices(OWN_KEYPOINTS, (len(SURFACE_KEYPOINTS),), limit=vertices)
+        own = raw.indices(OWN_KEYPOINTS, (len(SURFACE_KEYPOINTS),), limit=vertices, first=-1)
         return {name: int(v) for name, v in zip(SURFACE_KEYPOINTS, own, strict=True) if v >= 0}
     if vertices < form.vertices:
         raise raw.error(
@@ -281,16 +163,12 @@ def _surface_keypoints(raw: _Raw, form: Form, vertices: int) -> dict[str, int]:
     return form.surface_keypoints()
 
 
-def _gender(raw: _Raw) -> str | None:
+def _gender(raw: RawFile) -> str | None:
     told = raw.values.get("gender")
     if told is None:
         return gender_of_name(raw.path)
-    word = str(np.asarray(told).reshape(-1)[0] if np.size(told) else "").lower()
-    word = word.removeprefix("b'").strip("'")
+    value = as_array(told).reshape(-1)
+    word = (value.astype(str)[0] if value.dtype.kind in "SU" and len(value) else str(told)).lower()
     if word not in _GENDERS:
         raise raw.error(f"has the gender '{word}', expected neutral, male or female")
     return _GENDERS[word]
-
-
-def _shape(value: np.ndarray) -> str:
-    return " x ".join(str(n) for n in value.shape) or "of a single number"

@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core import rotations
 from fitting_core import keypoints as kp
+from fitting_core import rotations
 from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 
 
@@ -146,7 +146,7 @@ def pairs_of(
 
 
 def contour_pairs(body: BodyModel, landmarks: list[int], directions: np.ndarray) -> PairTable:
-    """The pairs of contour landmarks, one variant for each yaw table; a landmark's bones are those of all its tables."""
+    """The pairs of contour landmarks, one variant for each yaw table; its bones are those of all tables."""
     point, bone = [], []
     for i, landmark in enumerate(landmarks):
         used = body.skinning_weights[body.contour_vertices[:, landmark]].max((0, 1)) > 0
@@ -182,7 +182,7 @@ def _table(
 ) -> PairTable:
     by_joint = correctives.reshape(*correctives.shape[:3], N_JOINTS - 1, 9)
     used = np.flatnonzero(abs(by_joint).max((0, 1, 2, 4)) > 0) if correctives.size else np.zeros(0, int)
-    kept = by_joint[:, :, :, used].reshape(len(correctives), 3 * correctives.shape[1], -1)
+    kept = by_joint[:, :, :, used].reshape(len(correctives), 3 * correctives.shape[1], 9 * len(used))
     index = [torch.as_tensor(np.array(a, dtype=np.int64)) for a in (point, bone, used + 1)]
     floats = [torch.as_tensor(np.ascontiguousarray(a)) for a in (weight, template, directions, kept)]
     return PairTable(index[0], index[1], *floats[:3], index[2], floats[3])
@@ -190,7 +190,8 @@ def _table(
 
 _JOINT_KEYPOINTS = {
     "neck": "neck", "mid_hip": "pelvis",
-    **{f"{side}_{n}": f"{side}_{n}" for side in ("left", "right") for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")},
+    **{f"{side}_{part}": f"{side}_{part}" for side in ("left", "right")
+       for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")},
 }  # fmt: skip
 
 

@@ -1,11 +1,12 @@
 """Read the arrays of a pickled body model without running what the pickle asks for.
 
 Body models come as pickles of Python 2 and 3 that hold numpy arrays, scipy sparse matrices and chumpy arrays. The
-unpickler below admits these and plain containers by name and refuses everything else; sparse and chumpy objects become
-stand-ins that only keep their state, so neither chumpy nor a scipy of the file's time is needed.
+unpickler below admits these and plain containers by name and refuses everything else. All of them become stand-ins that
+only keep their state until `as_array` checks and unfolds it: neither chumpy nor a scipy of the file's time is needed.
 """
 
 import pickle
+import re
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, BinaryIO
@@ -32,6 +33,44 @@ class _Kept:
 
     def array(self) -> np.ndarray:
         raise NotImplementedError
+
+
+class _Dtype(_Kept):
+    """A numpy dtype: its code, and its byte order as the state that follows tells it."""
+
+    title = "dtype"
+
+    def __init__(self, code: object = "", *_: object) -> None:
+        super().__init__()
+        self._code, self._order = str(code), "="
+
+    def __setstate__(self, state: object) -> None:
+        if isinstance(state, tuple) and len(state) > 1 and state[1] in ("<", ">", "|", "="):
+            self._order = state[1]
+
+    def numpy(self) -> np.dtype:
+        """The plain dtype.
+
+        Raises:
+            InputError: It is none of numbers or text.
+        """
+        if not re.fullmatch(r"[<>|=]?[biufSU]\d+", self._code):
+            raise InputError(f"of the type '{self._code}', expected numbers")
+        return np.dtype(self._order + self._code.lstrip("<>|="))
+
+
+class _Array(_Kept):
+    """A numpy array: shape, dtype, order and bytes; numpy's own unpickling would trust them unseen."""
+
+    title = "numpy array"
+
+    def __setstate__(self, state: object) -> None:
+        if isinstance(state, tuple) and len(state) == 5:
+            self.state = dict(zip(("shape", "dtype", "fortran", "data"), state[1:], strict=True))
+
+    def array(self) -> np.ndarray:
+        flat = np.frombuffer(_bytes(self.state["data"]), dtype=self.state["dtype"].numpy())
+        return flat.reshape(self.state["shape"], order="F" if self.state["fortran"] else "C").copy()
 
 
 class _Chumpy(_Kept):
@@ -72,7 +111,7 @@ class _Sparse(_Kept):
         return matrix.toarray()
 
     def _parts(self) -> tuple[Any, ...]:
-        return tuple(np.asarray(self.state[k]) for k in ("data", "indices", "indptr"))
+        return tuple(as_array(self.state[k]) for k in ("data", "indices", "indptr"))
 
 
 class _Csc(_Sparse):
@@ -90,7 +129,7 @@ class _Coo(_Sparse):
 
     def _parts(self) -> tuple[Any, ...]:
         coordinates = self.state["coords"] if "coords" in self.state else (self.state["row"], self.state["col"])
-        return np.asarray(self.state["data"]), tuple(np.asarray(c) for c in coordinates)
+        return as_array(self.state["data"]), tuple(as_array(c) for c in coordinates)
 
 
 def as_array(value: object) -> np.ndarray:
@@ -103,22 +142,34 @@ def as_array(value: object) -> np.ndarray:
         return np.asarray(value)
     try:
         return value.array()
-    except (KeyError, ValueError, TypeError, IndexError, RecursionError) as error:
+    except InputError:
+        raise
+    except (KeyError, ValueError, TypeError, IndexError, RecursionError, AttributeError) as error:
         raise InputError(f"a {value.title} that is damaged ({error})") from error
 
 
-def _empty_array(*_: object) -> np.ndarray:
-    """What numpy's _reconstruct does, without the choice of type and size: the state that follows brings both."""
-    return np.ndarray.__new__(np.ndarray, (0,), "b")
+def _empty_array(*_: object) -> _Array:
+    """What numpy's _reconstruct gives: an array that the state that follows fills."""
+    return _Array()
 
 
-def _array_from_buffer(buffer: Any, dtype: np.dtype, shape: tuple[int, ...], order: str) -> np.ndarray:
-    return np.frombuffer(buffer, dtype=dtype).reshape(shape, order="F" if order == "F" else "C")
+def _array_from_buffer(buffer: object, dtype: _Dtype, shape: tuple[int, ...], order: str) -> _Array:
+    array = _Array()
+    array.state = {"shape": shape, "dtype": dtype, "fortran": order == "F", "data": buffer}
+    return array
 
 
-def _scalar(dtype: np.dtype, data: Any = b"") -> Any:
-    """A numpy scalar from its bytes; Python 2 wrote them as a latin-1 string."""
-    return np.frombuffer(data.encode("latin1") if isinstance(data, str) else data, dtype=dtype)[0]
+def _scalar(dtype: _Dtype, data: object = b"") -> _Array:
+    return _array_from_buffer(data, dtype, (), "C")
+
+
+def _bytes(data: Any) -> bytes:
+    """The bytes of an array; Python 2 wrote them as a string, which is read as latin-1."""
+    return data.encode("latin1") if isinstance(data, str) else bytes(memoryview(data))
+
+
+def _empty_bytes() -> bytes:
+    return b""
 
 
 def _encode(text: str, encoding: str = "latin1") -> bytes:
@@ -137,19 +188,18 @@ def _new(cls: type, *_: object) -> object:
 
 _MULTIARRAY = ("numpy.core.multiarray", "numpy._core.multiarray")
 _NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
+_BUILTINS = ("builtins", "__builtin__")
 _SPARSE: dict[str, type] = {"csc": _Csc, "csr": _Csr, "coo": _Coo}
 _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _Dtype,
     **{(module, "_reconstruct"): _empty_array for module in _MULTIARRAY},
     **{(module, "scalar"): _scalar for module in _MULTIARRAY},
     **{(module, "_frombuffer"): _array_from_buffer for module in _NUMERIC},
     ("_codecs", "encode"): _encode,
-    ("copyreg", "_reconstructor"): _new,
-    ("builtins", "object"): object,
-    ("builtins", "set"): set,
-    ("builtins", "frozenset"): frozenset,
-    ("builtins", "bytearray"): bytearray,
+    **{(module, "_reconstructor"): _new for module in ("copyreg", "copy_reg")},
+    **{(module, cls.__name__): cls for module in _BUILTINS for cls in (object, set, frozenset)},
+    **{(module, "bytes"): _empty_bytes for module in _BUILTINS},
     ("collections", "OrderedDict"): OrderedDict,
     **{
         (module.format(k), f"{k}_{suffix}"): stand_in

@@ -88,6 +88,7 @@ class BodyPoints:
         if contour:
             self.tables.append(contour_pairs(body, [p.landmark for p in points if isinstance(p, Contour)], directions))
         self.tables = [t.to(self.dtype, self.device) for t in self.tables]
+        self.has_contour = bool(contour)
         owner = np.concatenate([self.tables[0].point.cpu(), *[t.point.cpu() + len(surface) for t in self.tables[1:]]])
         bone = np.concatenate([t.bone.cpu() for t in self.tables])
         self.bone = self._index(bone)
@@ -123,6 +124,13 @@ class BodyPoints:
         self.incidence = self._tensor(np.array(incidence).reshape(len(entry_point), N_JOINTS + len(bone)))
         # weights of surface points in the subtree, to take their share of the turning joint's own position off
         self.subtree_weight = self.incidence[:, N_JOINTS:].contiguous()
+
+    def world_rotations(
+        self, orient: Float[Tensor, "B 3 3"], pose: Float[Tensor, "B 54 3"]
+    ) -> Float[Tensor, "B 55 3 3"]:
+        """World rotations of the joints alone."""
+        local = torch.cat([orient[:, None], rotations.exp(pose)], 1)
+        return pose_joints(self.tree, local, self.rest.expand(len(pose), -1, -1))[0]
 
     def forward(
         self,

@@ -39,5 +39,5 @@ def read_detections(path: Path) -> Detections:
             module, function = reader.split(":")
             return getattr(import_module(module), function)(path)
     raise InputError(
-        f"{path.name} is not a keypoint format that can be read; expected a folder of OpenPose JSON files or one of them."
+        f"{path.name} is no keypoint format that can be read; expected a folder of OpenPose JSON files, or one."
     )

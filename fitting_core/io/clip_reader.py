@@ -1,8 +1,8 @@
 """Read a clip: frames, keypoints and camera put together into what is fitted."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,16 @@ DEFAULT_FRAME_RATE = 30.0
 _MAX_FRAME_RATE = 2000.0
 _FOV_RANGE = (0.5, 170.0)
 """Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
+FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
+    "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels, as given"),
+    "fov": (
+        lambda degrees, size: focal_from_fov(degrees, size[0]),
+        "horizontal field of view of {:g} degrees, as given",
+    ),
+    "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm, as given"),
+}
+"""By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
+_DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
 _MAX_CENTER = 2.0
 """Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
 
@@ -78,7 +88,7 @@ def read_clip(
     Raises:
         InputError: A file is missing or broken, options contradict each other, or nothing was detected.
     """
-    _check_focal_options(focal_length=focal_length, fov=fov, focal_length_35mm=focal_length_35mm)
+    focal = _the_one_given({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
     images, keypoint_path = locate(video, keypoints)
     detections = read_detections(keypoint_path)
     footage = _footage(images)
@@ -88,11 +98,11 @@ def read_clip(
     timeline = footage.timeline or timeline_of_keypoints(detections)
     detections, alignment_notes = align(detections, timeline)
     detections, first = select(detections, timeline, first_frame, last_frame)
-    choice = choose_person(detections, person=person)
+    choice = choose_person(detections, person=person, first_frame=first)
     rate, rate_notes = _frame_rate(frame_rate, footage)
     return Clip(
         keypoints=choice.keypoints,
-        camera=_camera(size, center, focal_length=focal_length, fov=fov, focal_length_35mm=focal_length_35mm),
+        camera=_camera(size, center, focal),
         frame_rate=rate,
         name=_name(video or keypoint_path),
         source=images,
@@ -103,7 +113,7 @@ def read_clip(
             *([choice.note] if choice.note else []),
             *scale_notes,
             *size_notes,
-            *_outside_notes(choice.keypoints, size),
+            *_check_inside(choice.keypoints, size),
             *rate_notes,
         ),
     )
@@ -133,14 +143,21 @@ def _footage(path: Path | None) -> _Footage:
     if path is None:
         return _Footage(path=None, size=None, frame_rate=None, timeline=None)
     with FrameSource(path) as frames:
-        notes = ()
+        notes = []
         if frames.count < frames.declared_count:
-            notes = (
+            notes.append(
                 f"{path.name} is truncated: it says it has {frames.declared_count} frames, but only {frames.count} can "
-                "be decoded; these are used.",
+                "be decoded; these are used."
+            )
+        if frames.uneven:
+            notes.append(
+                f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were. Re-encode it "
+                "at a constant frame rate if motion looks jerky, and detect the keypoints on the result."
             )
         timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
-        return _Footage(path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=notes)
+        return _Footage(
+            path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=tuple(notes)
+        )
 
 
 def _known_size(footage: _Footage, option: tuple[int, int] | None) -> tuple[int, int] | None:
@@ -184,7 +201,7 @@ def _frame_rate(option: float | None, footage: _Footage) -> tuple[float, tuple[s
     return option, ()
 
 
-def _check_focal_options(**options: float | None) -> None:
+def _the_one_given(options: dict[str, float | None]) -> tuple[str, float] | None:
     given = {name: value for name, value in options.items() if value is not None}
     if len(given) > 1:
         listed = " and ".join(f"{name}={value:g}" for name, value in given.items())
@@ -192,32 +209,18 @@ def _check_focal_options(**options: float | None) -> None:
     for name, value in given.items():
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"{name} is {value:g}; expected a positive number.")
-    degrees = options["fov"]
-    if degrees is not None and not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
-        raise InputError(
-            f"fov is {degrees:g}; expected the horizontal field of view, {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g} degrees."
-        )
+        if name == "fov" and value > _FOV_RANGE[1]:
+            raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
+    return next(iter(given.items()), None)
 
 
-def _camera(
-    size: tuple[int, int],
-    center: tuple[float, float] | None,
-    *,
-    focal_length: float | None,
-    fov: float | None,
-    focal_length_35mm: float | None,
-) -> Camera:
-    if focal_length is not None:
-        focal, source = focal_length, f"focal length of {focal_length:g} pixels, as given"
-    elif fov is not None:
-        focal, source = focal_from_fov(fov, size[0]), f"horizontal field of view of {fov:g} degrees, as given"
-    elif focal_length_35mm is not None:
-        focal = focal_from_35mm(focal_length_35mm, size)
-        source = f"35 mm equivalent focal length of {focal_length_35mm:g} mm, as given"
+def _camera(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
+    if focal is None:
+        pixels, source = default_focal(size), _DEFAULT_FOCAL
     else:
-        focal = default_focal(size)
-        source = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
-    _check_angle(focal, size, source)
+        to_focal, words = FOCAL_OPTIONS[focal[0]]
+        pixels, source = to_focal(focal[1], size), words.format(focal[1])
+        _check_angle(pixels, size, source)
     middle = (size[0] / 2, size[1] / 2)
     if center is not None and not all(
         abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
@@ -226,21 +229,21 @@ def _camera(
             f"center is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
             f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
         )
-    return Camera(focal=(focal, focal), center=center or middle, size=size, source=source)
+    return Camera(focal=(pixels, pixels), center=center or middle, size=size, source=source)
 
 
 def _check_angle(focal: float, size: tuple[int, int], source: str) -> None:
     degrees = 2 * math.degrees(math.atan(size[0] / 2 / focal))
     if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
         raise InputError(
-            f"The focal length ({source}) gives images of {size[0]} x {size[1]} a field of view of {degrees:.3g} "
-            f"degrees; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels; for millimetres, "
-            "use focal_length_35mm."
+            f"A camera with a {source.removesuffix(', as given')} sees {degrees:.3g} degrees of an image of "
+            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels (use "
+            "focal_length_35mm for millimetres), fov in degrees."
         )
 
 
-def _outside_notes(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:
-    """A warning where the keypoints do not look as if made on these images."""
+def _check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:
+    """A note, or an error, where the keypoints do not look as if made on these images."""
     points = keypoints.xy[keypoints.confidence > 0]
     outside = ((points < 0) | (points >= np.array(size))).any(1)
     if outside.mean() > 0.5:
@@ -256,6 +259,7 @@ def _outside_notes(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ..
 
 def _name(path: Path) -> str:
     path = path.resolve()
-    inner = path.name in ("images", "keypoints") and path.parent.name
     stem = path.name if path.is_dir() else path.stem
-    return path.parent.name if inner else stem.removesuffix("_keypoints")
+    # A generic name says nothing; the folder around it does.
+    inner = stem in ("images", "keypoints", "video") and path.parent.name
+    return inner or stem.removesuffix("_keypoints")

@@ -26,16 +26,23 @@ def _indices(part: slice) -> list[int]:
     return list(range(COUNT)[part])
 
 
+_COCO_PLACES = [INDEX[name] for name in _COCO_18]
+
 PARTS: dict[str, dict[int, list[int]]] = {
-    "pose_keypoints": {25: _indices(BODY), 18: [INDEX[name] for name in _COCO_18]},
+    "pose_keypoints": {25: _indices(BODY), 18: _COCO_PLACES},
     "hand_left_keypoints": {21: _indices(LEFT_HAND)},
     "hand_right_keypoints": {21: _indices(RIGHT_HAND)},
     "face_keypoints": {70: _indices(FACE)},
 }
 """By the list's key (with or without "_2d"): the layouts it can have, as number of points -> places among the 137."""
 
-_WRITTEN = {"pose_keypoints": BODY, "face_keypoints": FACE, "hand_left_keypoints": LEFT_HAND}
-_WRITTEN["hand_right_keypoints"] = RIGHT_HAND
+_WRITTEN = {
+    "pose_keypoints": BODY,
+    "face_keypoints": FACE,
+    "hand_left_keypoints": LEFT_HAND,
+    "hand_right_keypoints": RIGHT_HAND,
+}
+"""The lists in OpenPose's own order."""
 
 # OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
 _MAX_CONFIDENCE = 1.25
@@ -162,13 +169,14 @@ def _frame(file: Path, people: list[Any]) -> Float[np.ndarray, "P 137 3"]:
         if not isinstance(entry, dict):
             raise InputError(f"{where} is {_kind(entry)}; expected an object with the list 'pose_keypoints_2d'.")
         if not any(_list(entry, key) is not None for key in PARTS):
-            raise InputError(f"{where} has none of the lists {', '.join(f'{key}_2d' for key in PARTS)}.")
+            keys = ", ".join(f"{key}_2d" for key in PARTS)
+            raise InputError(f"{where} has no list of keypoints; expected at least one of {keys}.")
         for key, layouts in PARTS.items():
             values = _list(entry, key)
-            if values:
+            if values not in (None, []):
                 places = _places(where, key, values, layouts)
                 frame[k, places] = _points(where, key, values, places)
-                if len(places) == len(_COCO_18):
+                if places is _COCO_PLACES:
                     frame[k, INDEX["mid_hip"]] = _mid_hip(frame[k, _HIPS])
     return frame
 
@@ -192,7 +200,7 @@ def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float
             raise InputError(f"{where}, {NAMES[places[k // 3]]} ({key}): found {value!r}; expected a number.")
     # Python's integers have no limit, floats have: an integer of 400 digits is a wrong position and not an overflow.
     points = np.array([math.inf if abs(value) > 1e300 else value for value in values], dtype=float).reshape(-1, 3)
-    wrong_position = ~(np.abs(points[:, :2]) <= _MAX_POSITION).all(1)
+    wrong_position = ~np.all(np.abs(points[:, :2]) <= _MAX_POSITION, axis=1)
     wrong_confidence = ~((points[:, 2] >= 0) & (points[:, 2] <= _MAX_CONFIDENCE))
     if (wrong_position | wrong_confidence).any():
         k = int(np.argmax(wrong_position | wrong_confidence))

@@ -38,33 +38,53 @@ class PersonChoice:
     """The choice in words for the user; empty where there was none to make."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """A detection, with its centre and size."""
+
+    body: Float[np.ndarray, "25 3"]
+    centre: Float[np.ndarray, "2"]
+    size: float
+    confidence: float
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "137 3"]) -> "_Seen":
+        # The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body.
+        used = points[BODY] if (points[BODY, 2] > 0).any() else points
+        centre = np.average(used[:, :2], axis=0, weights=used[:, 2])
+        squares = ((used[:, :2] - centre) ** 2).sum(1)
+        size = float(np.sqrt(np.average(squares, weights=used[:, 2])))
+        return cls(body=points[BODY], centre=centre, size=size, confidence=float(used[:, 2].mean()))
+
+
 @dataclass(eq=False)
 class _Track:
     """One person as followed so far."""
 
     frame: int
-    points: Float[np.ndarray, "K 3"]
+    seen: _Seen
     velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
     entries: dict[int, int] = field(default_factory=dict)
     score: float = 0.0
 
-    def predicted(self, frame: int) -> Float[np.ndarray, "K 3"]:
-        """Where the person's keypoints should be, moving on as before."""
-        moved = self.points.copy()
-        moved[:, :2] += self.velocity * min(frame - self.frame, _VELOCITY_FRAMES)
-        return moved
+    def shift(self, frame: int) -> Float[np.ndarray, "2"]:
+        """How far the person should have moved by then, moving on as before."""
+        return self.velocity * min(frame - self.frame, _VELOCITY_FRAMES)
 
-    def add(self, frame: int, entry: int, points: Float[np.ndarray, "K 3"]) -> None:
+    def reach(self, frame: int) -> float:
+        """How far from there, in sizes, a detection still is the same person."""
+        return min(_REACH + _REACH_GROWTH * (frame - self.frame - 1), _MOST_REACH)
+
+    def add(self, frame: int, entry: int, seen: _Seen) -> None:
         """Take a frame's detection as this person's."""
         if self.entries:
-            step = _offset(points, self.points) / (frame - self.frame)
-            self.velocity = 0.5 * self.velocity + 0.5 * step
-        self.frame, self.points = frame, points
+            self.velocity = 0.5 * (self.velocity + _offset(self.seen, seen) / (frame - self.frame))
+        self.frame, self.seen = frame, seen
         self.entries[frame] = entry
-        self.score += _prominence(points)
+        self.score += seen.size * seen.confidence
 
 
-def choose_person(detections: Detections, *, person: int | None = None) -> PersonChoice:
+def choose_person(detections: Detections, *, person: int | None = None, first_frame: int = 0) -> PersonChoice:
     """Choose one person over the clip.
 
     Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
@@ -74,6 +94,7 @@ def choose_person(detections: Detections, *, person: int | None = None) -> Perso
     Args:
         detections: In pixels.
         person: Take this entry (from 0) of every frame's list of people instead.
+        first_frame: Number of the first frame, for the note.
 
     Raises:
         InputError: No detection in the whole clip, or no frame with so many people.
@@ -87,7 +108,9 @@ def choose_person(detections: Detections, *, person: int | None = None) -> Perso
         return _nth_entry(detections, person)
     tracks = sorted(_follow(detections), key=lambda track: track.score, reverse=True)
     entries = tuple(tracks[0].entries.get(t) for t in range(len(detections)))
-    return PersonChoice(keypoints=_keypoints(detections, entries), entries=entries, note=_describe(detections, tracks))
+    return PersonChoice(
+        keypoints=_keypoints(detections, entries), entries=entries, note=_describe(tracks, len(detections), first_frame)
+    )
 
 
 def _nth_entry(detections: Detections, person: int) -> PersonChoice:
@@ -98,6 +121,8 @@ def _nth_entry(detections: Detections, person: int) -> PersonChoice:
         )
     entries = tuple(person if person < len(people) else None for people in detections.frames)
     keypoints = _keypoints(detections, entries)
+    if not keypoints.confidence.any():
+        raise InputError(f"person={person} has no detected keypoint in any frame of {detections.source}.")
     found = sum(entry is not None for entry in entries)
     note = f"Person: entry {person} of each frame's list, as asked; {found} of {len(entries)} frames have it."
     return PersonChoice(keypoints=keypoints, entries=entries, note=note)
@@ -114,88 +139,65 @@ def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypo
 def _follow(detections: Detections) -> list[_Track]:
     tracks: list[_Track] = []
     for t, people in enumerate(detections.frames):
-        seen = [(entry, points) for entry, points in enumerate(people) if (points[:, 2] > 0).any()]
-        matches = _match(tracks, [points for _, points in seen], t)
-        for k, (entry, points) in enumerate(seen):
+        seen = {entry: _Seen.of(points) for entry, points in enumerate(people) if (points[:, 2] > 0).any()}
+        matches = _match(tracks, list(seen.values()), t)
+        for k, (entry, one) in enumerate(seen.items()):
             if k not in matches:
-                tracks.append(_Track(frame=t, points=points))
-            (tracks[matches[k]] if k in matches else tracks[-1]).add(t, entry, points)
+                tracks.append(_Track(frame=t, seen=one))
+            (tracks[matches[k]] if k in matches else tracks[-1]).add(t, entry, one)
     return tracks
 
 
-def _match(tracks: list[_Track], people: list[np.ndarray], frame: int) -> dict[int, int]:
+def _match(tracks: list[_Track], people: list[_Seen], frame: int) -> dict[int, int]:
     """By the place in people: the place in tracks of the same person."""
     if not tracks or not people:
         return {}
-    cost = np.full((len(people), len(tracks)), _UNMATCHABLE)
-    for j, track in enumerate(tracks):
-        reach = min(_REACH + _REACH_GROWTH * (frame - track.frame - 1), _MOST_REACH)
-        predicted = track.predicted(frame)
-        for i, points in enumerate(people):
-            distance = _distance(points, predicted)
-            if distance <= reach:
-                cost[i, j] = distance
-    rows, columns = linear_sum_assignment(cost)
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < _UNMATCHABLE}
+    distances = _distances(people, tracks, frame)
+    possible = distances <= np.array([track.reach(frame) for track in tracks])
+    rows, columns = linear_sum_assignment(np.where(possible, distances, _UNMATCHABLE))
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if possible[i, j]}
 
 
-def _body(points: Float[np.ndarray, "137 3"]) -> Float[np.ndarray, "K 3"]:
-    """The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body."""
-    return points[BODY] if (points[BODY, 2] > 0).any() else points
+def _distances(people: list[_Seen], tracks: list[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+    """Mean distance of common body points, or else of the centres, in sizes of the larger of the two."""
+    shifts = np.array([track.shift(frame) for track in tracks])
+    a = np.array([one.body for one in people])[:, None]
+    b = np.array([track.seen.body for track in tracks])[None]
+    weights = np.sqrt(a[..., 2] * b[..., 2])
+    apart = np.linalg.norm(a[..., :2] - b[..., :2] - shifts[:, None], axis=-1)
+    of_points = (weights * apart).sum(-1) / np.maximum(weights.sum(-1), 1e-9)
+    centres = np.array([one.centre for one in people])[:, None] - [track.seen.centre for track in tracks]
+    of_centres = np.linalg.norm(centres - shifts, axis=-1)
+    sizes = np.maximum.outer([one.size for one in people], [track.seen.size for track in tracks])
+    enough = (weights > 0).sum(-1) >= _COMMON_POINTS
+    return np.where(enough, of_points, of_centres) / np.maximum(sizes, 1e-9)
 
 
-def _centre(points: Float[np.ndarray, "K 3"]) -> Float[np.ndarray, "2"]:
-    return np.average(points[:, :2], axis=0, weights=points[:, 2])
+def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
+    """Mean motion of common body points; (0, 0) where they are too few to say."""
+    weights = np.sqrt(before.body[:, 2] * after.body[:, 2])
+    if (weights > 0).sum() < _COMMON_POINTS:
+        return np.zeros(2)
+    return np.average(after.body[:, :2] - before.body[:, :2], axis=0, weights=weights)
 
 
-def _size(points: Float[np.ndarray, "137 3"]) -> float:
-    body = _body(points)
-    squares = ((body[:, :2] - _centre(body)) ** 2).sum(1)
-    return float(np.sqrt(np.average(squares, weights=body[:, 2])))
-
-
-def _prominence(points: Float[np.ndarray, "137 3"]) -> float:
-    return _size(points) * float(_body(points)[:, 2].mean())
-
-
-def _common(a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
-    """Weights of the body points that both have, None if those are too few."""
-    weights = np.sqrt(a[BODY, 2] * b[BODY, 2])
-    return weights if (weights > 0).sum() >= _COMMON_POINTS else None
-
-
-def _offset(a: np.ndarray, b: np.ndarray) -> Float[np.ndarray, "2"]:
-    """From b to a; (0, 0) where they have too little in common to say."""
-    weights = _common(a, b)
-    return np.zeros(2) if weights is None else np.average(a[BODY, :2] - b[BODY, :2], axis=0, weights=weights)
-
-
-def _distance(a: np.ndarray, b: np.ndarray) -> float:
-    """Mean distance of common keypoints, in sizes of the larger of the two."""
-    size = max(_size(a), _size(b), 1e-9)
-    weights = _common(a, b)
-    if weights is None:
-        return float(np.linalg.norm(_centre(_body(a)) - _centre(_body(b)))) / size
-    return float(np.average(np.linalg.norm(a[BODY, :2] - b[BODY, :2], axis=1), weights=weights)) / size
-
-
-def _describe(detections: Detections, tracks: list[_Track]) -> str:
+def _describe(tracks: list[_Track], count: int, first_frame: int) -> str:
     chosen, others = tracks[0], tracks[1:]
-    missing = [t for t in range(len(detections)) if t not in chosen.entries]
+    missing = [first_frame + t for t in range(count) if t not in chosen.entries]
     if not others and not missing:
         return ""
-    found = f"Person: found in {len(chosen.entries)} of {len(detections)} frames"
+    found = f"Person: found in {len(chosen.entries)} of {count} frames"
     sentences = [f"{found}, not in frames {spans(missing)}." if missing else f"{found}."]
     if others:
-        frames = {t for track in others for t in track.entries}
+        frames = sorted({first_frame + t for track in others for t in track.entries})
         sentences.append(
             f"The largest and surest of {len(tracks)} people (or false detections) was taken; the others appear in "
-            f"{len(frames)} frames ({spans(sorted(frames))})."
+            f"frames {spans(frames)}."
         )
     if others and others[0].score > _RIVAL * chosen.score:
-        place = next(iter(others[0].entries.values()))
+        start, place = next(iter(others[0].entries.items()))
         sentences.append(
-            f"Another person is nearly as prominent, from frame {min(others[0].entries)} on at place {place} of the "
+            f"Another person is nearly as prominent, from frame {first_frame + start} on at place {place} of the "
             f"list: use person={place} if that is who you want."
         )
     return " ".join(sentences)

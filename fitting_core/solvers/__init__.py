@@ -1,0 +1,30 @@
+"""Solvers behind one interface, and the SOLVERS table."""
+
+from collections.abc import Generator
+from typing import Protocol
+
+from fitting_core.config import SolverSettings
+from fitting_core.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting_core.solvers.problem import Problem
+from fitting_core.solvers.solution import Progress, Solution
+from fitting_core.state import State
+
+
+class Solver(Protocol):
+    """Minimises any Problem."""
+
+    iterations: int
+    """Most steps of one minimisation."""
+
+    def minimise(self, problem: Problem, start: State, *, final: bool) -> Generator[Progress, None, Solution]:
+        """Lowers every group's cost, yielding after each step; `final` asks for full accuracy."""
+        ...
+
+
+SOLVERS = {"lm": LevenbergMarquardt}
+"""By the name that a configuration gives."""
+
+
+def make_solver(name: str, settings: SolverSettings) -> Solver:
+    """The solver of a configuration."""
+    return SOLVERS[name](settings)

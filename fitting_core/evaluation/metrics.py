@@ -1,0 +1,46 @@
+"""How good and how smooth a fit is, as the field measures it."""
+
+import numpy as np
+from jaxtyping import Float
+
+
+def procrustes(source: Float[np.ndarray, "T K 3"], target: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K 3"]:
+    """`source` moved by the similarity (rotation, scale, translation) of each frame that is nearest to `target`.
+
+    Least squares by singular values; S. Umeyama, PAMI 13(4), 1991.
+    """
+    mean_source, mean_target = source.mean(1, keepdims=True), target.mean(1, keepdims=True)
+    a, b = source - mean_source, target - mean_target
+    u, s, vt = np.linalg.svd(np.einsum("tki,tkj->tij", a, b))
+    sign = np.ones_like(s)
+    sign[:, 2] = np.sign(np.linalg.det(u @ vt))
+    rotation = np.einsum("tij,tj,tjk->tik", u, sign, vt)
+    scale = (s * sign).sum(1) / (a * a).sum((1, 2)).clip(1e-12)
+    return scale[:, None, None] * (a @ rotation) + mean_target
+
+
+def pa_mpjpe(estimate: Float[np.ndarray, "T K 3"], truth: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T"]:
+    """Mean joint error of each frame after Procrustes alignment, in millimetres (points in metres)."""
+    return 1e3 * np.linalg.norm(procrustes(estimate, truth) - truth, axis=-1).mean(1)
+
+
+def mpjpe(
+    estimate: Float[np.ndarray, "T K 3"], truth: Float[np.ndarray, "T K 3"], roots: list[int]
+) -> Float[np.ndarray, "T"]:
+    """Mean joint error of each frame with the mean of `roots` aligned, in millimetres (points in metres)."""
+    difference = estimate - truth
+    difference = difference - difference[:, roots].mean(1, keepdims=True)
+    return 1e3 * np.linalg.norm(difference, axis=-1).mean(1)
+
+
+def jitter(points: Float[np.ndarray, "T K 3"]) -> float:
+    """Mean length of the second difference in time, in millimetres per frame^2 (points in metres)."""
+    if len(points) < 3:
+        return 0.0
+    return float(1e3 * np.linalg.norm(np.diff(points, 2, axis=0), axis=-1).mean())
+
+
+def lean(up: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T"]:
+    """Angle between a body's up axis and the image's vertical (y down), in degrees."""
+    cosine = -up[:, 1] / np.linalg.norm(up, axis=-1)
+    return np.degrees(np.arccos(cosine.clip(-1, 1)))

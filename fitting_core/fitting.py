@@ -1,0 +1,185 @@
+"""The three phases as a generator of events, and as one call."""
+
+import time
+from collections.abc import Generator
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points import BodyPoints
+from fitting_core.clip import Clip
+from fitting_core.config import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.phases.consistency import Consistency
+from fitting_core.phases.independent import fit_frames
+from fitting_core.phases.progress import Step
+from fitting_core.phases.shared_shape import fit_shape
+from fitting_core.result import FitResult, PhaseResult
+from fitting_core.solvers import make_solver
+from fitting_core.reliability import SEEN
+from fitting_core.stages import N_STAGES, Stages
+from fitting_core.state import State
+
+TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
+
+
+def fit_events(clip: Clip, body: BodyModel, config: FitConfig) -> Generator[FitEvent, None, FitResult]:
+    """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        config: everything else; see `config.PRESETS`.
+
+    Raises:
+        InputError: no frame of the clip shows enough of a person.
+    """
+    return (yield from _Fit(clip, body, config).run())
+
+
+def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
+    """The result of `fit_events`, without the events."""
+    events = fit_events(clip, body, config)
+    while True:
+        try:
+            next(events)
+        except StopIteration as stop:
+            return stop.value
+
+
+def rerun_events(
+    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, frames: range
+) -> Generator[FitEvent, None, BodyParams]:
+    """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit."""
+    if not (0 <= frames.start < frames.stop <= len(clip)):
+        raise InputError(
+            f"Frames {frames.start} to {frames.stop - 1} cannot be fitted again: the clip "
+            f"has frames 0 to {len(clip) - 1}."
+        )
+    stages = Stages(clip.keypoints, clip.camera, body, config)
+    consistency = Consistency(stages, make_solver(config.solver, config.settings))
+    yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
+    state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
+    fresh = stages.parametrisation.to_params(state)
+    inside = torch.zeros(len(clip), dtype=torch.bool)
+    inside[frames.start : frames.stop] = True
+    merged = {n: torch.where(inside[:, None], getattr(fresh, n), t.double()) for n, t in vars(params).items()}
+    return BodyParams(**merged)
+
+
+class _Fit:
+    """One fit: what is constant over its phases, and the phases finished so far."""
+
+    def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
+        self.clip, self.config = clip, config
+        self.stages = Stages(clip.keypoints, clip.camera, body, config)
+        if not bool(self.stages.usable().any()):
+            raise InputError(
+                f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
+                f"above {SEEN}. Check the keypoint files, or --person."
+            )
+        self.solver = make_solver(config.solver, config.settings)
+        self.consistency = Consistency(self.stages, self.solver)
+        self.phases: list[PhaseResult] = []
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """All phases up to the configured last one."""
+        state = yield from self._first()
+        if self.config.last_phase >= 2:
+            state = yield from self._second(state)
+        if self.config.last_phase >= 3:
+            yield from self._third(state)
+        result = self._result()
+        yield Finished(result=result)
+        return result
+
+    def _first(self) -> Generator[FitEvent, None, State]:
+        yield PhaseStarted(phase=1, title=TITLES[1])
+        start = time.perf_counter()
+        fits = yield from _events(fit_frames(self.stages, self.solver), 1)
+        self.good = fits.cost.isfinite()
+        yield self._finish(1, fits.state, start, fits.notes)
+        return fits.state
+
+    def _second(self, state: State) -> Generator[FitEvent, None, State]:
+        yield PhaseStarted(phase=2, title=TITLES[2])
+        start = time.perf_counter()
+        usable = self.good.nonzero()[:, 0] if bool(self.good.any()) else self.stages.all_frames
+        sampled, frames = yield from _events(fit_shape(self.stages, self.solver, state, usable), 2)
+        betas = self.stages.parametrisation.columns.betas
+        state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
+        note = "shape from frames " + ", ".join(map(str, frames.tolist()))
+        yield self._finish(2, state, start, (note,), sample=(sampled, frames))
+        return state
+
+    def _third(self, state: State) -> Generator[FitEvent, None, None]:
+        yield PhaseStarted(phase=3, title=TITLES[3])
+        start = time.perf_counter()
+        mode = {"global": self.consistency.all_at_once, "sliding_window": self.consistency.sliding_window}
+        state = yield from _events(mode[self.config.temporal.mode](state), 3)
+        yield self._finish(3, state, start, ())
+
+    def _finish(
+        self,
+        phase: int,
+        state: State,
+        start: float,
+        notes: tuple[str, ...],
+        *,
+        sample: tuple[State, Tensor] | None = None,
+    ) -> PhaseFinished:
+        objective = self.stages.objective(N_STAGES, state, self.stages.free(N_STAGES, betas=phase < 3))
+        every = objective.costs(state, self.stages.all_frames)
+        counted = every if sample is None else objective.costs(*sample)
+        terms = {name: float(cost.mean()) for name, cost in counted.items()}
+        if phase == 3:
+            terms["temporal"] = self.consistency.temporal_cost(state) / len(state)
+        terms["total"] = sum(terms.values())
+        result = PhaseResult(
+            phase=phase,
+            params=self.stages.parametrisation.to_params(state),
+            objective=terms,
+            frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
+            seconds=time.perf_counter() - start,
+            notes=notes,
+        )
+        self.phases.append(result)
+        return PhaseFinished(phase=phase, result=result)
+
+    def _result(self) -> FitResult:
+        return FitResult(
+            phases=tuple(self.phases),
+            camera=self.clip.camera,
+            config=self.config,
+            observed=observed_joints(self.stages),
+            warnings=(*self.clip.notes, *(note for p in self.phases for note in p.notes)),
+        )
+
+
+def _events(steps: Generator[Step, None, State], phase: int) -> Generator[FitEvent, None, State]:
+    """A phase's steps as events."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as stop:
+            return stop.value
+        if step.final is not None:
+            yield WindowFinished(frames=step.final[0], params=step.final[1])
+        else:
+            yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost)
+
+
+def observed_joints(stages: Stages) -> Bool[np.ndarray, "T 55"]:
+    """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
+    points = stages.keypoint_points
+    known = [i for i, p in enumerate(points) if p is not None]
+    compiled = BodyPoints(stages.body, [p for p in points if p is not None])
+    hangs = np.zeros((len(points), N_JOINTS), bool)
+    hangs[np.array(known)[compiled.entry_point.numpy()], compiled.entry_joint.numpy()] = True
+    seen = stages.keypoints.confidence > SEEN
+    return (seen.astype(int) @ hangs.astype(int)) > 0

@@ -1,0 +1,137 @@
+"""What a solver solves: costs and damped steps of one of three structures, behind one interface."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from fitting_core.objective import FrameObjective
+from fitting_core.state import State
+
+DIAGONAL_FLOOR = 1e-9
+"""Share of the largest diagonal entry that keeps parameters regular which no residual sees."""
+
+
+class Problem(Protocol):
+    """A least squares problem over the frames of a State, in groups that are independent of each other."""
+
+    groups: int
+
+    def rows(self, groups: Int[Tensor, "g"]) -> Int[Tensor, "r"]:
+        """Rows of the state that belong to these groups, in order."""
+        ...
+
+    def cost(self, state: State, groups: Int[Tensor, "g"]) -> Float[Tensor, "g"]:
+        """Cost of each group; `state` holds the groups' rows only. Infinite for invalid states."""
+        ...
+
+    def normal(self, state: State, groups: Int[Tensor, "g"]) -> tuple[Tensor, ...]:
+        """Cost (g,) and whatever `solve` needs, every tensor with the groups first."""
+        ...
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Float[Tensor, "g"]) -> "Step":
+        """The damped Gauss-Newton step of each group."""
+        ...
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the state's rows, what it promises, and whether its matrix was positive definite."""
+
+    move: Float[Tensor, "r total"]
+    predicted: Float[Tensor, "g"]
+    solved: Bool[Tensor, "g"]
+
+
+def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g"]) -> Float[Tensor, "*g d"]:
+    """What is added to the diagonal: damping x its mean.
+
+    Not damping x the diagonal itself, which crept along single hand components: E 10438 against 8913.
+    """
+    floor = DIAGONAL_FLOOR * diagonal.amax(-1, keepdim=True)
+    return (damping[..., None] * diagonal.mean(-1, keepdim=True) + floor).expand_as(diagonal)
+
+
+class IndependentFrames:
+    """Every frame for itself: phase 1."""
+
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
+        self.objective, self.frames, self.groups = objective, frames, len(frames)
+
+    def rows(self, groups: Tensor) -> Tensor:
+        """A group is a frame."""
+        return groups
+
+    def cost(self, state: State, groups: Tensor) -> Tensor:
+        """E_o of each frame."""
+        return self.objective.cost(state, self.frames[groups])
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        """Cost, gradient (g,d), matrix (g,d,d)."""
+        n = self.objective.normal(state, self.frames[groups])
+        return n.cost, n.gradient, n.matrix
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
+        """One dense Cholesky factorisation for each frame."""
+        _, gradient, matrix = normal
+        extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping)
+        damped = matrix.clone()
+        damped.diagonal(dim1=1, dim2=2).add_(extra)
+        factor, info = torch.linalg.cholesky_ex(damped)
+        move = -torch.cholesky_solve(gradient[..., None], factor)[..., 0]
+        predicted = -(gradient * move).sum(1) + (extra * move * move).sum(1)
+        return Step(self.objective.step(move), predicted, info == 0)
+
+
+class SharedShape:
+    """Mean of E_o over some frames that share their betas, plus the prior on these: phase 2.
+
+    The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's
+    betas must be free and carry no prior of their own.
+    """
+
+    groups = 1
+
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
+        assert objective.free.betas
+        self.objective, self.frames, self.shape_weight = objective, frames, shape_weight
+        self.betas = objective.view.parametrisation.columns.betas
+
+    def rows(self, groups: Tensor) -> Tensor:
+        """All frames."""
+        return torch.arange(len(self.frames), device=groups.device)
+
+    def cost(self, state: State, groups: Tensor) -> Tensor:
+        """E_beta' + mean of E_o."""
+        shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
+        return (self.objective.cost(state, self.frames).mean() + shape)[None]
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        """Cost, frames' gradients and matrices (with the betas' share), and the betas' own prior."""
+        n, share = self.objective.normal(state, self.frames), 1 / len(self.frames)
+        prior = self.shape_weight**2 * state.vector[0, self.betas]
+        cost = self.cost(state, groups)
+        return cost, share * n.gradient[None], share * n.matrix[None], prior[None]
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
+        """Eliminates every frame's own columns, solves for the betas, and substitutes back."""
+        _, gradient, matrix, prior = (a[0] for a in normal)
+        count = len(gradient)
+        own = gradient.shape[1] - 10
+        extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping.expand(count))
+        damped = matrix.clone()
+        damped.diagonal(dim1=1, dim2=2).add_(extra)
+        factor, info = torch.linalg.cholesky_ex(damped[:, :own, :own])
+        coupling = damped[:, :own, own:]
+        eliminated = torch.cholesky_solve(torch.cat([coupling, gradient[:, :own, None]], 2), factor)
+        schur = damped[:, own:, own:].sum(0) - (coupling.transpose(1, 2) @ eliminated[..., :10]).sum(0)
+        schur.diagonal().add_(self.shape_weight**2)
+        right = gradient[:, own:].sum(0) + prior - (coupling.transpose(1, 2) @ eliminated[..., 10:])[..., 0].sum(0)
+        schur_factor, schur_info = torch.linalg.cholesky_ex(schur)
+        betas = -torch.cholesky_solve(right[:, None], schur_factor)[:, 0]
+        move = torch.cat([-eliminated[..., 10] - eliminated[..., :10] @ betas, betas.expand(count, 10)], 1)
+        predicted = -(gradient * move).sum() - (prior * betas).sum() + (extra * move * move).sum()
+        solved = (info == 0).all() & (schur_info == 0)
+        return Step(self.objective.step(move), predicted[None], solved[None])

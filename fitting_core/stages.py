@@ -1,0 +1,187 @@
+"""From a clip, a body and a configuration to the objective of each stage."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core import keypoints as kp
+from fitting_core.body.kinematics import contour_bins
+from fitting_core.body.model import BodyModel
+from fitting_core.body.pairs import Point, keypoint_points
+from fitting_core.body.points import BodyPoints
+from fitting_core.camera import Camera
+from fitting_core.config import FitConfig
+from fitting_core.estimate import View
+from fitting_core.keypoints import Keypoints
+from fitting_core.objective import FrameObjective
+from fitting_core.priors.pose import PRIORS
+from fitting_core.reliability import SEEN, trusted_confidence
+from fitting_core.state import Free, Parametrisation, State
+from fitting_core.terms import Bending, Data, Lean, Quadratic, Term
+
+IMAGE_SCALE = 1000.0
+"""The data term's pixels are scaled as if the image were so high."""
+DEPTH_WEIGHT = 100.0
+"""Of the camera step: (1e2)^2 (tz - tz_0)^2."""
+N_STAGES = 5
+
+_TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
+_HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "left_ear")]
+_LEGS = [(kp.INDEX[f"{side}_hip"], kp.INDEX[f"{side}_knee"]) for side in ("left", "right")]
+
+
+@dataclass(frozen=True)
+class _Selection:
+    """Keypoints that one objective looks at."""
+
+    indices: Int[Tensor, "N"]
+    weight: Float[Tensor, "T N"]
+
+
+class Stages:
+    """Builds objectives; holds what is constant over a fit.
+
+    Args:
+        keypoints: the detections.
+        camera: the clip's camera.
+        body: the body model.
+        config: weights and all other settings.
+    """
+
+    def __init__(self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig) -> None:
+        self.body, self.config, self.camera = body, config, camera
+        if config.distrust_cut_off:
+            keypoints = replace(keypoints, confidence=trusted_confidence(keypoints, camera.size))
+        self.keypoints = keypoints
+        self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
+        self.parametrisation = Parametrisation(
+            body,
+            PRIORS[config.pose_prior](),
+            hand_components=config.hand_components,
+            dtype=self.dtype,
+            device=self.device,
+        )
+        self.xy, self.confidence = self.tensor(keypoints.xy), self.tensor(keypoints.confidence)
+        self.keypoint_points: list[Point | None] = keypoint_points(body)
+        self._known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
+        self._compiled: dict[tuple[int, ...], BodyPoints] = {}
+        self.all_frames = torch.arange(len(keypoints), device=self.device)
+        seen = self.confidence > SEEN
+        self.hips_seen = seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
+        self.leg_seen = torch.stack([seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
+
+    def tensor(self, a: np.ndarray) -> Tensor:
+        """The array in the fit's type and on its device."""
+        return torch.as_tensor(a, dtype=self.dtype, device=self.device)
+
+    def has(self, group: slice) -> bool:
+        """Whether any keypoint of the group was detected that the body knows."""
+        return bool((self.confidence[:, group][:, self._known[group]] > 0).any())
+
+    def _joint_weights(self, stage: int) -> Float[Tensor, "137"]:
+        w, config = self.config.weights, self.config
+        weights = self.xy.new_full((kp.COUNT,), w.body_keypoints[stage - 1])
+        weights[kp.INDEX["neck"]] *= config.neck_weight
+        weights[[kp.INDEX["left_hip"], kp.INDEX["right_hip"]]] *= config.hip_weight
+        weights[kp.HANDS] = w.hand_keypoints[stage - 1]
+        weights[kp.FACE] = w.face_keypoints[stage - 1]
+        return weights
+
+    def _select(self, joint_weights: Float[Tensor, "T 137"]) -> _Selection:
+        weight = self.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1])
+        used = ((weight > 0).any(0) & self._known).nonzero()[:, 0]
+        return _Selection(used, weight[:, used])
+
+    def _view(self, indices: Tensor, state: State | None) -> View:
+        key = tuple(indices.tolist())
+        if key not in self._compiled:
+            points = [p for p in (self.keypoint_points[i] for i in key) if p is not None]
+            self._compiled[key] = BodyPoints(self.body, points, dtype=self.dtype, device=self.device)
+        points = self._compiled[key]
+        focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
+        bins = None
+        if points.has_contour and state is not None:
+            bins = self.contour_bins(points, state)
+        return View(self.parametrisation, points, focal, center, bins)
+
+    def contour_bins(self, points: BodyPoints, state: State) -> Int[Tensor, "T"]:
+        """The face contour's table of each frame, from the head's yaw in `state`."""
+        p = self.parametrisation
+        return contour_bins(points.world_rotations(state.orient, p.pose(state, p.body_pose(state))))
+
+    def _data(self, selection: _Selection) -> Data:
+        return Data(self.xy[:, selection.indices], selection.weight, self.config.robust_pixels)
+
+    def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
+        """What moves in a stage.
+
+        Hands and face move only if the clip shows them at all: nothing but their priors would act on them. `resting`
+        says that they are still at rest (phase 1), where stages that do not look at them would leave them anyway.
+        """
+        w = self.config.weights
+        stages = [stage - 1] if resting else range(N_STAGES)
+        hands = self.has(kp.HANDS) and any(w.hand_keypoints[s] > 0 for s in stages)
+        face = self.has(kp.FACE) and any(w.face_keypoints[s] > 0 for s in stages)
+        return Free(hands=hands, face=face, betas=betas, translation=translation)
+
+    def objective(self, stage: int, state: State, free: Free) -> FrameObjective:
+        """E_o of a stage (1 to 5).
+
+        Args:
+            stage: which row of the weights.
+            state: all frames of the clip; where it stands decides the face contour's tables, which then stay.
+            free: what moves.
+        """
+        weights = self._joint_weights(stage).expand(len(self.keypoints), -1)
+        selection = self._select(weights)
+        terms = [self._data(selection), *self._priors(stage)]
+        return FrameObjective(terms, self._view(selection.indices, state), free)
+
+    def _priors(self, stage: int) -> list[Term]:
+        w, s = self.config.weights, stage - 1
+        p = self.parametrisation
+        c, prior = p.columns, p.prior
+
+        def quadratic(name: str, where: slice, weight: float, target: Tensor | None = None) -> Quadratic:
+            return Quadratic(name, where, self.xy.new_full((where.stop - where.start,), weight), target)
+
+        jaw = self.xy.new_tensor([w.jaw_open[s], w.jaw_sideways[s], w.jaw_sideways[s]])
+        terms: list[Term] = [
+            quadratic("body_pose", c.body, w.body_pose[s], prior.neutral.to(self.xy)),
+            quadratic("hand_pose", c.hands, w.hand_pose[s]),
+            Quadratic("jaw", c.jaw, jaw),
+            quadratic("expression", c.expression, w.expression[s]),
+            quadratic("shape", c.betas, w.shape[s]),
+            Bending(w.bending[s]),
+        ]
+        if w.lean[s] and not bool(self.leg_seen.all()):
+            terms.append(Lean(w.lean[s] * (~self.leg_seen).to(self.xy)))
+        return terms
+
+    def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
+        """The camera step: orientation and translation on the torso, depth held near its guess.
+
+        Where hips are not seen the head takes their part, and the lean counts: shoulders and neck alone are one line.
+        """
+        weights = self.xy.new_zeros(len(self.keypoints), kp.COUNT)
+        weights[:, _TORSO] = 1
+        headed = torch.zeros_like(weights)
+        headed[:, _HEAD] = 1
+        weights = torch.where(self.hips_seen[:, None], weights, weights + headed)
+        selection = self._select(weights)
+        where = self.parametrisation.columns.translation
+        hold = Quadratic(
+            "depth", slice(where.stop - 1, where.stop), self.xy.new_full((1,), DEPTH_WEIGHT), depth[:, None]
+        )
+        terms: list[Term] = [self._data(selection), hold]
+        if any(self.config.weights.lean) and not bool(self.leg_seen.all()):
+            terms.append(Lean(max(self.config.weights.lean) * (~self.leg_seen).to(self.xy)))
+        free = Free(body=False, hands=False, face=False, betas=False)
+        return FrameObjective(terms, self._view(selection.indices, None), free)
+
+    def usable(self) -> Tensor:
+        """Frames with enough confident keypoints to say where the person is, (T,) bool."""
+        return (self.confidence[:, kp.BODY] > SEEN).sum(1) >= 4

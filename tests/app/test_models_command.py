@@ -1,0 +1,71 @@
+"""`tcfit models`: the table and the registration."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fitting_core.body import registry
+from fitting_core.errors import InputError
+from tcfit_app.models_command import list_models, register_models
+from tests.body_files import body_arrays, write_npz
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folders of this test in place of the user's: `data` for registered bodies, `free` for those that come along."""
+    monkeypatch.setattr(registry, "user_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(registry, "FREE_FOLDER", tmp_path / "free")
+    monkeypatch.setattr("tcfit_app.models_command.user_folder", lambda: tmp_path / "data")
+    monkeypatch.delenv(registry.ENVIRONMENT, raising=False)
+    return tmp_path
+
+
+def test_table_of_models(places: Path, capsys: pytest.CaptureFixture[str]):
+    free = write_npz(places / "free" / "SMPLX_NEUTRAL.npz", body_arrays())
+    own = write_npz(places / "data" / "SMPLH_FEMALE.npz", body_arrays("smplh"))
+    list_models()
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["MODEL", "GENDER", "VERTICES", "FROM", "FILE"]
+    assert lines[1].split() == ["SMPL-H", "female", "60", "yours", str(own)]
+    assert lines[2].split() == ["SMPL-X", "neutral", "60", "comes", "with", "tcfit", str(free)]
+    assert len({line.index(str(path)) for line, path in zip(lines[1:3], (own, free), strict=True)}) == 1
+
+
+def test_damaged_model_is_shown_with_its_problem(places: Path, capsys: pytest.CaptureFixture[str]):
+    (places / "free").mkdir()
+    (places / "free" / "SMPLX_MALE.npz").write_bytes(b"x")
+    list_models()
+    out = capsys.readouterr().out
+    assert "damaged" in out and "Cannot be read:" in out and "no complete npz archive" in out
+
+
+def test_without_models_the_folders_are_named(places: Path, capsys: pytest.CaptureFixture[str]):
+    list_models()
+    out = capsys.readouterr().out
+    assert out.startswith("No body model found in")
+    assert str(places / "data") in out and str(places / "free") in out and "tcfit models add" in out
+
+
+def test_registered_models_are_shown(places: Path, capsys: pytest.CaptureFixture[str]):
+    first = write_npz(places / "downloads" / "SMPLX_MALE.npz", body_arrays())
+    second = write_npz(places / "other" / "smplh" / "female" / "model.npz", body_arrays("smplh"))
+    register_models([first, places / "other"])
+    out = capsys.readouterr().out
+    assert str(places / "data" / "SMPLX_MALE.npz") in out and str(places / "data" / "SMPLH_FEMALE.npz") in out
+    assert (places / "data" / "SMPLH_FEMALE.npz").read_bytes() == second.read_bytes()
+
+
+def test_those_before_a_bad_path_stay_registered(places: Path):
+    good = write_npz(places / "downloads" / "SMPLX_MALE.npz", body_arrays())
+    with pytest.raises(InputError, match="does not exist"):
+        register_models([good, places / "nothing.zip"])
+    assert [file.name for file in (places / "data").iterdir()] == ["SMPLX_MALE.npz"]
+
+
+@pytest.mark.parametrize("module", ["tcfit_app.models_command", "tcfit_app.doctor"])
+def test_import_loads_no_heavy_package(module: str):
+    code = f"import sys, {module}; print([m for m in ('torch', 'cv2', 'pyrender', 'viser') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
