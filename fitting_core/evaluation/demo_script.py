@@ -102,12 +102,43 @@ HIPS_PATH: Sequence[Key] = (
 )  # fmt: skip
 """Of the pelvis joint, from where it is when the person stands upright."""
 JAW_DEGREES: Sequence[Key] = (
-    (0.0, (0,)), (0.6, (0,)), (0.82, (9,)), (1.0, (4,)), (1.2, (11,)), (1.4, (1,)), (1.62, (1,)), (1.8, (7,)),
-    (2.0, (1,)), (2.3, (2,)), (2.45, (8,)), (2.6, (3,)), (2.75, (8,)), (2.95, (1,)), (3.4, (10,)), (3.65, (0,)),
+    (0.0, (0,)), (0.6, (0,)), (0.82, (6,)), (1.0, (2,)), (1.2, (7,)), (1.4, (1,)), (1.62, (1,)), (1.8, (5,)),
+    (2.0, (1,)), (2.3, (2,)), (2.45, (6,)), (2.6, (2,)), (2.75, (6,)), (2.95, (1,)), (3.4, (7,)), (3.65, (0,)),
     (5.8, (0,)),
 )  # fmt: skip
-EXPRESSION: Sequence[Key] = (
-    (0.0, (0,) * 10), (0.6, (0,) * 10), (1.0, (0.8, 0, 0.5, 0, 0, 0, 0, 0, 0, 0)), (1.5, (0,) * 10),
-    (2.4, (-0.4, 0.5, 0, 0, 0, 0, 0, 0, 0, 0)), (2.8, (0,) * 10), (3.4, (0.6, 0, 0.7, 0, 0, 0, 0, 0, 0, 0)),
-    (3.8, (0,) * 10), (5.1, (0,) * 10), (5.5, (0.9, 0, 0.3, 0, 0, 0, 0, 0, 0, 0)), (5.8, (0.9,) + (0,) * 9),
-)  # fmt: skip
+_BLINKS = (0.45, 1.47, 2.98, 4.12, 5.02)
+FACE: dict[str, Sequence[Key]] = {
+    "blink": [key for t in _BLINKS for key in ((t - 0.1, (0,)), (t, (1.1,)), (t + 0.14, (0,)))],
+    "smile": (
+        (0.0, (0.1,)), (0.55, (0.1,)), (0.95, (1,)), (1.5, (0.3,)), (2.4, (0,)), (3.2, (0.2,)), (3.5, (0.7,)),
+        (3.9, (0.1,)), (5.0, (0.1,)), (5.45, (1,)), (5.8, (1,)),
+    ),
+    "raised_brows": (
+        (0.6, (0,)), (0.85, (1,)), (1.3, (0.2,)), (1.75, (1,)), (2.1, (0,)), (3.2, (0,)), (3.45, (0.8,)), (3.8, (0,)),
+    ),
+    "lowered_brows": ((2.1, (0,)), (2.4, (1,)), (2.8, (0.8,)), (3.05, (0,))),
+}  # fmt: skip
+"""Strength (0 to 1) of gestures of fitting_core.evaluation.gestures."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A stretch in which the detector of the demo fails."""
+
+    kind: str
+    """One of FAILURES in fitting_core.evaluation.simulated_detector."""
+    start: float
+    stop: float
+    """Seconds; the frame at `stop` is fine again."""
+    groups: tuple[str, ...]
+    """Names of keypoints or their beginnings, as in fitting_core.keypoints.NAMES."""
+
+
+_RIGHT_LOWER_LEG = ("right_knee", "right_ankle", "right_big_toe", "right_small_toe", "right_heel")
+FAILURES = (
+    Failure("dropped", 0.56, 0.80, ("right_hand",)),
+    Failure("dropped", 3.12, 3.48, ("left_hand",)),
+    Failure("swapped", 2.36, 2.56, ("arms",)),
+    Failure("occluded", 4.24, 4.76, _RIGHT_LOWER_LEG),
+    Failure("dropped", 4.40, 4.64, ("right_hand",)),
+)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from fitting_core.camera import Camera
+from fitting_core.evaluation.clothing import Outfit
 from fitting_core.evaluation.rasterize import rasterize
 
 CAMERA = Camera(focal=(1400.0, 1400.0), center=(270.0, 360.0), size=(540, 720), source="the demo's own camera")
@@ -81,22 +82,20 @@ class Studio:
         vertices: Float[np.ndarray, "V 3"],
         faces: Int[np.ndarray, "F 3"],
         normals: Float[np.ndarray, "V 3"],
-        paint: Float[np.ndarray, "V 3"],
-        colors,
+        outfit: Outfit,
     ) -> tuple[UInt8[np.ndarray, "H W 3"], Float[np.ndarray, "H W"]]:
-        """The room with a person in it, and the depth buffer (metres; infinite on floor and wall).
+        """The room with a person in it (RGB), and the depth buffer (metres; infinite on floor and wall).
 
         Args:
-            vertices: In the world.
-            faces: Triangles.
-            normals: Unit normals of the vertices, in the world.
-            paint: What `colors` wants to know of each vertex.
-            colors: Linear RGB of points, from their interpolated paint.
+            vertices: In the world, metres.
+            faces: Triangles, counter-clockwise from outside.
+            normals: Of the vertices, in the world.
+            outfit: What the person wears.
         """
         depth = self._depth.copy()
         fragments = rasterize(self.to_camera(vertices), faces, self._large, depth)
         lit = light(fragments.interpolate(faces, normals))[:, None]
-        person = colors(fragments.interpolate(faces, paint)) * lit
+        person = outfit.colors(fragments.interpolate(faces, outfit.paint)) * lit
         image, _ = self._over(self._color * self._shadow(vertices)[..., None], fragments.pixel, person)
         nearest = np.minimum.reduce([depth[i::_SAMPLES, j::_SAMPLES] for i in range(_SAMPLES) for j in range(_SAMPLES)])
         return (255 * np.minimum(image, 1.0) ** (1 / 2.2) + 0.5).astype(np.uint8), nearest
@@ -150,6 +149,15 @@ class Studio:
             factor *= 1 - strength * np.minimum(gain * dark, 1.0)
         large = cv2.resize(factor, self.camera.size, interpolation=cv2.INTER_LINEAR)
         return 1 - self._floor * (1 - large)
+
+
+def vertex_normals(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, "V 3"]:
+    """Normals of the vertices, the mean over their faces, weighted by area."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    normals = np.cross(b - a, c - a)
+    sums = [np.bincount(faces.reshape(-1), np.repeat(normals[:, axis], 3), len(vertices)) for axis in range(3)]
+    unit = np.stack(sums, 1)
+    return unit / np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-20)
 
 
 def light(normals: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, "P"]:
