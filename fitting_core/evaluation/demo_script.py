@@ -34,20 +34,21 @@ class ArmKey:
 
 
 _HANGING: dict[str, Any] = dict(
-    wrist=(0.235, -0.455, 0.05), fingers=(0.06, -1.0, 0.2), palm=(-1.0, 0.0, -0.15), shape="relaxed",
+    wrist=(0.235, -0.445, 0.055), fingers=(0.06, -1.0, 0.42), palm=(-1.0, 0.0, -0.15), shape="relaxed",
                 elbow=(0.35, -0.1, -1.0))  # fmt: skip
 _ON_THIGH: dict[str, Any] = dict(
-    wrist=(-0.01, 0.10, -0.20), fingers=(-0.22, -0.12, 1.0), palm=(0.0, -1.0, -0.1), shape="relaxed",
+    wrist=(-0.015, 0.142, -0.21), fingers=(-0.22, -0.12, 1.0), palm=(0.0, -1.0, -0.1), shape="relaxed",
                  elbow=(0.75, -0.5, -0.5), on_knee=1.0)  # fmt: skip
 _READY: dict[str, Any] = dict(
     wrist=(0.15, -0.30, 0.27), fingers=(-0.75, 0.2, 0.6), palm=(-0.2, -0.6, -0.75), shape="relaxed"
 )
-_FINGERS_UP_IN: dict[str, Any] = dict(fingers=(-0.12, 1.0, 0.12), palm=(-0.12, 0.0, -1.0), shape="spread")
-_FINGERS_UP_OUT: dict[str, Any] = dict(fingers=(0.28, 1.0, 0.1), palm=(0.1, -0.1, 1.0), shape="spread")
+_FINGERS_UP_IN: dict[str, Any] = dict(fingers=(-0.5, 0.9, 0.2), palm=(-0.15, 0.0, -1.0), shape="spread")
+_FINGERS_UP_OUT: dict[str, Any] = dict(fingers=(0.22, 1.0, 0.3), palm=(0.1, -0.3, 1.0), shape="spread")
 
 RIGHT_ARM: Sequence[ArmKey] = (
     ArmKey(0.00, **_HANGING),
     ArmKey(0.16, **_HANGING),
+    ArmKey(0.42, (0.25, -0.16, 0.24), (-0.15, 0.45, 0.9), (-1.0, 0.0, 0.0), "relaxed", (0.8, -0.5, -0.3)),
     # "hello": a flat hand from the temple outward
     ArmKey(0.70, (0.27, 0.13, 0.15), (-0.72, 0.66, -0.18), (0.1, -0.55, 0.8), "flat", (0.9, -0.45, 0.1)),
     ArmKey(0.84, (0.27, 0.135, 0.15), (-0.72, 0.66, -0.18), (0.1, -0.55, 0.8), "flat", (0.9, -0.45, 0.1)),
@@ -66,7 +67,7 @@ RIGHT_ARM: Sequence[ArmKey] = (
     ArmKey(3.17, (0.14, -0.115, 0.27), **_FINGERS_UP_IN),
     ArmKey(3.44, (0.27, -0.10, 0.30), **_FINGERS_UP_OUT),
     ArmKey(3.62, (0.275, -0.105, 0.30), **_FINGERS_UP_OUT),
-    ArmKey(4.10, (0.23, -0.27, 0.26), (-0.15, -0.1, 1.0), (-0.4, -0.9, 0.0), "relaxed", (0.6, -0.7, -0.5)),
+    ArmKey(4.10, (0.23, -0.27, 0.26), (-0.15, -0.35, 1.0), (-0.4, -0.9, 0.0), "relaxed", (0.6, -0.7, -0.5)),
     ArmKey(4.85, **_ON_THIGH),
     ArmKey(5.80, **_ON_THIGH),
 )
@@ -77,7 +78,7 @@ LEFT_ARM: Sequence[ArmKey] = (
     ArmKey(2.24, (0.14, -0.24, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     ArmKey(2.42, (0.14, -0.245, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     ArmKey(2.72, (0.14, -0.245, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
-    *RIGHT_ARM[12:],
+    *RIGHT_ARM[13:],
 )
 ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
 # Pitch (forward), yaw (to the person's left), roll (to the person's right), degrees.
