@@ -9,9 +9,9 @@ import functools
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -27,10 +27,11 @@ DEFAULT_COLOR = (0.62, 0.68, 0.76)
 _CAMERA_TO_GL = np.array([1.0, -1.0, -1.0])
 # Directions towards the lights (camera space of OpenGL: x right, y up, z backward) and their intensities: a key light
 # from the upper left, a weak fill from the right, and a rim from behind that parts limbs from the trunk.
-_LIGHTS = (((-0.5, 0.7, 0.9), 2.6), ((0.9, 0.1, 0.6), 0.8), ((0.3, 0.6, -1.0), 1.0))
+_LIGHTS = (((-0.5, 0.7, 0.9), 2.3), ((0.9, 0.1, 0.6), 0.7), ((0.3, 0.6, -1.0), 0.8))
 _AMBIENT = 0.14
 _PROBE = """
 import sys
+import threading
 from fitting_core.off_screen import prepare
 prepare(sys.argv[1])
 import pyrender
@@ -130,37 +131,46 @@ def scaled_camera(camera: Camera, factor: float) -> Camera:
     )
 
 
+class _Target:
+    """The process's OpenGL context. There is one only: pyrender closes the display, and with it every other context,
+    when it closes one."""
+
+    def __init__(self) -> None:
+        self.pyrender = _load_pyrender()
+        self._renderer = self.pyrender.OffscreenRenderer(2, 2)
+        # pyrender assumes that OSMesa has no framebuffers; Mesa's OpenGL 3.3 has, and alpha and soft edges need them.
+        self._renderer._platform.supports_framebuffers = lambda: True
+        self._lock = threading.Lock()
+
+    def render(self, scene: Any, size: tuple[int, int], flags: int) -> tuple[np.ndarray, np.ndarray]:
+        """Colour and depth buffers. Threads wait for each other."""
+        with self._lock:
+            self._renderer.viewport_width, self._renderer.viewport_height = size
+            try:
+                return self._renderer.render(scene, flags=flags)
+            finally:
+                self._renderer._platform.make_uncurrent()
+
+
+@functools.cache
+def _target() -> _Target:
+    return _Target()
+
+
 class Renderer:
-    """Draws meshes as the camera sees them. Use it as a context manager: it holds an OpenGL context.
+    """Draws meshes as the camera sees them. Cheap to make and to drop; any thread may use it.
 
     Raises InputError when the machine has no off-screen OpenGL; the message names the packages to install.
     """
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
-        self._pyrender = _load_pyrender()
-        self._target = self._pyrender.OffscreenRenderer(*camera.size)
-        # pyrender assumes that OSMesa has no framebuffers; Mesa's OpenGL 3.3 does, and alpha and smooth outlines need them.
-        self._target._platform.supports_framebuffers = lambda: True
+        self._target = _target()
+        self._pyrender = self._target.pyrender
         self._normal_sums: dict[tuple[int, int], tuple[np.ndarray, scipy.sparse.csr_matrix]] = {}
-
-    def __enter__(self) -> "Renderer":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free the OpenGL context. A closed renderer draws no more; closing twice does no harm."""
-        if self._target is not None:
-            self._target.delete()
-            self._target = None
 
     def draw(self, surfaces: Sequence[Surface]) -> Picture:
         """Several meshes in one picture, hiding each other by depth."""
-        assert self._target is not None, "the renderer is closed"
         scene = self._pyrender.Scene(bg_color=np.zeros(4), ambient_light=np.full(3, _AMBIENT))
         for surface in surfaces:
             scene.add(self._mesh(surface))
@@ -171,7 +181,7 @@ class Renderer:
         scene.add(lens)
         # Both sides of every face: a mesh with a hole or with mixed winding still has its outline and its depth.
         flags = self._pyrender.RenderFlags.RGBA | self._pyrender.RenderFlags.SKIP_CULL_FACES
-        rgba, depth = self._target.render(scene, flags=flags)
+        rgba, depth = self._target.render(scene, self.camera.size, flags)
         return Picture(
             rgb=np.ascontiguousarray(rgba[..., :3]),
             alpha=np.ascontiguousarray(rgba[..., 3]),
