@@ -9,8 +9,8 @@ import functools
 import os
 import subprocess
 import sys
-import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,7 +31,6 @@ _LIGHTS = (((-0.5, 0.7, 0.9), 2.3), ((0.9, 0.1, 0.6), 0.7), ((0.3, 0.6, -1.0), 0
 _AMBIENT = 0.14
 _PROBE = """
 import sys
-import threading
 from fitting_core.off_screen import prepare
 prepare(sys.argv[1])
 import pyrender
@@ -64,7 +63,8 @@ class Picture:
     alpha: UInt8[np.ndarray, "H W"]
     """0 (nothing) to 255 (surface); between them along outlines, which are anti-aliased."""
     depth: Float[np.ndarray, "H W"]
-    """Distance along z in metres; infinite where nothing is."""
+    """Distance along z in metres, somewhere within the pixel (the outlines' samples lie off its middle); infinite where
+    nothing is."""
 
     def over(
         self, background: UInt8[np.ndarray, "H W 3"] | None = None, *, opacity: float = 1.0
@@ -132,24 +132,30 @@ def scaled_camera(camera: Camera, factor: float) -> Camera:
 
 
 class _Target:
-    """The process's OpenGL context. There is one only: pyrender closes the display, and with it every other context,
-    when it closes one."""
+    """The process's OpenGL context, in a thread of its own.
+
+    There is one only, because pyrender closes the display, and with it every other context, when it closes one. It
+    never leaves its thread, because pyrender never releases it, and a context is bound to one thread at a time.
+    """
 
     def __init__(self) -> None:
         self.pyrender = _load_pyrender()
-        self._renderer = self.pyrender.OffscreenRenderer(2, 2)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="off-screen")
+        self._renderer = self._thread.submit(self._open).result()
+
+    def _open(self) -> Any:
+        renderer = self.pyrender.OffscreenRenderer(2, 2)
         # pyrender assumes that OSMesa has no framebuffers; Mesa's OpenGL 3.3 has, and alpha and soft edges need them.
-        self._renderer._platform.supports_framebuffers = lambda: True
-        self._lock = threading.Lock()
+        renderer._platform.supports_framebuffers = lambda: True
+        return renderer
 
     def render(self, scene: Any, size: tuple[int, int], flags: int) -> tuple[np.ndarray, np.ndarray]:
-        """Colour and depth buffers. Threads wait for each other."""
-        with self._lock:
-            self._renderer.viewport_width, self._renderer.viewport_height = size
-            try:
-                return self._renderer.render(scene, flags=flags)
-            finally:
-                self._renderer._platform.make_uncurrent()
+        """Colour and depth buffers. Callers from several threads are served one after the other."""
+        return self._thread.submit(self._draw, scene, size, flags).result()
+
+    def _draw(self, scene: Any, size: tuple[int, int], flags: int) -> tuple[np.ndarray, np.ndarray]:
+        self._renderer.viewport_width, self._renderer.viewport_height = size
+        return self._renderer.render(scene, flags=flags)
 
 
 @functools.cache
