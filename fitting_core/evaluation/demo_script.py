@@ -64,8 +64,9 @@ RIGHT_ARM: Sequence[ArmKey] = (
     ArmKey(2.72, (-0.01, -0.158, 0.30), (-0.8, -0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     # "finished": spread hands turn from facing the signer to facing outward
     ArmKey(3.05, (0.14, -0.12, 0.27), **_FINGERS_UP_IN),
-    ArmKey(3.17, (0.14, -0.115, 0.27), **_FINGERS_UP_IN),
-    ArmKey(3.44, (0.27, -0.10, 0.30), **_FINGERS_UP_OUT),
+    ArmKey(3.13, (0.14, -0.115, 0.27), **_FINGERS_UP_IN),
+    ArmKey(3.29, (0.205, -0.11, 0.29), (-0.15, 1.0, 0.3), (-1.0, -0.15, 0.1), "spread"),
+    ArmKey(3.46, (0.27, -0.10, 0.30), **_FINGERS_UP_OUT),
     ArmKey(3.62, (0.275, -0.105, 0.30), **_FINGERS_UP_OUT),
     ArmKey(4.10, (0.23, -0.27, 0.26), (-0.15, -0.35, 1.0), (-0.4, -0.9, 0.0), "relaxed", (0.6, -0.7, -0.5)),
     ArmKey(4.85, **_ON_THIGH),

@@ -1,4 +1,4 @@
-"""The demo clip at a fifth of its frame rate and half its size: motion, detections, files."""
+"""The demo clip at a sixth of its frame rate and half its size: motion, detections, files."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from fitting_core.io.clip_reader import read_clip
 from fitting_core.keypoints import INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.render import scaled_camera
 
-RATE = 5.0
+RATE = 4.0
 SMALL = scaled_camera(CAMERA, 0.5)
 
 
@@ -171,7 +171,8 @@ def test_motion_is_as_smooth_as_a_persons(body: BodyModel) -> None:
     # Signing wrists move at 1 to 2 m/s at most; the trunk while sitting down at about half a metre per second.
     assert 1.0 < wrists.max() < 2.5 and 0.3 < speed[:, JOINT["pelvis"]].max() < 1.0
     acceleration = np.linalg.norm(np.diff(joints, n=2, axis=0), axis=2) * 625
-    assert acceleration.max() < 60
+    # A brisk turn of the hand takes a fingertip, 15 cm from the forearm's axis, to some 30 m/s^2.
+    assert acceleration.max() < 40
 
 
 def test_elbows_and_knees_bend_the_way_they_can(body: BodyModel) -> None:
