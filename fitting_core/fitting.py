@@ -3,14 +3,11 @@
 import time
 from collections.abc import Generator
 
-import numpy as np
 import torch
-from jaxtyping import Bool
 from torch import Tensor
 
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.points import BodyPoints
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
@@ -19,9 +16,9 @@ from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step
 from fitting_core.phases.shared_shape import fit_shape
+from fitting_core.reliability import SEEN
 from fitting_core.result import FitResult, PhaseResult
 from fitting_core.solvers import make_solver
-from fitting_core.reliability import SEEN
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
 
@@ -156,7 +153,7 @@ class _Fit:
             phases=tuple(self.phases),
             camera=self.clip.camera,
             config=self.config,
-            observed=observed_joints(self.stages),
+            observed=self.stages.observed,
             warnings=(*self.clip.notes, *(note for p in self.phases for note in p.notes)),
         )
 
@@ -172,14 +169,3 @@ def _events(steps: Generator[Step, None, State], phase: int) -> Generator[FitEve
             yield WindowFinished(frames=step.final[0], params=step.final[1])
         else:
             yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost)
-
-
-def observed_joints(stages: Stages) -> Bool[np.ndarray, "T 55"]:
-    """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
-    points = stages.keypoint_points
-    known = [i for i, p in enumerate(points) if p is not None]
-    compiled = BodyPoints(stages.body, [p for p in points if p is not None])
-    hangs = np.zeros((len(points), N_JOINTS), bool)
-    hangs[np.array(known)[compiled.entry_point.numpy()], compiled.entry_joint.numpy()] = True
-    seen = stages.keypoints.confidence > SEEN
-    return (seen.astype(int) @ hangs.astype(int)) > 0

@@ -10,7 +10,6 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core import rotations
 from fitting_core.body.model import JOINT
-from fitting_core.reliability import SEEN
 from fitting_core.stages import Stages
 from fitting_core.state import State
 
@@ -58,7 +57,7 @@ def guess_depth(stages: Stages) -> DepthGuess:
 
     def edge(a: str, b: str) -> tuple[Tensor, Tensor, float]:
         i, j = kp.INDEX[a], kp.INDEX[b]
-        seen = (stages.confidence[:, i] > SEEN) & (stages.confidence[:, j] > SEEN)
+        seen = stages.seen[:, i] & stages.seen[:, j]
         return seen, (stages.xy[:, i] - stages.xy[:, j]).norm(dim=1), float((rest[JOINT[a]] - rest[JOINT[b]]).norm())
 
     torso = [edge(a, b) for a, b in _TORSO_EDGES]
@@ -97,7 +96,7 @@ def starting_state(stages: Stages, depth: Float[Tensor, "T"], yaw_degrees: float
     orient = facing @ rotations.yaw(yaw_degrees, depth)
     where = [kp.INDEX[n] for n in _ANCHORS]
     rest = (orient @ _rest_joints(stages)[[JOINT[_JOINT_OF.get(n, n)] for n in _ANCHORS]].T).T
-    share = stages.confidence[:, where]
+    share = stages.confidence[:, where] * stages.seen[:, where]
     total = share.sum(1, keepdim=True)
     share = torch.where(total > 0, share / total.clamp_min(1e-9), share)
     pixels = (stages.xy[:, where] * share[..., None]).sum(1)
@@ -121,5 +120,5 @@ def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
     width = (xy[:, left] - xy[:, right]).norm(dim=1)
     hips = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
     length = (xy[:, [left, right]].mean(1) - xy[:, hips].mean(1)).norm(dim=1)
-    known = (stages.confidence[:, [left, right]] > SEEN).all(1) & stages.hips_seen
+    known = stages.seen[:, [left, right]].all(1) & stages.hips_seen
     return known & (width < SIDE_VIEW * length)

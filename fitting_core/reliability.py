@@ -1,7 +1,7 @@
-"""Which detections to trust: what detectors are known to make up where a person is cut off by the image."""
+"""Which detections to take at their word: what detectors make up where a person is cut off by the image."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Int
 
 from fitting_core import keypoints as kp
 from fitting_core.keypoints import Keypoints
@@ -14,31 +14,29 @@ SEEN = 0.2
 """Confidence from which a keypoint counts as seen, where a yes or no is needed."""
 
 
-def trusted_confidence(keypoints: Keypoints, size: tuple[int, int]) -> Float[np.ndarray, "T 137"]:
-    """The confidences, with 0 where a detection is known to be none.
+def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 137 2"]:
+    """Along which axes a detection says no more than that the part lies at least so far out: -1, 0 or 1 for x and y.
 
-    OpenPose puts parts that the image cuts off onto its border, and hips of half-body footage near its bottom, at
+    OpenPose puts parts that the image cuts off onto its border, and the hips of half-body footage near its bottom, at
     confidences of 0.2 to 0.5 (seen on sign-language clips: wrists in the lap at 3 px from the border, hips 40 px too
-    high). They pull the body together, and no robust function sees them as outliers.
+    high). Taken at their word they pull the body together; left out, the unseen forearm swings at the camera.
 
     Args:
         keypoints: the detections.
         size: image width and height in pixels.
+
+    Returns:
+        1: the part lies there or at a larger coordinate; -1: there or at a smaller one; 0: just there.
     """
-    width, height = size
-    margin = BORDER * height
-    x, y = keypoints.xy[..., 0], keypoints.xy[..., 1]
-    beyond = (x < margin) | (x > width - 1 - margin) | (y < margin) | (y > height - 1 - margin)
-    confidence = np.where(beyond, 0.0, keypoints.confidence)
-    for side in ("left", "right"):
-        hip, knee = kp.INDEX[f"{side}_hip"], kp.INDEX[f"{side}_knee"]
-        alone = (confidence[:, knee] <= SEEN) & (confidence[:, hip] < LONE_HIP)
-        confidence[alone, hip] = 0.0
-    no_hip = (confidence[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]] == 0).all(1)
-    confidence[no_hip, kp.INDEX["mid_hip"]] = 0.0
-    return confidence
-
-
-def distrusted(keypoints: Keypoints, size: tuple[int, int]) -> Bool[np.ndarray, "T 137"]:
-    """Detections that `trusted_confidence` switches off."""
-    return (keypoints.confidence > 0) & (trusted_confidence(keypoints, size) == 0)
+    last = np.array(size) - 1
+    margin = BORDER * size[1]
+    side = (keypoints.xy > last - margin).astype(np.int8) - (keypoints.xy < margin).astype(np.int8)
+    seen = (keypoints.confidence > SEEN) & (side == 0).all(-1)
+    hips = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
+    knees = [kp.INDEX["left_knee"], kp.INDEX["right_knee"]]
+    alone = ~seen[:, knees] & (keypoints.confidence[:, hips] < LONE_HIP)
+    side[:, hips, 1] = np.where(alone, 1, side[:, hips, 1])
+    no_leg = alone.all(1)
+    side[no_leg, kp.INDEX["mid_hip"], 1] = 1
+    side[keypoints.confidence == 0] = 0
+    return side

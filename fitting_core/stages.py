@@ -1,15 +1,16 @@
 """From a clip, a body and a configuration to the objective of each stage."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.kinematics import contour_bins
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.pairs import Point, keypoint_points
 from fitting_core.body.points import BodyPoints
 from fitting_core.camera import Camera
@@ -18,9 +19,9 @@ from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
 from fitting_core.priors.pose import PRIORS
-from fitting_core.reliability import SEEN, trusted_confidence
+from fitting_core.reliability import SEEN, cut_off
 from fitting_core.state import Free, Parametrisation, State
-from fitting_core.terms import Bending, Data, Lean, Quadratic, Term
+from fitting_core.terms import Bending, Data, Quadratic, Rest, Term, Upright
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
@@ -52,10 +53,8 @@ class Stages:
     """
 
     def __init__(self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig) -> None:
-        self.body, self.config, self.camera = body, config, camera
-        if config.distrust_cut_off:
-            keypoints = replace(keypoints, confidence=trusted_confidence(keypoints, camera.size))
-        self.keypoints = keypoints
+        self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
+        side = cut_off(keypoints, camera.size) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
             body,
@@ -65,13 +64,15 @@ class Stages:
             device=self.device,
         )
         self.xy, self.confidence = self.tensor(keypoints.xy), self.tensor(keypoints.confidence)
+        self.side = self.tensor(side)
+        self.seen = (self.confidence > SEEN) & (self.side == 0).all(-1)
+        """Keypoints of which the image says where they are, (T, 137) bool."""
         self.keypoint_points: list[Point | None] = keypoint_points(body)
         self._known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
         self._compiled: dict[tuple[int, ...], BodyPoints] = {}
         self.all_frames = torch.arange(len(keypoints), device=self.device)
-        seen = self.confidence > SEEN
-        self.hips_seen = seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
-        self.leg_seen = torch.stack([seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
+        self.hips_seen = self.seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
+        self.leg_seen = torch.stack([self.seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
 
     def tensor(self, a: np.ndarray) -> Tensor:
         """The array in the fit's type and on its device."""
@@ -113,7 +114,8 @@ class Stages:
         return contour_bins(points.world_rotations(state.orient, p.pose(state, p.body_pose(state))))
 
     def _data(self, selection: _Selection) -> Data:
-        return Data(self.xy[:, selection.indices], selection.weight, self.config.robust_pixels)
+        i = selection.indices
+        return Data(self.xy[:, i], selection.weight, self.side[:, i], self.config.robust_pixels)
 
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.
@@ -157,9 +159,27 @@ class Stages:
             quadratic("shape", c.betas, w.shape[s]),
             Bending(w.bending[s]),
         ]
-        if w.lean[s] and not bool(self.leg_seen.all()):
-            terms.append(Lean(w.lean[s] * (~self.leg_seen).to(self.xy)))
+        terms += self._upright(w.lean[s], w.turn[s])
+        if w.rest[s]:
+            unseen = ~torch.as_tensor(self.observed[:, 1:22], device=self.device).repeat_interleave(3, 1)
+            target = prior.decode(prior.neutral.to(self.xy)[None])[0]
+            terms.append(Rest(w.rest[s] * unseen.to(self.xy), target))
         return terms
+
+    def _upright(self, lean: float, turn: float) -> list[Term]:
+        if not (lean or turn) or bool(self.leg_seen.all()):
+            return []
+        unheld = (~self.leg_seen).to(self.xy)
+        return [Upright(lean * unheld, turn * unheld)]
+
+    @cached_property
+    def observed(self) -> Bool[np.ndarray, "T 55"]:
+        """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
+        known = [i for i, p in enumerate(self.keypoint_points) if p is not None]
+        points = BodyPoints(self.body, [p for p in self.keypoint_points if p is not None])
+        hangs = np.zeros((kp.COUNT, N_JOINTS), int)
+        hangs[np.array(known)[points.entry_point.numpy()], points.entry_joint.numpy()] = 1
+        return (self.seen.cpu().numpy().astype(int) @ hangs) > 0
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.
@@ -177,11 +197,10 @@ class Stages:
             "depth", slice(where.stop - 1, where.stop), self.xy.new_full((1,), DEPTH_WEIGHT), depth[:, None]
         )
         terms: list[Term] = [self._data(selection), hold]
-        if any(self.config.weights.lean) and not bool(self.leg_seen.all()):
-            terms.append(Lean(max(self.config.weights.lean) * (~self.leg_seen).to(self.xy)))
+        terms += self._upright(max(self.config.weights.lean), max(self.config.weights.turn))
         free = Free(body=False, hands=False, face=False, betas=False)
         return FrameObjective(terms, self._view(selection.indices, None), free)
 
     def usable(self) -> Tensor:
         """Frames with enough confident keypoints to say where the person is, (T,) bool."""
-        return (self.confidence[:, kp.BODY] > SEEN).sum(1) >= 4
+        return self.seen[:, kp.BODY].sum(1) >= 4

@@ -14,6 +14,7 @@ from torch import Tensor
 from fitting_core.body.model import JOINT
 from fitting_core.estimate import Estimate
 from fitting_core.point_jacobian import PointJacobian
+from fitting_core.rotations import hat
 
 
 class Term(Protocol):
@@ -66,17 +67,23 @@ class Data:
     xy: Float[Tensor, "T N 2"]
     weight: Float[Tensor, "T N"]
     """Confidence x joint weight x 1000 / image height."""
+    side: Float[Tensor, "T N 2"]
+    """1 (-1): the point lies there or at a larger (smaller) coordinate, see reliability.cut_off; 0: just there."""
     rho: float
     name: str = "data"
 
+    def _errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
+        error = e.pixels - self.xy[e.frames]
+        return torch.where(error * self.side[e.frames] > 0, 0.0, error)
+
     def residual(self, e: Estimate) -> Tensor:
         """Robustified, weighted pixels."""
-        r = e.pixels - self.xy[e.frames]
+        r = self._errors(e)
         return (self.weight[e.frames][..., None] * self.rho * r / (r * r + self.rho**2).sqrt()).flatten(1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
         """IRLS: exact gradient; Triggs' correction was no better and left outliers where they were."""
-        r = e.pixels - self.xy[e.frames]
+        r = self._errors(e)
         scale = self.weight[e.frames][..., None] * self.rho**2 / (r * r + self.rho**2)
         weighted, left = scale * r, scale[..., None] * e.projection
         pull = (left.transpose(-1, -2) @ weighted[..., None])[..., 0]
@@ -138,24 +145,51 @@ class Bending:
 
 
 @dataclass(frozen=True)
-class Lean:
-    """weight x the horizontal part (x and z) of the root's up axis in camera space (beyond the paper).
+class Rest:
+    """weight x (axis-angle pose - target) on joints that nothing in the image turns (beyond the paper).
 
-    Where no leg is seen nothing else holds the root: it leaned 67 degrees on average at 1-3 px error.
+    E_T knows accelerations only: without it an arm that leaves the image goes on in a straight line and comes back.
     """
 
-    weight: Float[Tensor, "T"]
-    name: str = "lean"
+    weight: Float[Tensor, "T 63"]
+    target: Float[Tensor, "63"]
+    name: str = "rest"
 
     def residual(self, e: Estimate) -> Tensor:
-        """x and z of the body's y axis."""
-        return self.weight[e.frames, None] * e.state.orient[:, [0, 2], 1]
+        """Weighted distance from the target."""
+        return self.weight[e.frames] * (e.body_pose - self.target)
+
+    def columns(self, e: Estimate) -> tuple[Tensor, bool]:
+        """The whole axis-angle pose."""
+        return torch.arange(3, 66, device=self.weight.device), True
+
+    def slope(self, e: Estimate) -> Tensor:
+        """The weights."""
+        return self.weight[e.frames]
+
+
+@dataclass(frozen=True)
+class Upright:
+    """Lean and turn of the root where no leg is seen (beyond the paper).
+
+    lean x the horizontal part (x and z) of the root's up axis in camera space, and turn x the sideways part (x) of its
+    forward axis. Nothing else holds the root there: it leaned 67 degrees on average at 1-3 px error, and turned by up
+    to 27 degrees on a signer who faces the camera, because shoulders a few percent narrower than the model's ask for it.
+    """
+
+    lean: Float[Tensor, "T"]
+    turn: Float[Tensor, "T"]
+    name: str = "upright"
+
+    def residual(self, e: Estimate) -> Tensor:
+        """x and z of the body's y axis, x of its z axis."""
+        up, forward = e.state.orient[:, [0, 2], 1], e.state.orient[:, :1, 2]
+        return torch.cat([self.lean[e.frames, None] * up, self.turn[e.frames, None] * forward], 1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """d (R e_y) = d x (R e_y) for a turn d about world axes."""
-        up = e.state.orient[:, :, 1]
-        zero = torch.zeros_like(up[:, 0])
-        by_turn = torch.stack([zero, up[:, 2], -up[:, 1], up[:, 1], -up[:, 0], zero], -1).view(-1, 2, 3)
-        full = up.new_zeros(len(up), 2, jacobian.width)
-        full[..., :3] = self.weight[e.frames, None, None] * by_turn
+        """d (R a) = d x (R a) for a turn d about world axes."""
+        by_up, by_forward = (-hat(e.state.orient[:, :, axis]) for axis in (1, 2))
+        full = e.state.orient.new_zeros(len(by_up), 3, jacobian.width)
+        full[:, :2, :3] = self.lean[e.frames, None, None] * by_up[:, [0, 2]]
+        full[:, 2:, :3] = self.turn[e.frames, None, None] * by_forward[:, :1]
         return Rows(self.residual(e), full)

@@ -168,6 +168,16 @@ def _python3(path: Path, arrays: dict[str, Any], protocol: int) -> Path:
     )
 
 
+def _big_endian(array: np.ndarray) -> np.ndarray:
+    return array.astype(array.dtype.newbyteorder(">"))
+
+
+def _big_endian_sparse(arrays: dict[str, Any]) -> Any:
+    matrix = scipy.sparse.csc_matrix(arrays["J_regressor"])
+    matrix.indices, matrix.indptr = _big_endian(matrix.indices), _big_endian(matrix.indptr)
+    return matrix
+
+
 PICKLES: dict[str, Callable[[Path, dict[str, Any]], Any]] = {
     **{f"protocol {n}": lambda path, arrays, n=n: _python3(path, arrays, n) for n in range(6)},
     "chumpy": write_smpl_pickle,
@@ -178,6 +188,9 @@ PICKLES: dict[str, Callable[[Path, dict[str, Any]], Any]] = {
     "coo": lambda path, arrays: write_pickle(
         path, arrays | {"J_regressor": scipy.sparse.coo_matrix(arrays["J_regressor"])}
     ),
+    "big-endian": lambda path, arrays: write_pickle(path, {key: _big_endian(a) for key, a in arrays.items()}),
+    "big-endian sparse": lambda path, arrays: write_pickle(path, arrays | {"J_regressor": _big_endian_sparse(arrays)}),
+    "fortran order": lambda path, arrays: write_pickle(path, {key: np.asfortranarray(a) for key, a in arrays.items()}),
     "scipy of old": lambda path, arrays: path.write_bytes(
         _python3(path, arrays, 2).read_bytes().replace(b"scipy.sparse._csc", b"scipy.sparse.csc")
     ),
@@ -220,30 +233,42 @@ def test_pickle_that_runs_code_is_refused_and_not_run(tmp_path: Path, protocol: 
     assert (tmp_path / "ran").exists()  # so the pickle would have run
 
 
-@pytest.mark.parametrize(
-    "stream",
-    [
-        b"cbuiltins\neval\n(V1\ntR.",
-        b"cbuiltins\ngetattr\n.",
-        b"cnumpy\nload\n.",
-        b"cnumpy.f2py\ncompile\n.",
-        b"cfunctools\npartial\n.",
-        b"ccopyreg\n_reconstructor\n(cbuiltins\nset\ncbuiltins\nobject\nNtR.",
-        b"cbuiltins\nobject.__subclasses__\n.",
-        b"\x80\x04\x8c\x06chumpy\x8c\x13Ch.array.__globals__\x93.",
-        b"Pid\n.",
-    ],
-)
-def test_hostile_streams_are_refused(tmp_path: Path, stream: bytes):
+HOSTILE = [
+    (b"cbuiltins\neval\n(V1\ntR.", r"asks for builtins\.eval"),
+    (b"c__builtin__\neval\n(V1\ntR.", r"asks for __builtin__\.eval"),
+    (b"cbuiltins\ngetattr\n.", r"asks for builtins\.getattr"),
+    (b"cnumpy\nload\n.", r"asks for numpy\.load"),
+    (b"cnumpy.f2py\ncompile\n.", r"asks for numpy\.f2py\.compile"),
+    (b"cfunctools\npartial\n.", r"asks for functools\.partial"),
+    (b"ccopyreg\n_reconstructor\n(cbuiltins\nset\ncbuiltins\nobject\nNtR.", "an object of the class set"),
+    (b"\x80\x04\x8c\x08builtins\x8c\x15object.__subclasses__\x93.", r"asks for builtins\.object\.__sub"),
+    (b"\x80\x04\x8c\x06chumpy\x8c\x14Ch.array.__globals__\x93.", "expected a dictionary"),
+    (b"Pid\n.", "refers to an object outside the file"),
+]
+
+
+@pytest.mark.parametrize(("stream", "message"), HOSTILE)
+def test_hostile_streams_are_refused(tmp_path: Path, stream: bytes, message: str):
     path = tmp_path / "a.pkl"
     path.write_bytes(stream)
-    with pytest.raises(InputError, match=r"a\.pkl"):
+    with pytest.raises(InputError, match=rf"a\.pkl: .*({message})"):
         load_body(path)
 
 
-def test_sparse_indices_outside_are_refused(tmp_path: Path):
+BROKEN_INDICES: dict[str, Callable[[Any], None]] = {
+    "index too large": lambda matrix: matrix.indices.__setitem__(3, 10**6),
+    "index negative": lambda matrix: matrix.indices.__setitem__(3, -1),
+    "pointer back": lambda matrix: matrix.indptr.__setitem__(4, -5),
+    "pointer outside": lambda matrix: matrix.indptr.__setitem__(-1, 10**9),
+    # scipy takes the last pointer for the number of entries, checks nothing if that is 0, and crashes the process.
+    "pointer past a full check": lambda matrix: matrix.indptr.__setitem__(slice(1, None), [10**9] * 59 + [0]),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_INDICES)
+def test_sparse_indices_outside_are_refused(tmp_path: Path, case: str):
     matrix = scipy.sparse.csc_matrix(body_arrays("smpl")["J_regressor"])
-    matrix.indices[3] = 10**6
+    BROKEN_INDICES[case](matrix)
     with pytest.raises(InputError, match="'J_regressor' is a sparse matrix that is damaged"):
         load_body(write_pickle(tmp_path / "a.pkl", body_arrays("smpl") | {"J_regressor": matrix}))
 
@@ -312,6 +337,7 @@ MALFORMED: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
     "contour bins": (_with("dynamic_lmk_faces_idx", lambda a: a[:39]), "has the shape 39 x 17, expected 79 x 17"),
     "hand of 12": (_with("hands_componentsl", lambda a: a[:12]), "'hands_componentsl' has the shape 12 x 45"),
     "weights off": (_with("weights", lambda a: a * 2), "skinning weights that miss a sum of 1 by up to 1,"),
+    "negative weight": (_with("weights", _one(-0.001)), "none below 0"),
     "regressor off": (_with("J_regressor", lambda a: a * 0), "joint regressor rows that miss a sum of 1"),
     "millimetres": (_with("v_template", lambda a: a * 1000), "expected a body in metres"),
     "other tree": (_with("kintree_table", lambda a: a[:, ::-1]), "another joint tree"),

@@ -259,6 +259,14 @@ def test_zip_bomb_is_refused(user: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert _names(user) == []
 
 
+def test_tar_that_unpacks_too_large_is_refused(user: Path, downloads: Path, monkeypatch: pytest.MonkeyPatch):
+    with tarfile.open(downloads / "smplh.tar.gz", "w:gz") as archive:
+        archive.add(downloads / "smplh", "smplh")
+    monkeypatch.setattr(archives, "MAX_LISTED_BYTES", 500_000)
+    with pytest.raises(InputError, match="unpacks to more than"):
+        register(downloads / "smplh.tar.gz")
+
+
 def test_member_larger_than_it_declares_is_refused(tmp_path: Path):
     member = archives.Member(path=archives.PurePosixPath("a"), size=10, open=lambda: io.BytesIO(bytes(11)))
     with pytest.raises(InputError, match="more than the 10 bytes that it declares"):

@@ -19,7 +19,7 @@ def write_body(path: Path, arrays: BodyArrays) -> None:
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType] - it takes any key for an array
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

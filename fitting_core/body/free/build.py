@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from fitting_core.body.forms import PARENTS
 from fitting_core.body.free.contour import contour_points, contour_skin
 from fitting_core.body.free.correctives import pose_correctives
 from fitting_core.body.free.expressions import expression_directions
@@ -47,16 +48,6 @@ class Layout:
     landmarks: tuple[Int[np.ndarray, "51"], Float[np.ndarray, "51 3"]]
     """Triangles, and barycentric coordinates on them."""
     contour: tuple[Int[np.ndarray, "79 17"], Float[np.ndarray, "79 17 3"]]
-
-
-def joint_parents() -> Int[np.ndarray, "55"]:
-    """Parent of each of SMPL-X's joints; -1 for the pelvis."""
-    parents = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15]
-    for wrist in ("left_wrist", "right_wrist"):
-        for first in range(len(parents), len(parents) + 15, 3):
-            parents += [JOINT[wrist], first, first + 1]
-    assert len(parents) == len(JOINTS)
-    return np.array(parents)
 
 
 def read_layout(data: Path) -> Layout:
@@ -100,7 +91,7 @@ def build_body(layout: Layout, gender: str, report: Callable[[float], object] = 
         The arrays of SMPL-X's file format: 10 shape and 10 expression columns in shapedirs.
     """
     random = np.random.default_rng(_SEED)
-    mirror, parents = layout.order.mirror, joint_parents()
+    mirror, parents = layout.order.mirror, np.array(PARENTS)
     bodies = _sample(layout, gender, random, lambda share: report(0.7 * share))
     space = shape_space(bodies)
     regressor = joint_regressor(bodies, layout.expressions, layout.skinning.weights, parents, mirror)

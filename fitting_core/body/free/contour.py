@@ -14,7 +14,7 @@ _CHIN = 8
 _SUBDIVISIONS = 4  # samples per triangle edge
 _RAY_WIDTH = np.radians(1.2)
 _SOFTNESS = 1e-3  # metres: points of the skin this near to the outermost one share in it
-_SMOOTHING = 2.5  # degrees of yaw
+_SMOOTHING = 3.5  # degrees of yaw
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

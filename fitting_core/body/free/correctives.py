@@ -17,8 +17,9 @@ from fitting_core.body.free.skinning import JAW_OPENING, Skinning, jaw_displacem
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS
 
 _ROTATIONS = 60
-_BLEND = 0.6  # of the way from linear to spherical blending, which bulges
+_BLEND = 0.6  # of the way from linear to spherical blending, which bulges where a limb bends
 _RIDGE = 1e-2
+_DAMPING = 1e-3  # keeps blends of opposite rotations invertible
 _NEGLIGIBLE = 2e-5  # metres per unit
 _SHARED = 1e-3  # skin whose weight is this far from 0 and 1 lies at the joint
 
@@ -41,7 +42,7 @@ _RANGES = {
     "head": _Range(degrees=45),
     "shoulder": _Range(degrees=100),
     "elbow": _Range(degrees=130, axes=(0.5, 1.0, 0.3)),
-    "wrist": _Range(degrees=80),
+    "wrist": _Range(degrees=100, axes=(1.5, 0.7, 1.0)),  # it twists further than it bends
 }
 _OTHER = _Range(degrees=30)
 _FINGER = _Range(degrees=80, axes=(0.3, 0.6, 1.0))
@@ -175,14 +176,14 @@ def _fit(bend: _Bend, rotations: Float[np.ndarray, "r 3"]) -> Float[np.ndarray, 
 def _wanted_offset(bend: _Bend, rotation: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
     """What to add in the rest pose so that skinning takes each vertex to where it should be."""
     swing, twist = _swing_twist(rotation, bend.axis)
-    parted = axis_angle(swing * bend.swing[:, None])
-    as_skinned = _turn(parted @ axis_angle(twist * bend.swing[:, None]), bend.offsets)
-    as_spread = _turn(parted @ axis_angle(twist * bend.twist[:, None]), bend.offsets)
     share = bend.swing[:, None, None]
-    blend = (1 - share) * np.eye(3) + share * axis_angle(rotation)
-    linear = _turn(blend, bend.offsets)
-    target = linear + _BLEND * (as_skinned - linear) + (as_spread - as_skinned)
-    return np.linalg.solve(blend + 1e-3 * np.eye(3), (target - linear)[..., None])[..., 0]
+    spherical = axis_angle(swing * bend.swing[:, None])
+    linear = (1 - share) * np.eye(3) + share * axis_angle(swing)
+    # Only the swing is blended: a spherical twist does not bulge, and a linear one is what shrinks.
+    target = (_BLEND * spherical + (1 - _BLEND) * linear) @ axis_angle(twist * bend.twist[:, None])
+    skinned = (1 - share) * np.eye(3) + share * axis_angle(rotation)
+    missing = _turn(target - skinned, bend.offsets)
+    return np.linalg.solve(skinned + _DAMPING * np.eye(3), missing[..., None])[..., 0]
 
 
 def _swing_twist(

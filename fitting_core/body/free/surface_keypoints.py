@@ -3,34 +3,13 @@
 import numpy as np
 from jaxtyping import Float, Int
 
+from fitting_core.body.forms import KINDS
 from fitting_core.body.free.geometry import unit
 from fitting_core.body.free.makehuman import Rig
 from fitting_core.body.free.rest_pose import FINGER_BONES, SIDES, RestBody
 from fitting_core.body.free.surface import Surface
 
-SMPLX_VERTICES = {
-    "nose": 9120,
-    "right_eye": 9929,
-    "left_eye": 9448,
-    "right_ear": 616,
-    "left_ear": 6,
-    "left_big_toe": 5770,
-    "left_small_toe": 5780,
-    "left_heel": 8846,
-    "right_big_toe": 8463,
-    "right_small_toe": 8474,
-    "right_heel": 8635,
-    "left_thumb": 5361,
-    "left_index": 4933,
-    "left_middle": 5058,
-    "left_ring": 5169,
-    "left_pinky": 5286,
-    "right_thumb": 8079,
-    "right_index": 7669,
-    "right_middle": 7794,
-    "right_ring": 7905,
-    "right_pinky": 8022,
-}
+SMPLX_VERTICES = KINDS["smplx"].surface_keypoints()
 """Vertex numbers at which programs that read SMPL-X files look for these keypoints."""
 
 _TIP_BONES = {"big_toe": "toe1-2", "small_toe": "toe5-3"} | {
