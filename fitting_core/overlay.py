@@ -1,7 +1,6 @@
 """Overlay videos: one or more fits, side by side, drawn over the frames of the clip."""
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,9 +85,8 @@ def write_overlay(
     size = (len(panels) * (small.size[0] + _GAP) - _GAP, small.size[1])
     sources = [iter(panel.vertices) for panel in panels]
     count = 0
-    with ExitStack() as stack:
-        renderer = stack.enter_context(Renderer(small))
-        video = stack.enter_context(video_writer(Path(path), size, frame_rate, encoders=encoders))
+    renderer = Renderer(small)
+    with video_writer(Path(path), size, frame_rate, encoders=encoders) as video:
         for count, frame in enumerate(frames, 1):
             background = _panel_background(frame, camera, small)
             points = None if keypoints is None else _points_of(keypoints, count - 1, small.size, camera.size)

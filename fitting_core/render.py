@@ -10,8 +10,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ DEFAULT_COLOR = (0.62, 0.68, 0.76)
 _CAMERA_TO_GL = np.array([1.0, -1.0, -1.0])
 # Directions towards the lights (camera space of OpenGL: x right, y up, z backward) and their intensities: a key light
 # from the upper left, a weak fill from the right, and a rim from behind that parts limbs from the trunk.
-_LIGHTS = (((-0.5, 0.7, 0.9), 2.6), ((0.9, 0.1, 0.6), 0.8), ((0.3, 0.6, -1.0), 1.0))
+_LIGHTS = (((-0.5, 0.7, 0.9), 2.3), ((0.9, 0.1, 0.6), 0.7), ((0.3, 0.6, -1.0), 0.8))
 _AMBIENT = 0.14
 _PROBE = """
 import sys
@@ -63,7 +63,8 @@ class Picture:
     alpha: UInt8[np.ndarray, "H W"]
     """0 (nothing) to 255 (surface); between them along outlines, which are anti-aliased."""
     depth: Float[np.ndarray, "H W"]
-    """Distance along z in metres; infinite where nothing is."""
+    """Distance along z in metres, somewhere within the pixel (the outlines' samples lie off its middle); infinite where
+    nothing is."""
 
     def over(
         self, background: UInt8[np.ndarray, "H W 3"] | None = None, *, opacity: float = 1.0
@@ -130,37 +131,52 @@ def scaled_camera(camera: Camera, factor: float) -> Camera:
     )
 
 
+class _Target:
+    """The process's OpenGL context, in a thread of its own.
+
+    There is one only, because pyrender closes the display, and with it every other context, when it closes one. It
+    never leaves its thread, because pyrender never releases it, and a context is bound to one thread at a time.
+    """
+
+    def __init__(self) -> None:
+        self.pyrender = _load_pyrender()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="off-screen")
+        self._renderer = self._thread.submit(self._open).result()
+
+    def _open(self) -> Any:
+        renderer = self.pyrender.OffscreenRenderer(2, 2)
+        # pyrender assumes that OSMesa has no framebuffers; Mesa's OpenGL 3.3 has, and alpha and soft edges need them.
+        renderer._platform.supports_framebuffers = lambda: True
+        return renderer
+
+    def render(self, scene: Any, size: tuple[int, int], flags: int) -> tuple[np.ndarray, np.ndarray]:
+        """Colour and depth buffers. Callers from several threads are served one after the other."""
+        return self._thread.submit(self._draw, scene, size, flags).result()
+
+    def _draw(self, scene: Any, size: tuple[int, int], flags: int) -> tuple[np.ndarray, np.ndarray]:
+        self._renderer.viewport_width, self._renderer.viewport_height = size
+        return self._renderer.render(scene, flags=flags)
+
+
+@functools.cache
+def _target() -> _Target:
+    return _Target()
+
+
 class Renderer:
-    """Draws meshes as the camera sees them. Use it as a context manager: it holds an OpenGL context.
+    """Draws meshes as the camera sees them. Cheap to make and to drop; any thread may use it.
 
     Raises InputError when the machine has no off-screen OpenGL; the message names the packages to install.
     """
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
-        self._pyrender = _load_pyrender()
-        self._target = self._pyrender.OffscreenRenderer(*camera.size)
-        # pyrender assumes that OSMesa has no framebuffers; Mesa's OpenGL 3.3 does, and alpha and smooth outlines need them.
-        self._target._platform.supports_framebuffers = lambda: True
+        self._target = _target()
+        self._pyrender = self._target.pyrender
         self._normal_sums: dict[tuple[int, int], tuple[np.ndarray, scipy.sparse.csr_matrix]] = {}
-
-    def __enter__(self) -> "Renderer":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free the OpenGL context. A closed renderer draws no more; closing twice does no harm."""
-        if self._target is not None:
-            self._target.delete()
-            self._target = None
 
     def draw(self, surfaces: Sequence[Surface]) -> Picture:
         """Several meshes in one picture, hiding each other by depth."""
-        assert self._target is not None, "the renderer is closed"
         scene = self._pyrender.Scene(bg_color=np.zeros(4), ambient_light=np.full(3, _AMBIENT))
         for surface in surfaces:
             scene.add(self._mesh(surface))
@@ -171,7 +187,7 @@ class Renderer:
         scene.add(lens)
         # Both sides of every face: a mesh with a hole or with mixed winding still has its outline and its depth.
         flags = self._pyrender.RenderFlags.RGBA | self._pyrender.RenderFlags.SKIP_CULL_FACES
-        rgba, depth = self._target.render(scene, flags=flags)
+        rgba, depth = self._target.render(scene, self.camera.size, flags)
         return Picture(
             rgb=np.ascontiguousarray(rgba[..., :3]),
             alpha=np.ascontiguousarray(rgba[..., 3]),

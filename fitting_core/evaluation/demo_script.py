@@ -34,39 +34,41 @@ class ArmKey:
 
 
 _HANGING: dict[str, Any] = dict(
-    wrist=(0.235, -0.455, 0.05), fingers=(0.06, -1.0, 0.2), palm=(-1.0, 0.0, -0.15), shape="relaxed",
+    wrist=(0.235, -0.445, 0.055), fingers=(0.06, -1.0, 0.42), palm=(-1.0, 0.0, -0.15), shape="relaxed",
                 elbow=(0.35, -0.1, -1.0))  # fmt: skip
 _ON_THIGH: dict[str, Any] = dict(
-    wrist=(-0.01, 0.10, -0.20), fingers=(-0.22, -0.12, 1.0), palm=(0.0, -1.0, -0.1), shape="relaxed",
+    wrist=(-0.015, 0.142, -0.21), fingers=(-0.22, -0.12, 1.0), palm=(0.0, -1.0, -0.1), shape="relaxed",
                  elbow=(0.75, -0.5, -0.5), on_knee=1.0)  # fmt: skip
 _READY: dict[str, Any] = dict(
     wrist=(0.15, -0.30, 0.27), fingers=(-0.75, 0.2, 0.6), palm=(-0.2, -0.6, -0.75), shape="relaxed"
 )
-_FINGERS_UP_IN: dict[str, Any] = dict(fingers=(-0.12, 1.0, 0.12), palm=(-0.12, 0.0, -1.0), shape="spread")
-_FINGERS_UP_OUT: dict[str, Any] = dict(fingers=(0.28, 1.0, 0.1), palm=(0.1, -0.1, 1.0), shape="spread")
+_FINGERS_UP_IN: dict[str, Any] = dict(fingers=(-0.5, 0.9, 0.2), palm=(-0.15, 0.0, -1.0), shape="spread")
+_FINGERS_UP_OUT: dict[str, Any] = dict(fingers=(0.22, 1.0, 0.3), palm=(0.1, -0.3, 1.0), shape="spread")
 
 RIGHT_ARM: Sequence[ArmKey] = (
     ArmKey(0.00, **_HANGING),
     ArmKey(0.16, **_HANGING),
+    ArmKey(0.42, (0.25, -0.16, 0.24), (-0.15, 0.45, 0.9), (-1.0, 0.0, 0.0), "relaxed", (0.8, -0.5, -0.3)),
     # "hello": a flat hand from the temple outward
     ArmKey(0.70, (0.27, 0.13, 0.15), (-0.72, 0.66, -0.18), (0.1, -0.55, 0.8), "flat", (0.9, -0.45, 0.1)),
     ArmKey(0.84, (0.27, 0.135, 0.15), (-0.72, 0.66, -0.18), (0.1, -0.55, 0.8), "flat", (0.9, -0.45, 0.1)),
     ArmKey(1.14, (0.37, 0.12, 0.25), (0.1, 0.98, 0.2), (0.0, -0.15, 1.0), "flat", (0.8, -0.7, 0.0)),
     ArmKey(1.28, (0.375, 0.12, 0.25), (0.12, 0.98, 0.2), (0.0, -0.15, 1.0), "flat", (0.8, -0.7, 0.0)),
-    # "you": a pointing finger
-    ArmKey(1.66, (0.13, -0.05, 0.38), (-0.25, 0.12, 0.95), (-0.55, -0.8, -0.1), "point", (0.6, -0.8, -0.2)),
-    ArmKey(1.92, (0.13, -0.04, 0.39), (-0.25, 0.12, 0.95), (-0.55, -0.8, -0.1), "point", (0.6, -0.8, -0.2)),
+    # "there": a pointing finger
+    ArmKey(1.66, (0.12, -0.05, 0.33), (-0.78, 0.28, 0.55), (-0.2, -0.95, 0.15), "point", (0.6, -0.8, -0.2)),
+    ArmKey(1.92, (0.10, -0.035, 0.345), (-0.78, 0.28, 0.55), (-0.2, -0.95, 0.15), "point", (0.6, -0.8, -0.2)),
     # "work": one fist taps on the other
-    ArmKey(2.28, (0.05, -0.09, 0.29), (-0.8, 0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
-    ArmKey(2.42, (0.05, -0.15, 0.30), (-0.8, -0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
-    ArmKey(2.56, (0.05, -0.10, 0.29), (-0.8, 0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
-    ArmKey(2.72, (0.05, -0.15, 0.30), (-0.8, -0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
+    ArmKey(2.28, (-0.01, -0.09, 0.29), (-0.8, 0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
+    ArmKey(2.42, (-0.01, -0.158, 0.30), (-0.8, -0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
+    ArmKey(2.56, (-0.01, -0.10, 0.29), (-0.8, 0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
+    ArmKey(2.72, (-0.01, -0.158, 0.30), (-0.8, -0.05, 0.55), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     # "finished": spread hands turn from facing the signer to facing outward
     ArmKey(3.05, (0.14, -0.12, 0.27), **_FINGERS_UP_IN),
-    ArmKey(3.17, (0.14, -0.115, 0.27), **_FINGERS_UP_IN),
-    ArmKey(3.44, (0.27, -0.10, 0.30), **_FINGERS_UP_OUT),
+    ArmKey(3.13, (0.14, -0.115, 0.27), **_FINGERS_UP_IN),
+    ArmKey(3.29, (0.205, -0.11, 0.29), (-0.15, 1.0, 0.3), (-1.0, -0.15, 0.1), "spread"),
+    ArmKey(3.46, (0.27, -0.10, 0.30), **_FINGERS_UP_OUT),
     ArmKey(3.62, (0.275, -0.105, 0.30), **_FINGERS_UP_OUT),
-    ArmKey(4.10, (0.23, -0.27, 0.26), (-0.15, -0.1, 1.0), (-0.4, -0.9, 0.0), "relaxed", (0.6, -0.7, -0.5)),
+    ArmKey(4.10, (0.23, -0.27, 0.26), (-0.15, -0.35, 1.0), (-0.4, -0.9, 0.0), "relaxed", (0.6, -0.7, -0.5)),
     ArmKey(4.85, **_ON_THIGH),
     ArmKey(5.80, **_ON_THIGH),
 )
@@ -77,7 +79,7 @@ LEFT_ARM: Sequence[ArmKey] = (
     ArmKey(2.24, (0.14, -0.24, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     ArmKey(2.42, (0.14, -0.245, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     ArmKey(2.72, (0.14, -0.245, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
-    *RIGHT_ARM[12:],
+    *RIGHT_ARM[13:],
 )
 ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
 # Pitch (forward), yaw (to the person's left), roll (to the person's right), degrees.
@@ -91,7 +93,7 @@ SPINE_TURN: Sequence[Key] = (
     (5.8, (8, 3, 0)),
 )  # fmt: skip
 HEAD_TURN: Sequence[Key] = (
-    (0.0, (0, 8, 0)), (0.7, (-3, 4, 5)), (1.2, (2, 16, 2)), (1.75, (-3, 12, -3)), (2.4, (10, 6, 2)), (2.75, (9, 6, 2)),
+    (0.0, (0, 8, 0)), (0.7, (-3, 4, 5)), (1.2, (2, 16, 2)), (1.75, (-3, 22, -3)), (2.4, (10, 6, 2)), (2.75, (9, 6, 2)),
     (3.1, (0, 8, 0)), (3.45, (-6, 12, 0)), (3.7, (4, 6, 0)), (4.05, (-4, 4, 0)), (4.4, (-16, 4, 0)),
     (4.9, (-6, 8, 0)), (5.2, (2, 14, -2)), (5.38, (10, 14, -2)), (5.56, (1, 15, -3)), (5.8, (1, 15, -3)),
 )  # fmt: skip
@@ -102,12 +104,43 @@ HIPS_PATH: Sequence[Key] = (
 )  # fmt: skip
 """Of the pelvis joint, from where it is when the person stands upright."""
 JAW_DEGREES: Sequence[Key] = (
-    (0.0, (0,)), (0.6, (0,)), (0.82, (9,)), (1.0, (4,)), (1.2, (11,)), (1.4, (1,)), (1.62, (1,)), (1.8, (7,)),
-    (2.0, (1,)), (2.3, (2,)), (2.45, (8,)), (2.6, (3,)), (2.75, (8,)), (2.95, (1,)), (3.4, (10,)), (3.65, (0,)),
+    (0.0, (0,)), (0.6, (0,)), (0.82, (6,)), (1.0, (2,)), (1.2, (7,)), (1.4, (1,)), (1.62, (1,)), (1.8, (5,)),
+    (2.0, (1,)), (2.3, (2,)), (2.45, (6,)), (2.6, (2,)), (2.75, (6,)), (2.95, (1,)), (3.4, (7,)), (3.65, (0,)),
     (5.8, (0,)),
 )  # fmt: skip
-EXPRESSION: Sequence[Key] = (
-    (0.0, (0,) * 10), (0.6, (0,) * 10), (1.0, (0.8, 0, 0.5, 0, 0, 0, 0, 0, 0, 0)), (1.5, (0,) * 10),
-    (2.4, (-0.4, 0.5, 0, 0, 0, 0, 0, 0, 0, 0)), (2.8, (0,) * 10), (3.4, (0.6, 0, 0.7, 0, 0, 0, 0, 0, 0, 0)),
-    (3.8, (0,) * 10), (5.1, (0,) * 10), (5.5, (0.9, 0, 0.3, 0, 0, 0, 0, 0, 0, 0)), (5.8, (0.9,) + (0,) * 9),
-)  # fmt: skip
+_BLINKS = (0.45, 1.47, 2.98, 4.12, 5.02)
+FACE: dict[str, Sequence[Key]] = {
+    "blink": [key for t in _BLINKS for key in ((t - 0.1, (0,)), (t, (1.1,)), (t + 0.14, (0,)))],
+    "smile": (
+        (0.0, (0.1,)), (0.55, (0.1,)), (0.95, (1,)), (1.5, (0.3,)), (2.4, (0,)), (3.2, (0.2,)), (3.5, (0.7,)),
+        (3.9, (0.1,)), (5.0, (0.1,)), (5.45, (1,)), (5.8, (1,)),
+    ),
+    "raised_brows": (
+        (0.6, (0,)), (0.85, (1,)), (1.3, (0.2,)), (1.75, (1,)), (2.1, (0,)), (3.2, (0,)), (3.45, (0.8,)), (3.8, (0,)),
+    ),
+    "lowered_brows": ((2.1, (0,)), (2.4, (1,)), (2.8, (0.8,)), (3.05, (0,))),
+}  # fmt: skip
+"""Strength (0 to 1) of gestures of fitting_core.evaluation.gestures."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A stretch in which the detector of the demo fails."""
+
+    kind: str
+    """One of FAILURES in fitting_core.evaluation.simulated_detector."""
+    start: float
+    stop: float
+    """Seconds; the frame at `stop` is fine again."""
+    groups: tuple[str, ...]
+    """Names of keypoints or their beginnings, as in fitting_core.keypoints.NAMES."""
+
+
+_RIGHT_LOWER_LEG = ("right_knee", "right_ankle", "right_big_toe", "right_small_toe", "right_heel")
+FAILURES = (
+    Failure("dropped", 0.56, 0.80, ("right_hand",)),
+    Failure("dropped", 3.12, 3.48, ("left_hand",)),
+    Failure("swapped", 2.36, 2.56, ("arms",)),
+    Failure("occluded", 4.24, 4.76, _RIGHT_LOWER_LEG),
+    Failure("dropped", 4.40, 4.64, ("right_hand",)),
+)

@@ -28,7 +28,7 @@ LIMBS = {
         f"{side}_arm": Limb(
             joints=(f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist"),
             rest_pole=(0.0, 0.0, -1.0),
-            twist_share=0.6,
+            twist_share=0.45,
         )
         for side in ("left", "right")
     },

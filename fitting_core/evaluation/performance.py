@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.evaluation import demo_script as script
+from fitting_core.evaluation.gestures import expressions
 from fitting_core.evaluation.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.evaluation.motion import Key, directions_through, through, wander
@@ -143,7 +144,9 @@ def _params(body: BodyModel, figure: Figure, times: np.ndarray, betas: Sequence[
         jaw_pose=jaw,
         leye_pose=np.zeros((len(times), 3)),
         reye_pose=np.zeros((len(times), 3)),
-        expression=through(script.EXPRESSION, times),
+        expression=expressions(
+            body, {name: through(keys, times, smoothing=0.02)[:, 0] for name, keys in script.FACE.items()}
+        ),
         camera_translation=figure.root - figure.rest[0],
     )
     return BodyParams(**{name: torch.as_tensor(array) for name, array in arrays.items()})

@@ -1,0 +1,259 @@
+"""The demo clip: a video, keypoints as a detector would give them, and the truth, made from the free body alone.
+
+It is generated on the user's computer, so nothing large is shipped, and the same everywhere: no OpenGL takes part.
+"""
+
+import hashlib
+import os
+import shutil
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+import torch
+from jaxtyping import Bool, Float
+from tqdm import tqdm
+
+from fitting_core import rotations
+from fitting_core.body.files import load_body
+from fitting_core.body.kinematics import contour_bins
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.pairs import keypoint_points
+from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.points import BodyPoints
+from fitting_core.body.registry import FREE_FOLDER, find_body
+from fitting_core.camera import Camera, project
+from fitting_core.encode import video_writer
+from fitting_core.errors import InputError
+from fitting_core.evaluation import demo_script
+from fitting_core.evaluation.clothing import Outfit
+from fitting_core.evaluation.performance import in_camera, perform, standing_root
+from fitting_core.evaluation.simulated_detector import detect, visible
+from fitting_core.evaluation.studio import CAMERA, STOOL_MIDDLE, Studio, camera_pose, vertex_normals
+from fitting_core.io.openpose import write_openpose
+
+NAME = "demo"
+FRAME_RATE = 25.0
+_VIDEO, _KEYPOINTS, _TRUTH = "video.mp4", "keypoints", "truth.npz"
+_PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
+_CAMERA = ("focal", "center", "size")
+_ENCODERS = ("ffmpeg", "avc1", "mp4v")
+"""Without VP9, which would take longer than all the rest."""
+_MODULES = (
+    "clothing", "demo_clip", "demo_script", "gestures", "handshapes", "limbs", "motion", "performance", "rasterize",
+    "simulated_detector", "studio",
+)  # fmt: skip
+"""Those that shape the clip."""
+_SEAT_RADIUS = 0.17
+_SINK = 0.015
+"""How deep the person sinks into the seat, metres: flesh is soft."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoClip:
+    """Where the demo clip's parts lie."""
+
+    folder: Path
+    video: Path
+    keypoints: Path
+    """Folder of OpenPose JSON, one file per frame."""
+    truth: Path
+    """Read it with `read_truth`."""
+    camera: Camera
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """What really happens in a clip of T frames."""
+
+    params: BodyParams
+    """In camera space."""
+    joints: Float[np.ndarray, "T 55 3"]
+    """Camera space, metres."""
+    keypoints: Float[np.ndarray, "T 137 2"]
+    """Pixels, without noise; meaningless where the body has no such point (`exists`)."""
+    visible: Bool[np.ndarray, "T 137"]
+    """Whether nothing hides the keypoint."""
+    exists: Bool[np.ndarray, "137"]
+    camera: Camera
+    frame_rate: float
+    body_hash: str
+    """Of the body model's file."""
+
+
+def cached_demo(*, progress: bool = True) -> DemoClip:
+    """The demo clip in the user's cache, made when it is asked for the first time (about 20 s)."""
+    folder = platformdirs.user_cache_path("tcfit", appauthor=False) / f"demo-{_version()}"
+    if not (folder / _TRUTH).is_file():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        return make_demo(folder, progress=progress)
+    return _clip_in(folder, CAMERA)
+
+
+def make_demo(
+    folder: Path,
+    *,
+    progress: bool = True,
+    seed: int = 0,
+    frame_rate: float = FRAME_RATE,
+    camera: Camera = CAMERA,
+    body: BodyModel | None = None,
+) -> DemoClip:
+    """Generate the demo clip into a new folder, which appears only when it is whole.
+
+    Args:
+        folder: It must not exist, or be empty; its parent must exist.
+        progress: Show a progress bar.
+        seed: The same seed gives the same keypoints and truth.
+        frame_rate: Frames per second; a lower one makes fewer frames of the same motion.
+        camera: Its size must be even; the view stays that of CAMERA if its focal length is scaled with its size.
+        body: The free neutral body when None.
+
+    Raises:
+        InputError: The folder is in use, its parent is missing, or no video encoder works.
+    """
+    body = body or load_body(find_body(search=FREE_FOLDER))
+    with _appearing(folder) as draft:
+        truth, world = _performed(body, seed, frame_rate, camera)
+        truth = replace(truth, visible=_film(draft / _VIDEO, body, truth, world, progress=progress))
+        keypoints = detect(
+            truth.keypoints,
+            truth.visible,
+            truth.exists,
+            frame_rate=frame_rate,
+            height=camera.size[1],
+            failures=demo_script.FAILURES,
+            rng=np.random.default_rng([seed, 1]),
+        )
+        write_openpose(draft / _KEYPOINTS, keypoints, name=NAME)
+        _write_truth(draft / _TRUTH, truth)
+    return _clip_in(folder, camera)
+
+
+def _clip_in(folder: Path, camera: Camera) -> DemoClip:
+    return DemoClip(
+        folder=folder, video=folder / _VIDEO, keypoints=folder / _KEYPOINTS, truth=folder / _TRUTH, camera=camera
+    )
+
+
+def _version() -> str:
+    """Changes whenever the free body or a module that shapes the clip does."""
+    digest = hashlib.sha256(find_body(search=FREE_FOLDER).read_bytes())
+    for module in _MODULES:
+        digest.update(Path(__file__).with_name(f"{module}.py").read_bytes())
+    return digest.hexdigest()[:12]
+
+
+@contextmanager
+def _appearing(folder: Path) -> Iterator[Path]:
+    """A draft folder that takes the name `folder` when the block ends well, and vanishes when it does not."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder} exists already: delete it, or choose another folder for the demo clip.")
+    if not folder.parent.is_dir():
+        raise InputError(f"The folder {folder.parent} for the demo clip does not exist: create it first.")
+    draft = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
+    draft.mkdir()
+    try:
+        yield draft
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        if not folder.exists():  # else another process was faster, and its clip is the same
+            draft.rename(folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def keypoints_in_space(
+    body: BodyModel, params: BodyParams
+) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
+    """The 137 keypoints of posed bodies in camera space (metres), and which of them the body has; others are 0."""
+    wanted = keypoint_points(body)
+    exists = np.array([point is not None for point in wanted])
+    points = BodyPoints(body, [point for point in wanted if point is not None])
+    local = full_pose(body, params)
+    orient, pose = rotations.exp(local[:, 0]), local[:, 1:]
+    bins = contour_bins(points.world_rotations(orient, pose))
+    posed = points.forward(orient, pose, torch.cat([params.betas, params.expression], 1), bins)
+    found = np.zeros((len(params), len(wanted), 3))
+    found[:, exists] = (posed.points + params.camera_translation[:, None]).numpy()
+    return found, exists
+
+
+def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) -> tuple[Truth, BodyParams]:
+    """The truth, as yet without what is visible, and the parameters in the world."""
+    times = np.arange(round(demo_script.SECONDS * frame_rate)) / frame_rate
+    world = perform(body, times, np.random.default_rng([seed, 0]))
+    rest, _ = standing_root(body, demo_script.BETAS)
+    params = in_camera(world, rest[0], *camera_pose())
+    points, exists = keypoints_in_space(body, params)
+    pixels = np.zeros((*points.shape[:2], 2))
+    pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
+    truth = Truth(
+        params=params,
+        joints=Mesh(body, dtype=torch.float64).joints(params).numpy(),
+        keypoints=pixels,
+        visible=np.zeros(points.shape[:2], bool),
+        exists=exists,
+        camera=camera,
+        frame_rate=frame_rate,
+        body_hash=body.hash,
+    )
+    return truth, world
+
+
+def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams, *, progress: bool) -> Bool[np.ndarray, "T 137"]:
+    """Write the video; return which keypoints its frames show."""
+    mesh, outfit = Mesh(body), Outfit.of(body)
+    studio = Studio(truth.camera, seat_height=_seat_height(mesh(world[-1:])[0].numpy()))
+    points, _ = keypoints_in_space(body, truth.params)
+    seen = np.zeros(points.shape[:2], bool)
+    with video_writer(path, truth.camera.size, truth.frame_rate, encoders=_ENCODERS) as video:
+        for i in tqdm(range(len(world)), desc="demo clip", unit="frame", disable=not progress):
+            vertices = mesh(world[i : i + 1])[0].numpy().astype(np.float64)
+            normals = vertex_normals(vertices, body.faces)
+            image, depth = studio.draw(vertices, body.faces, normals, outfit)
+            seen[i] = truth.exists & visible(points[i], depth, truth.camera)
+            video.write(image)
+    return seen
+
+
+def _seat_height(seated: Float[np.ndarray, "V 3"]) -> float:
+    """Height of the stool's seat: where the seated person ends below, and a little of it taken up by soft flesh."""
+    over = np.hypot(seated[:, 0] - STOOL_MIDDLE[0], seated[:, 2] - STOOL_MIDDLE[1]) < _SEAT_RADIUS
+    return float(seated[over, 1].min()) + _SINK
+
+
+def _write_truth(path: Path, truth: Truth) -> None:
+    """Arrays under the names of Truth's fields; those of params by their own names, those of camera with a prefix."""
+    params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
+    camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
+    rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
+    np.savez_compressed(path, allow_pickle=False, **params, **camera, **rest)
+
+
+def read_truth(path: Path) -> Truth:
+    """Read what `make_demo` wrote.
+
+    Raises:
+        InputError: It is no such file.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            values = {name: file[name] for name in file.files}
+        (fx, fy), (cx, cy), (width, height) = (values[f"camera_{name}"].tolist() for name in _CAMERA)
+        return Truth(
+            params=BodyParams(**{f.name: torch.as_tensor(values[f.name]) for f in fields(BodyParams)}),
+            camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=CAMERA.source),
+            frame_rate=float(values["frame_rate"]),
+            body_hash=str(values["body_hash"]),
+            **{name: values[name] for name in ("joints", "keypoints", "visible", "exists")},
+        )
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{path} holds no truth of a demo clip ({error}): delete its folder and make it anew."
+        ) from error
