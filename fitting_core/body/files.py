@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from fitting_core.body import forms
 from fitting_core.body.forms import FORMS, Form
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, BodyModel
+from fitting_core.body.offsets import OFFSETS
 from fitting_core.body.pickles import as_array
 from fitting_core.body.raw_file import HANDS, OWN_KEYPOINTS, RawFile, read_raw
 
@@ -57,6 +58,7 @@ def load_body(path: Path) -> BodyModel:
         landmark_weights=landmark_weights,
         contour_vertices=contour_vertices,
         contour_weights=contour_weights,
+        keypoint_offsets=OFFSETS.get(len(template), {}),
         source=raw.path,
         hash=raw.hash,
     )
