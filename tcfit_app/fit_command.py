@@ -72,8 +72,9 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
     if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
         return
     names = sorted(entry.name for entry in folder.iterdir())
+    some = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
     raise InputError(
-        f"--out {folder}: holds files that are no result of tcfit ({', '.join(names[:4])}{', ...' * (len(names) > 4)}). "
+        f"--out {folder}: holds files that are no result of tcfit ({some}). "
         "Choose another folder, or give --overwrite to write the result among them."
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import N_BETAS, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.positions import joints_in_space
 from fitting_core.camera import Camera
@@ -171,7 +171,7 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError as error:
         raise InputError(f"{file}: does not exist; expected a result of tcfit fit. Name its --out folder.") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{file}: is no complete npz archive ({error}). Fit the clip again.") from error
     found = str(arrays.get("format", "an npz of another program"))
     if found != FORMAT:
@@ -182,7 +182,7 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
 def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
     frames, last_phase = len(arrays["poses"]), int(arrays["last_phase"])
     phase1 = _params(arrays, PHASE1, frames)
-    shared = np.broadcast_to(arrays["betas"], (frames, *np.shape(arrays["betas"])))
+    shared = np.broadcast_to(_shaped(arrays, "betas", (N_BETAS,)), (frames, N_BETAS))
     betas = arrays[f"{PHASE1}betas"] if last_phase == 1 else shared
     (fx, fy), (cx, cy), (width, height) = (
         arrays[name].tolist() for name in ("camera_focal", "camera_center", "image_size")
@@ -202,7 +202,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
 
 
 def _params(arrays: dict[str, np.ndarray], prefix: str, frames: int) -> BodyParams:
-    components = arrays[f"{prefix}{_HANDS[0]}"].shape[-1]
+    components = int(arrays[f"{prefix}{_HANDS[0]}"].shape[-1])
     widths = _WIDTHS | dict.fromkeys(_HANDS, components)
     return BodyParams(**{name: torch.tensor(_shaped(arrays, prefix + name, (frames, widths[name]))) for name in _NAMES})
 

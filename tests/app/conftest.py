@@ -1,0 +1,48 @@
+"""A tiny clip on the free body, and options that fit it in about a second."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.files import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.positions import keypoints_in_space
+from fitting_core.body.registry import FREE_FOLDER, find_body
+from fitting_core.camera import Camera, project
+from fitting_core.io.openpose import write_openpose
+from fitting_core.keypoints import BODY, COUNT, Keypoints
+
+FRAMES = 6
+CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
+
+
+@pytest.fixture(scope="session")
+def free_body() -> BodyModel:
+    return load_body(find_body(search=FREE_FOLDER))
+
+
+@pytest.fixture(scope="session")
+def keypoint_folder(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
+    """OpenPose JSON of a person 4 m away who raises an arm over six frames; body keypoints only."""
+    params = BodyParams.neutral(FRAMES)
+    params.global_orient[:, 0] = torch.pi
+    params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.0])
+    params.body_pose[:, 3 * 15 + 2] = torch.linspace(-1.0, 0.2, FRAMES)
+    points, exists = keypoints_in_space(free_body, params)
+    seen = exists & (np.arange(COUNT) < BODY.stop)
+    xy = np.zeros((FRAMES, COUNT, 2))
+    xy[:, seen] = project(CAMERA, torch.as_tensor(points[:, seen])).numpy()
+    folder = tmp_path_factory.mktemp("clip") / "wave"
+    write_openpose(folder, Keypoints(xy=xy, confidence=np.tile(0.9 * seen, (FRAMES, 1))), name="wave")
+    return folder
+
+
+@pytest.fixture
+def fit_arguments(keypoint_folder: Path, tmp_path: Path) -> list[str]:
+    """`tcfit fit` on that clip into tmp_path/out, without an overlay and with few solver steps."""
+    clip = ["--keypoints", str(keypoint_folder), "--image-size", "640", "480", "--focal-length", "800"]
+    quick = ["--set", "relay_rounds=0", "--set", "yaws=side_view", "--set", "settings.iterations=6"]
+    return ["fit", *clip, "--out", str(tmp_path / "out"), "--no-overlay", *quick]
