@@ -75,7 +75,7 @@ BAD_FILES = {
     "unknown in a table": ("[temporal]\nwieght = 3", "no setting 'temporal.wieght'; did you mean temporal.weight"),
     "in the wrong place": ("window_size = 5", "did you mean temporal.window_size?"),
     "unknown table": ("[wieghts]\nshape = [1, 2, 3, 4, 5]", "no setting 'wieghts'; did you mean weights"),
-    "unknown below a setting": ("[solver]\nkind = 'lm'", "solver is {\"kind\":\"lm\"}; expected one of lm, lbfgs"),
+    "unknown below a setting": ("[solver]\nkind = 'lm'", 'solver is {"kind":"lm"}; expected one of lm, lbfgs'),
     "value for a table": ("weights = 3", "weights is a group of settings; expected a table [weights]"),
     "preset": ("preset = 'papr'", "no preset 'papr'; expected one of smplifyx, paper, tcfit. Did you mean paper?"),
     "preset of a wrong type": ("preset = 3", "no preset 3"),
@@ -138,7 +138,7 @@ def test_texts_become_values(name: str, text: str, value: Any):
 
 @pytest.mark.parametrize("text", ["", "1,2,3,4", "1,2,3,4,5,6", "1,2,x,4,5", "1;2;3;4;5"])
 def test_wrong_texts_are_refused(text: str):
-    with pytest.raises(InputError, match="--set: weights.shape is .*; expected 5 numbers, one for each stage"):
+    with pytest.raises(InputError, match=r"--set: weights\.shape is .*; expected 5 numbers, one for each stage"):
         changed(FitConfig(), {"weights.shape": text}, origin="--set", texts=True)
 
 
@@ -148,7 +148,7 @@ def test_presets_lie_within_the_ranges(name: str):
 
 
 def test_check_looks_at_every_setting():
-    with pytest.raises(InputError, match="The configuration: settings.rounds is 0; expected 1 or more"):
+    with pytest.raises(InputError, match=r"The configuration: settings\.rounds is 0; expected 1 or more"):
         check(FitConfig(settings=SolverSettings(rounds=0)))
 
 

@@ -1,5 +1,8 @@
-"""A tiny clip on the free body, and options that fit it in about a second."""
+"""A tiny clip on the free body, options that fit it in about a second, and that fit."""
 
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,8 @@ from fitting_core.body.registry import FREE_FOLDER, find_body
 from fitting_core.camera import Camera, project
 from fitting_core.io.openpose import write_openpose
 from fitting_core.keypoints import BODY, COUNT, Keypoints
+from tcfit_app import fit_command
+from tcfit_app.cli import main
 
 FRAMES = 6
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
@@ -29,7 +34,7 @@ def keypoint_folder(tmp_path_factory: pytest.TempPathFactory, free_body: BodyMod
     """OpenPose JSON of a person 4 m away who raises an arm over six frames; body keypoints only."""
     params = BodyParams.neutral(FRAMES)
     params.global_orient[:, 0] = torch.pi
-    params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.0])
+    params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.5])
     params.body_pose[:, 3 * 15 + 2] = torch.linspace(-1.0, 0.2, FRAMES)
     points, exists = keypoints_in_space(free_body, params)
     seen = exists & (np.arange(COUNT) < BODY.stop)
@@ -40,9 +45,39 @@ def keypoint_folder(tmp_path_factory: pytest.TempPathFactory, free_body: BodyMod
     return folder
 
 
+QUICK = ["--set", "relay_rounds=0", "--set", "yaws=side_view", "--set", "settings.iterations=6"]
+"""Few solver steps."""
+
+
+@pytest.fixture(scope="session")
+def clip_arguments(keypoint_folder: Path) -> list[str]:
+    """The clip, as options."""
+    return ["--keypoints", str(keypoint_folder), "--image-size", "640", "480", "--focal-length", "800"]
+
+
 @pytest.fixture
-def fit_arguments(keypoint_folder: Path, tmp_path: Path) -> list[str]:
+def fit_arguments(
+    clip_arguments: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
     """`tcfit fit` on that clip into tmp_path/out, without an overlay and with few solver steps."""
-    clip = ["--keypoints", str(keypoint_folder), "--image-size", "640", "480", "--focal-length", "800"]
-    quick = ["--set", "relay_rounds=0", "--set", "yaws=side_view", "--set", "settings.iterations=6"]
-    return ["fit", *clip, "--out", str(tmp_path / "out"), "--no-overlay", *quick]
+    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
+    return ["fit", *clip_arguments, "--out", str(tmp_path / "out"), "--no-overlay", *QUICK]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run of `tcfit fit`; tests must not change its folder."""
+
+    code: int
+    out: str
+    err: str
+    folder: Path
+
+
+@pytest.fixture(scope="session")
+def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The clip's fit, through the command line."""
+    folder, out, err = tmp_path_factory.mktemp("results") / "wave", io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = main(["fit", *clip_arguments, "--out", str(folder), "--no-overlay", *QUICK])
+    return Finished(code, out.getvalue(), err.getvalue(), folder)
