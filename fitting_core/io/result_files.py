@@ -1,4 +1,25 @@
-"""A fit as files in a folder: fit.npz, whose keys SMPL-X tools know, and summary.json."""
+"""A fit as files in a folder: fit.npz, whose keys SMPL-X tools know, and summary.json.
+
+fit.npz of N frames reads with np.load(allow_pickle=False). Axis-angle in radians, metres, camera space (see `AXES`).
+
+| key | shape | |
+|---|---|---|
+| poses | (N, 165) | all joints: root, 21 of the body, jaw, eyes, left and right hand with their mean pose |
+| root_orient, pose_body, pose_jaw, pose_eye, pose_hand | (N, 3), (N, 63), (N, 3), (N, 6), (N, 90) | its parts |
+| trans, expressions | (N, 3), (N, 10) | |
+| betas | (10,) | the shared shape; where only phase 1 has run, the mean over its frames |
+| gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | for the tools that read AMASS |
+| global_orient, body_pose, left_hand_pose, right_hand_pose, jaw_pose, leye_pose, reye_pose, expression, \
+camera_translation | (N, ...) | the same as `BodyParams` has it: hands as components over their mean |
+| joints | (N, 55, 3) | posed joints |
+| phase1_* | | BodyParams and joints of phase 1, betas (N, 10) |
+| observed | (N, 55) | whether a confident keypoint says how the joint is turned |
+| camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels |
+| first_frame, frames | (), (N,) | numbers in the video, from 0 |
+| body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
+
+The arrays have SMPL-X's layout whatever the body's kind was, so surface_model_type is always "smplx".
+"""
 
 import zipfile
 from dataclasses import dataclass, fields
@@ -97,7 +118,7 @@ def is_result(folder: Path) -> bool:
 
 
 def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True) -> dict[str, np.ndarray]:
-    """The arrays of fit.npz by name; see FORMATS in the documentation for what each holds."""
+    """The arrays of fit.npz by name, as the table above describes them."""
     last, first = fit.last.params, fit.phases[0].params
     arrays: dict[str, Any] = _smplx_arrays(body, last)
     arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": _one_shape(last)}

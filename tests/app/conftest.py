@@ -24,6 +24,15 @@ FRAMES = 6
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
 
 
+def motion() -> BodyParams:
+    """A person 4.5 m away who raises an arm over six frames."""
+    params = BodyParams.neutral(FRAMES)
+    params.global_orient[:, 0] = torch.pi
+    params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.5])
+    params.body_pose[:, 3 * 15 + 2] = torch.linspace(-1.0, 0.2, FRAMES)
+    return params
+
+
 @pytest.fixture(scope="session")
 def free_body() -> BodyModel:
     return load_body(find_body(search=FREE_FOLDER))
@@ -31,12 +40,8 @@ def free_body() -> BodyModel:
 
 @pytest.fixture(scope="session")
 def keypoint_folder(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
-    """OpenPose JSON of a person 4 m away who raises an arm over six frames; body keypoints only."""
-    params = BodyParams.neutral(FRAMES)
-    params.global_orient[:, 0] = torch.pi
-    params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.5])
-    params.body_pose[:, 3 * 15 + 2] = torch.linspace(-1.0, 0.2, FRAMES)
-    points, exists = keypoints_in_space(free_body, params)
+    """OpenPose JSON of that motion, body keypoints only, without noise."""
+    points, exists = keypoints_in_space(free_body, motion())
     seen = exists & (np.arange(COUNT) < BODY.stop)
     xy = np.zeros((FRAMES, COUNT, 2))
     xy[:, seen] = project(CAMERA, torch.as_tensor(points[:, seen])).numpy()

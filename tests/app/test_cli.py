@@ -96,11 +96,11 @@ REFUSED = {
     "no file": (["--config", "none.toml"], "none.toml: cannot be read"),
     "device": (["--device", "gpu"], "device is 'gpu'; expected cpu"),
     "absent device": (["--device", "cuda:77"], "--device cuda:77 cannot be used"),
-    "threads": (["--threads", "0"], "--threads is 0; expected 1 to"),
+    "threads": (["--threads", "0"], "--threads is 0; expected 1 or more"),
     "two focal lengths": (["--fov", "60"], "The focal length is given 2 times"),
-    "person": (["--person", "4"], "4"),
-    "frames": (["--first-frame", "90"], "90"),
-    "scale": (["--keypoint-scale", "cm"], "keypoint_scale is 'cm'; expected one of auto, pixels"),
+    "person": (["--person", "4"], "person=4, but no frame of"),
+    "frames": (["--first-frame", "90"], "Frames 90 to 5 were asked for (--first-frame, --last-frame)"),
+    "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
     "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female"),
     "body": (["--body-model", "scape"], "'scape' is no body model, expected one of smplx"),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
@@ -147,6 +147,7 @@ def test_fit(finished: Finished):
     assert finished.code == 0
     assert sorted(path.name for path in finished.folder.iterdir()) == ["fit.npz", "summary.json"]
     assert "Focal length 800.0 px: focal length of 800 pixels, as given" in finished.err
+    assert "30 frames per second are assumed. Give --frame-rate." in finished.err
     assert [line for line in finished.err.splitlines() if line.startswith("Phase ")] == [
         "Phase 1: every frame on its own",
         "Phase 2: one shape",
