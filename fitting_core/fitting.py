@@ -58,7 +58,7 @@ def rerun_events(
             f"Frames {frames.start} to {frames.stop - 1} cannot be fitted again: the clip "
             f"has frames 0 to {len(clip) - 1}."
         )
-    stages = Stages(clip.keypoints, clip.camera, body, config)
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
     state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
@@ -74,7 +74,7 @@ class _Fit:
 
     def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
         self.clip, self.config = clip, config
-        self.stages = Stages(clip.keypoints, clip.camera, body, config)
+        self.stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
         if not bool(self.stages.usable().any()):
             raise InputError(
                 f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
