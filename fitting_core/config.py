@@ -81,6 +81,9 @@ class SolverSettings:
     """lm: relative decrease under which a stage ends that another one follows."""
     final_tolerance: float = 1e-6
     """lm: the same for the last stage of a phase."""
+    sequence_tolerance: float = 3e-5
+    """lm: the same where frames are coupled (phase 3): below it one frame at a time wanders along its valley, 0.1 % of
+    the cost in 50 more steps."""
     iterations: int = 60
     """lm: most steps in a stage."""
     rounds: int = 30

@@ -18,6 +18,7 @@ class Problem(Protocol):
     """A least squares problem over the frames of a State, in groups that are independent of each other."""
 
     groups: int
+    coupled_in_time: bool
 
     def rows(self, groups: Int[Tensor, "g"]) -> Int[Tensor, "r"]:
         """Rows of the state that belong to these groups, in order."""
@@ -57,6 +58,8 @@ def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g
 class IndependentFrames:
     """Every frame for itself: phase 1."""
 
+    coupled_in_time = False
+
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
         self.objective, self.frames, self.groups = objective, frames, len(frames)
 
@@ -93,6 +96,7 @@ class SharedShape:
     """
 
     groups = 1
+    coupled_in_time = False
 
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
         assert objective.free.betas
