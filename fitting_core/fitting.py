@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Generator
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -22,6 +23,8 @@ from fitting_core.solvers import make_solver
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
 
+Outcome = TypeVar("Outcome")
+"""What a phase returns."""
 TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
@@ -158,7 +161,7 @@ class _Fit:
         )
 
 
-def _events(steps: Generator[Step, None, State], phase: int) -> Generator[FitEvent, None, State]:
+def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
     """A phase's steps as events."""
     while True:
         try:
