@@ -149,7 +149,7 @@ class _Fit:
             notes=notes,
         )
         self.phases.append(result)
-        return PhaseFinished(phase=phase, result=result)
+        return PhaseFinished(phase=phase, result=result, so_far=self._result())
 
     def _result(self) -> FitResult:
         return FitResult(

@@ -1,7 +1,7 @@
 """How good and how smooth a fit is, as the field measures it."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 
 def procrustes(source: Float[np.ndarray, "T K 3"], target: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K 3"]:
@@ -38,6 +38,15 @@ def jitter(points: Float[np.ndarray, "T K 3"]) -> float:
     if len(points) < 3:
         return 0.0
     return float(1e3 * np.linalg.norm(np.diff(points, 2, axis=0), axis=-1).mean())
+
+
+def reprojection_errors(
+    projected: Float[np.ndarray, "T K 2"],
+    detected: Float[np.ndarray, "T K 2"],
+    counted: Bool[np.ndarray, "T K"],
+) -> Float[np.ndarray, "N"]:
+    """Distances in pixels between projected and detected keypoints, of those that count."""
+    return np.linalg.norm(projected - detected, axis=-1)[counted]
 
 
 def lean(up: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T"]:
