@@ -13,7 +13,7 @@ from fitting_core.state import State
 
 _ITERATIONS = 30
 """Steps of a round."""
-_TOGETHER = 64
+_TOGETHER = 32
 """Groups whose graphs exist at once: a frame's takes about a megabyte."""
 _OUTCOME = {Reason.ROUNDS: "iterations", Reason.START_NOT_FINITE: "failed"}
 
