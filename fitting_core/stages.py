@@ -14,6 +14,7 @@ from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.pairs import Point, keypoint_points
 from fitting_core.body.points import BodyPoints
 from fitting_core.camera import Camera
+from fitting_core.collision.term import CollidingBody, Collision
 from fitting_core.config import FitConfig
 from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
@@ -174,7 +175,14 @@ class Stages:
             unseen = ~torch.as_tensor(self.observed[:, 1:22], device=self.device).repeat_interleave(3, 1)
             target = prior.decode(prior.neutral.to(self.xy)[None])[0]
             terms.append(Rest(w.rest[s] * unseen.to(self.xy), target))
+        if w.collision[s]:
+            terms.append(Collision(w.collision[s], self.colliding_body))
         return terms
+
+    @cached_property
+    def colliding_body(self) -> CollidingBody:
+        """The whole mesh, made when the first stage asks for collisions."""
+        return CollidingBody(self.body, dtype=self.dtype, device=self.device)
 
     def _upright(self, lean: float, turn: float) -> list[Term]:
         if not (lean or turn) or bool(self.leg_seen.all()):
