@@ -51,11 +51,11 @@ class Stages:
         camera: the clip's camera.
         body: the body model.
         config: weights and all other settings.
-        frame_rate: of the clip, frames per second.
+        frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
     """
 
     def __init__(
-        self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float
+        self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
     ) -> None:
         self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
         reference = config.temporal.reference_rate

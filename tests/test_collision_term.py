@@ -154,7 +154,9 @@ def test_rest_pose_does_not_collide(objective):
 @pytest.mark.parametrize("wild", [torch.nan, torch.inf, 1e4])
 def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
     betas = objective.view.parametrisation.columns.betas
-    broken = state.put(torch.tensor([1]), state[1:2].with_columns(betas, torch.full((1, 10), wild, dtype=torch.float64)))
+    broken = state.put(
+        torch.tensor([1]), state[1:2].with_columns(betas, torch.full((1, 10), wild, dtype=torch.float64))
+    )
     cost = objective.cost(broken, torch.arange(3))
     assert cost[1] == torch.inf
     torch.testing.assert_close(cost[[0, 2]], objective.cost(state, torch.arange(3))[[0, 2]])
