@@ -3,6 +3,8 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fitting_core.body.model import JOINT
+
 
 def procrustes(source: Float[np.ndarray, "T K 3"], target: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K 3"]:
     """`source` moved by the similarity (rotation, scale, translation) of each frame that is nearest to `target`.
@@ -53,3 +55,36 @@ def lean(up: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T"]:
     """Angle between a body's up axis and the image's vertical (y down), in degrees."""
     cosine = -up[:, 1] / np.linalg.norm(up, axis=-1)
     return np.degrees(np.arccos(cosine.clip(-1, 1)))
+
+
+def torso_lean(joints: Float[np.ndarray, "T 55 3"]) -> Float[np.ndarray, "T"]:
+    """Angle in degrees between the line from the middle of the hip joints to the neck joint and the image's vertical.
+
+    Not the root's axis: a root may lean where the spine bends it back, and a straight root under a bent spine is no
+    upright person.
+
+    Args:
+        joints: SMPL-X's joints in camera space (y down).
+    """
+    hips = joints[:, [JOINT["left_hip"], JOINT["right_hip"]]].mean(1)
+    return lean(joints[:, JOINT["neck"]] - hips)
+
+
+def wrists_in_front(joints: Float[np.ndarray, "T 55 3"]) -> Bool[np.ndarray, "T 2"]:
+    """Whether the left and the right wrist are nearer to the camera than the chest (joint spine3).
+
+    For people who face the camera and sign: hands inside or behind the trunk show a depth that the image did not hold.
+
+    Args:
+        joints: SMPL-X's joints in camera space (z away from the camera).
+    """
+    wrists = joints[:, [JOINT["left_wrist"], JOINT["right_wrist"]], 2]
+    return wrists < joints[:, JOINT["spine3"], 2, None]
+
+
+def depth_error(estimate: Float[np.ndarray, "T K 3"], truth: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T"]:
+    """Difference of the points' mean distance along the camera's z axis, in millimetres (points in metres).
+
+    Positive: the estimate is too far away.
+    """
+    return 1e3 * (estimate - truth)[..., 2].mean(1)
