@@ -47,6 +47,14 @@ class RowTerm(Term, Protocol):
         ...
 
 
+class StaircaseTerm(Term, Protocol):
+    """A term whose slope says little about how it falls, so that Gauss-Newton steps need a gentler one to follow."""
+
+    def softened(self) -> Term:
+        """The gentler term, with its minima in about the same places."""
+        ...
+
+
 @dataclass(frozen=True)
 class Rows:
     """Rows of the Gauss-Newton system: half gradient J^T r (+ extra), half matrix J^T J."""
