@@ -198,14 +198,20 @@ def hands_in_thighs() -> tuple[Stages, State, IndependentFrames]:
     return stages, start, IndependentFrames(objective, stages.all_frames)
 
 
+@pytest.fixture(scope="module")
+def ends(hands_in_thighs) -> dict[str, Solution]:
+    _, start, problem = hands_in_thighs
+    return {solver: minimised(solver, problem, start) for solver in ("lm", "lbfgs")}
+
+
 @pytest.mark.parametrize("solver", ["lm", "lbfgs"])
-def test_solvers_free_hands(hands_in_thighs, solver):
+def test_solvers_free_hands(hands_in_thighs, ends, solver):
     stages, start, problem = hands_in_thighs
-    end = minimised(solver, problem, start)
+    end = ends[solver]
     before, after = (problem.objective.costs(s, stages.all_frames) for s in (start, end.state))
     torch.testing.assert_close(end.cost, sum(after.values()))
     assert before["collision"] > 500 and after["collision"] < 0.1 * before["collision"]
-    assert after["data"] < 0.1 * before["collision"]
+    assert end.cost < 0.5 * sum(before.values())
 
 
 class Faithful:
@@ -215,20 +221,19 @@ class Faithful:
         self.name, self.residual, self.rows = term.name, term.residual, term.rows
 
 
-def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs):
+def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs, ends):
     """Levenberg-Marquardt on the faithful term alone stops on its staircase."""
     _, start, problem = hands_in_thighs
     terms = [Faithful(t) if isinstance(t, Collision) else t for t in problem.objective.terms]
     rigid = FrameObjective(terms, problem.objective.view, problem.objective.free)
     stuck = minimised("lm", IndependentFrames(rigid, problem.frames), start)
-    assert minimised("lm", problem, start).cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
+    assert ends["lm"].cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
 
 
-def test_a_softened_end_that_is_worse_is_not_taken(hands_in_thighs):
+def test_a_softened_end_that_is_worse_is_not_taken(hands_in_thighs, ends):
     """From where the faithful cost is lowest, minimising it again raises nothing."""
-    _, start, problem = hands_in_thighs
-    once = minimised("lm", problem, start)
-    assert (minimised("lm", problem, once.state).cost <= once.cost).all()
+    _, _, problem = hands_in_thighs
+    assert (minimised("lm", problem, ends["lm"].state).cost <= ends["lm"].cost).all()
 
 
 def test_softened_term_has_higher_cones(body):
