@@ -51,10 +51,16 @@ class Stages:
         camera: the clip's camera.
         body: the body model.
         config: weights and all other settings.
+        frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
     """
 
-    def __init__(self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig) -> None:
+    def __init__(
+        self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
+    ) -> None:
         self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
+        reference = config.temporal.reference_rate
+        self.temporal_weight = config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0)
+        """w_T for this clip."""
         side = cut_off(keypoints, camera.size) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(

@@ -25,12 +25,14 @@ class LevenbergMarquardt:
         A group whose start is not finite is returned as it came; no step to a cost that is not finite is ever taken. A
         problem with staircase terms is minimised with these softened first, and groups that this helped go on there.
         """
-        tolerance = self.settings.final_tolerance if final else self.settings.stage_tolerance
+        settings = self.settings
+        last = settings.sequence_tolerance if problem.coupled_in_time else settings.final_tolerance
+        passing = max(last, settings.stage_tolerance)
         soft, evaluations = softened(problem), 0
         if soft is not None:
-            gentle = yield from self._descend(_Run(soft, start), self.settings.stage_tolerance)
+            gentle = yield from self._descend(_Run(soft, start), passing)
             start, evaluations = _lower(problem, start, gentle.state), gentle.evaluations
-        run = yield from self._descend(_Run(problem, start), tolerance)
+        run = yield from self._descend(_Run(problem, start), last if final else passing)
         reason = ["converged" if f else "iterations" for f in run.finished.tolist()]
         reason = ["failed" if not ok else r for r, ok in zip(reason, run.cost.isfinite().tolist(), strict=True)]
         return Solution(state=run.state, cost=run.cost, reason=tuple(reason), evaluations=run.evaluations + evaluations)

@@ -21,6 +21,7 @@ class Problem(Protocol):
 
     objective: FrameObjective
     groups: int
+    coupled_in_time: bool
     unknowns: int
     """Numbers that move a group, without repetition: one that several rows share counts once."""
 
@@ -76,6 +77,8 @@ def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g
 class IndependentFrames:
     """Every frame for itself: phase 1."""
 
+    coupled_in_time = False
+
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
         self.objective, self.frames, self.groups = objective, frames, len(frames)
         self.unknowns = len(objective.index)
@@ -117,6 +120,7 @@ class SharedShape:
     """
 
     groups = 1
+    coupled_in_time = False
 
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
         assert objective.free.betas
