@@ -20,7 +20,10 @@ from fitting_core.rotations import hat
 class Term(Protocol):
     """A part of E_o."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Under which its cost is reported."""
+        ...
 
     def residual(self, e: Estimate) -> Float[Tensor, "B n"]:
         """Weighted residuals; their squares add up to the term's cost."""

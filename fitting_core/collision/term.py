@@ -102,7 +102,7 @@ class CollidingBody:
         return Contacts(
             frame=torch.arange(len(known)).repeat_interleave(counts).to(device),
             rank=torch.cat([torch.arange(n) for n in counts.tolist()]).to(device),
-            ids=torch.nn.utils.rnn.pad_sequence(ids, batch_first=True).to(device),
+            ids=torch.nn.utils.rnn.pad_sequence(list(ids), batch_first=True).to(device),
             corner=torch.cat(corner).view(-1, 6).to(device),
         )
 
