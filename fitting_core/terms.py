@@ -20,7 +20,10 @@ from fitting_core.rotations import hat
 class Term(Protocol):
     """A part of E_o."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Under which its cost is reported."""
+        ...
 
     def residual(self, e: Estimate) -> Float[Tensor, "B n"]:
         """Weighted residuals; their squares add up to the term's cost."""
@@ -44,6 +47,14 @@ class RowTerm(Term, Protocol):
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> "Rows":
         """Residual rows of the normal equations."""
+        ...
+
+
+class StaircaseTerm(Term, Protocol):
+    """A term whose slope says little about how it falls, so that Gauss-Newton steps need a gentler one to follow."""
+
+    def softened(self) -> Term:
+        """The gentler term, with its minima in about the same places."""
         ...
 
 
