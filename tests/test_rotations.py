@@ -49,9 +49,8 @@ def test_exp_undoes_log_everywhere(v: Tensor):
 
 @given(rotation_vectors(), st.lists(_COMPONENT, min_size=3, max_size=3))
 def test_hat_is_the_cross_product(v: Tensor, u: list[float]):
-    torch.testing.assert_close(
-        rotations.hat(v) @ torch.tensor(u).double(), torch.linalg.cross(v, torch.tensor(u).double())
-    )
+    other = torch.tensor(u, dtype=torch.float64)
+    torch.testing.assert_close(rotations.hat(v) @ other, torch.linalg.cross(v, other))
 
 
 @given(rotation_vectors())
