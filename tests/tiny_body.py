@@ -35,7 +35,7 @@ def rest_joints() -> np.ndarray:
 
 
 def make_tiny_body(seed: int = 0) -> BodyModel:
-    """440 vertices: clouds around the joints, skinned to up to four joints, with random directions of every kind."""
+    """440 vertices: clouds around the joints, skinned to a joint and up to three above it, with random directions of every kind."""
     rng = np.random.default_rng(seed)
     parents, joints = parents_of_55(), rest_joints()
     owner = np.repeat(np.arange(N_JOINTS), PER_JOINT)
@@ -82,11 +82,11 @@ def _regressor(rng: np.random.Generator, owner: np.ndarray) -> np.ndarray:
 def _weights(rng: np.random.Generator, owner: np.ndarray, parents: np.ndarray) -> np.ndarray:
     weights = np.zeros((len(owner), N_JOINTS))
     for v, j in enumerate(owner):
-        bones = {int(j), max(int(parents[j]), 0)}
-        if j not in _HEAD:  # 79 x 17 contour points: far bones there would make the tables as large as a real body's
-            bones |= set(rng.integers(0, N_JOINTS, rng.integers(0, 3)).tolist())
+        bones = [int(j)]
+        while len(bones) < rng.integers(2, 5) and parents[bones[-1]] >= 0:
+            bones.append(int(parents[bones[-1]]))
         # The owner carries most: a vertex that followed far bones would leave its limb.
-        weights[v, sorted(bones)] = rng.dirichlet([9.0 if b == j else 0.5 for b in sorted(bones)])
+        weights[v, bones] = rng.dirichlet([9.0] + [0.5] * (len(bones) - 1))
     return weights
 
 
