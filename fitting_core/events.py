@@ -41,6 +41,8 @@ class PhaseFinished:
 
     phase: int
     result: PhaseResult
+    so_far: FitResult
+    """The fit with all phases finished so far."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Generator
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -22,6 +23,8 @@ from fitting_core.solvers import make_solver
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
 
+Outcome = TypeVar("Outcome")
+"""What a phase returns."""
 TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
@@ -58,7 +61,7 @@ def rerun_events(
             f"Frames {frames.start} to {frames.stop - 1} cannot be fitted again: the clip "
             f"has frames 0 to {len(clip) - 1}."
         )
-    stages = Stages(clip.keypoints, clip.camera, body, config)
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
     state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
@@ -74,7 +77,7 @@ class _Fit:
 
     def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
         self.clip, self.config = clip, config
-        self.stages = Stages(clip.keypoints, clip.camera, body, config)
+        self.stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
         if not bool(self.stages.usable().any()):
             raise InputError(
                 f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
@@ -146,7 +149,7 @@ class _Fit:
             notes=notes,
         )
         self.phases.append(result)
-        return PhaseFinished(phase=phase, result=result)
+        return PhaseFinished(phase=phase, result=result, so_far=self._result())
 
     def _result(self) -> FitResult:
         return FitResult(
@@ -158,7 +161,7 @@ class _Fit:
         )
 
 
-def _events(steps: Generator[Step, None, State], phase: int) -> Generator[FitEvent, None, State]:
+def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
     """A phase's steps as events."""
     while True:
         try:

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.model import JOINT
+from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION
 from fitting_core.body.points import N_COEFFICIENTS, BodyPoints, Posed
 from fitting_core.state import Columns, Free
 
@@ -32,7 +32,7 @@ class PointJacobian:
         self.direct = self.direct.nonzero()[:, 0]
         self.finger = ((joint >= _FIRST_FINGER) & free.hands).nonzero()[:, 0]
         self._index_direct()
-        if free.hands and len(self.finger):
+        if free.hands:
             self._index_fingers(hand_basis)
 
     def _index_direct(self) -> None:
@@ -84,18 +84,35 @@ class PointJacobian:
         moved = left @ self.points.coefficient_jacobian(posed, which)
         out[..., start : start + moved.shape[-1]] = moved
 
-    def corrective_gradient(self, posed: Posed, pull: Float[Tensor, "B N 3"]) -> Float[Tensor, "B width"]:
-        """sum of pull . d points / d (free columns) through the pose correctives, which the Jacobian leaves out."""
-        by_joint = self.points.corrective_gradient(posed, pull)
-        out = pull.new_zeros(len(pull), self.width)
+    @property
+    def needs_coefficients(self) -> bool:
+        """Whether betas or expression are free."""
+        return self.free.betas or self.free.face
+
+    def in_free_columns(
+        self, by_joint: Float[Tensor, "R 55 3"], by_coefficient: Float[Tensor, "R 20"] | None = None
+    ) -> Float[Tensor, "R width"]:
+        """Derivatives by the joints' axis-angles (and by betas and expression) as rows in the free columns.
+
+        For what does not move with the camera translation.
+        """
+        out = by_joint.new_zeros(len(by_joint), self.width)
+        out[:, :3] = by_joint[:, 0]
         if self.free.body:
             out[:, 3:66] = by_joint[:, 1:_BODY_JOINTS].flatten(1)
         if self.free.hands:
             start = self.place[self.columns.hands.start]
-            fingers = by_joint[:, _FIRST_FINGER:].flatten(1)
-            if len(self.finger):
-                out[:, start : start + self.basis.shape[1]] = fingers @ self.basis
+            out[:, start : start + self.basis.shape[1]] = by_joint[:, _FIRST_FINGER:].flatten(1) @ self.basis
         if self.free.face:
             start = self.place[self.columns.jaw.start]
             out[:, start : start + 3] = by_joint[:, _JAW]
+            if by_coefficient is not None:
+                out[:, start + 3 : start + 3 + N_EXPRESSION] = by_coefficient[:, N_BETAS:]
+        if self.free.betas and by_coefficient is not None:
+            start = self.place[self.columns.betas.start]
+            out[:, start : start + N_BETAS] = by_coefficient[:, :N_BETAS]
         return out
+
+    def corrective_gradient(self, posed: Posed, pull: Float[Tensor, "B N 3"]) -> Float[Tensor, "B width"]:
+        """sum of pull . d points / d (free columns) through the pose correctives, which the Jacobian leaves out."""
+        return self.in_free_columns(self.points.corrective_gradient(posed, pull))

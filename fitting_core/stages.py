@@ -14,6 +14,7 @@ from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.pairs import Point, keypoint_points
 from fitting_core.body.points import BodyPoints
 from fitting_core.camera import Camera
+from fitting_core.collision.term import CollidingBody, Collision
 from fitting_core.config import FitConfig
 from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
@@ -50,10 +51,16 @@ class Stages:
         camera: the clip's camera.
         body: the body model.
         config: weights and all other settings.
+        frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
     """
 
-    def __init__(self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig) -> None:
+    def __init__(
+        self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
+    ) -> None:
         self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
+        reference = config.temporal.reference_rate
+        self.temporal_weight = config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0)
+        """w_T for this clip."""
         side = cut_off(keypoints, camera.size) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
@@ -168,7 +175,14 @@ class Stages:
             unseen = ~torch.as_tensor(self.observed[:, 1:22], device=self.device).repeat_interleave(3, 1)
             target = prior.decode(prior.neutral.to(self.xy)[None])[0]
             terms.append(Rest(w.rest[s] * unseen.to(self.xy), target))
+        if w.collision[s]:
+            terms.append(Collision(w.collision[s], self.colliding_body))
         return terms
+
+    @cached_property
+    def colliding_body(self) -> CollidingBody:
+        """The whole mesh, made when the first stage asks for collisions."""
+        return CollidingBody(self.body, dtype=self.dtype, device=self.device)
 
     def _upright(self, lean: float, turn: float) -> list[Term]:
         if not (lean or turn) or bool(self.leg_seen.all()):

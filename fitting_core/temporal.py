@@ -92,6 +92,7 @@ class Sequence:
     """
 
     groups = 1
+    coupled_in_time = True
 
     def __init__(
         self, objective: FrameObjective, joints: JointPositions, held: Tensor, coupling: Coupling, weight: float
@@ -102,6 +103,7 @@ class Sequence:
         span = coupling.matrix.shape[1]
         self.held = held[coupling.first : coupling.first + span].reshape(-1, _SIZE)
         self.local = coupling.free - coupling.first
+        self.unknowns = len(self.local) * len(objective.index)
         square = coupling.matrix.T @ coupling.matrix
         self.gather = square[self.local]
         self.bands = [square[self.local[k:], self.local[: len(self.local) - k]] for k in range(3)]
@@ -109,6 +111,10 @@ class Sequence:
     def rows(self, groups: Tensor) -> Tensor:
         """All free frames."""
         return torch.arange(len(self.local), device=groups.device)
+
+    def spread(self, x: Tensor) -> Tensor:
+        """Frame after frame their free columns."""
+        return self.objective.step(x.view(len(self.local), -1))
 
     def _all_joints(self, positions: Float[Tensor, "n 165"]) -> Float[Tensor, "s 165"]:
         every = self.held.clone()

@@ -1,5 +1,7 @@
 """The whole mesh: every vertex of a posed body."""
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -8,6 +10,17 @@ from fitting_core import rotations
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """The posed joints of B frames."""
+
+    local: Float[Tensor, "B 55 3 3"]
+    world: Float[Tensor, "B 55 3 3"]
+    joints: Float[Tensor, "B 55 3"]
+    offset: Float[Tensor, "B 55 3"]
+    """A point x of the rest pose that joint k carries alone goes to world_k x + offset_k."""
 
 
 class Mesh:
@@ -23,7 +36,9 @@ class Mesh:
         self.tree = Tree.of(body.parents, device)
         self.template = tensor(body.template)
         self.directions = torch.cat([tensor(body.shape_directions), tensor(body.expression_directions)], 2)
-        self.regressor = tensor(body.joint_regressor)
+        regressor = tensor(body.joint_regressor)
+        self.rest = regressor @ self.template
+        self.rest_directions = (regressor @ self.directions.flatten(1)).view(N_JOINTS, 3, -1)
         self.weights = tensor(body.skinning_weights)
         correctives = body.pose_directions.reshape(-1, N_JOINTS - 1, 9)
         used = abs(correctives).max((0, 2)) > 0
@@ -40,22 +55,37 @@ class Mesh:
     def joints(self, params: BodyParams) -> Float[Tensor, "T 55 3"]:
         """The kinematic joints in camera space (metres), translation included."""
         params = params.to(dtype=self.dtype, device=self.device)
-        _, _, _, position = self._pose(params)
-        return position + params.camera_translation[:, None]
-
-    def _pose(self, params: BodyParams) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        coefficients = torch.cat([params.betas, params.expression], 1)
-        shaped = self.template + (coefficients @ self.directions.reshape(-1, 20).T).view(len(params), -1, 3)
-        rest = self.regressor @ shaped
         local = rotations.exp(full_pose(self.body, params))
-        world, position = pose_joints(self.tree, local, rest)
-        features = (local[:, self.driving] - torch.eye(3, dtype=self.dtype, device=self.device)).flatten(1)
-        shaped = shaped + (features @ self.correctives.T).view(len(params), -1, 3)
-        transforms = torch.cat([world, (position - (world @ rest[..., None])[..., 0])[..., None]], -1)
-        return shaped, transforms, rest, position
+        return self.skeleton(local, _coefficients(params)).joints + params.camera_translation[:, None]
 
     def _evaluate(self, params: BodyParams) -> Tensor:
-        shaped, transforms, _, _ = self._pose(params)
-        blended = (self.weights @ transforms.flatten(2)).view(len(params), -1, 3, 4)
-        posed = (blended[..., :3] @ shaped[..., None])[..., 0] + blended[..., 3]
-        return posed + params.camera_translation[:, None]
+        local = rotations.exp(full_pose(self.body, params))
+        return self.vertices(local, _coefficients(params)) + params.camera_translation[:, None]
+
+    def skeleton(self, local: Float[Tensor, "B 55 3 3"], coefficients: Float[Tensor, "B 20"]) -> Skeleton:
+        """Poses the joints.
+
+        Args:
+            local: rotation of every joint against its parent; of the root, in the world.
+            coefficients: betas, then expression.
+        """
+        rest = self.rest + (coefficients @ self.rest_directions.flatten(0, 1).T).view(-1, N_JOINTS, 3)
+        world, joints = pose_joints(self.tree, local, rest)
+        return Skeleton(local, world, joints, joints - (world @ rest[..., None])[..., 0])
+
+    def features(self, local: Float[Tensor, "B 55 3 3"]) -> Float[Tensor, "B F"]:
+        """What the pose correctives are linear in: the driving joints' rotations minus the identity."""
+        return (local[:, self.driving] - torch.eye(3, dtype=self.dtype, device=self.device)).flatten(1)
+
+    def vertices(self, local: Float[Tensor, "B 55 3 3"], coefficients: Float[Tensor, "B 20"]) -> Float[Tensor, "B V 3"]:
+        """All vertices without camera translation, metres; arguments as for `skeleton`."""
+        posed = self.skeleton(local, coefficients)
+        moved = coefficients @ self.directions.flatten(0, 1).T + self.features(local) @ self.correctives.T
+        rest = self.template + moved.view(len(local), -1, 3)
+        transforms = torch.cat([posed.world, posed.offset[..., None]], -1)
+        blended = (self.weights @ transforms.flatten(2)).view(len(local), -1, 3, 4)
+        return (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
+
+
+def _coefficients(params: BodyParams) -> Float[Tensor, "T 20"]:
+    return torch.cat([params.betas, params.expression], 1)

@@ -185,7 +185,9 @@ def _table(
     kept = by_joint[:, :, :, used].reshape(len(correctives), 3 * correctives.shape[1], 9 * len(used))
     index = [torch.as_tensor(np.array(a, dtype=np.int64)) for a in (point, bone, used + 1)]
     floats = [torch.as_tensor(np.ascontiguousarray(a)) for a in (weight, template, directions, kept)]
-    return PairTable(index[0], index[1], *floats[:3], index[2], floats[3])
+    points, bones, driving = index
+    weights, templates, moves, bends = floats
+    return PairTable(points, bones, weights, templates, moves, driving, bends)
 
 
 _JOINT_KEYPOINTS = {

@@ -104,14 +104,14 @@ class BodyPoints:
     ) -> None:
         """Lists the (point, joint) pairs with a derivative, and how the lever arm of each comes about."""
         ancestors = self.tree.ancestors
-        entry_point, entry_joint, incidence = [], [], []
+        entries: list[tuple[int, int, np.ndarray]] = []
         for i, p in enumerate(points):
             if isinstance(p, Joint):
-                for a in np.flatnonzero(ancestors[p.joint]):
+                for a in np.flatnonzero(ancestors[p.joint]).tolist():
                     if a != p.joint:
                         row = np.zeros(N_JOINTS + len(bone))
                         row[p.joint], row[a] = 1, -1
-                        entry_point.append(i), entry_joint.append(a), incidence.append(row)
+                        entries.append((i, a, row))
                 continue
             mine = owner == place[i] - N_JOINTS
             for a in range(N_JOINTS):
@@ -119,9 +119,10 @@ class BodyPoints:
                 if below.any():
                     row = np.zeros(N_JOINTS + len(bone))
                     row[N_JOINTS:][below] = 1
-                    entry_point.append(i), entry_joint.append(a), incidence.append(row)
-        self.entry_point, self.entry_joint = self._index(entry_point), self._index(entry_joint)
-        self.incidence = self._tensor(np.array(incidence).reshape(len(entry_point), N_JOINTS + len(bone)))
+                    entries.append((i, a, row))
+        self.entry_point, self.entry_joint = (self._index([entry[k] for entry in entries]) for k in (0, 1))
+        incidence = np.array([row for *_, row in entries])
+        self.incidence = self._tensor(incidence.reshape(len(entries), N_JOINTS + len(bone)))
         # weights of surface points in the subtree, to take their share of the turning joint's own position off
         self.subtree_weight = self.incidence[:, N_JOINTS:].contiguous()
 

@@ -18,14 +18,11 @@ import torch
 from jaxtyping import Bool, Float
 from tqdm import tqdm
 
-from fitting_core import rotations
 from fitting_core.body.files import load_body
-from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
-from fitting_core.body.pairs import keypoint_points
-from fitting_core.body.params import BodyParams, full_pose
-from fitting_core.body.points import BodyPoints
+from fitting_core.body.params import BodyParams
+from fitting_core.body.positions import keypoints_in_space
 from fitting_core.body.registry import FREE_FOLDER, find_body
 from fitting_core.camera import Camera, project
 from fitting_core.encode import video_writer
@@ -166,22 +163,6 @@ def _appearing(folder: Path) -> Iterator[Path]:
             draft.rename(folder)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def keypoints_in_space(
-    body: BodyModel, params: BodyParams
-) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
-    """The 137 keypoints of posed bodies in camera space (metres), and which of them the body has; others are 0."""
-    wanted = keypoint_points(body)
-    exists = np.array([point is not None for point in wanted])
-    points = BodyPoints(body, [point for point in wanted if point is not None])
-    local = full_pose(body, params)
-    orient, pose = rotations.exp(local[:, 0]), local[:, 1:]
-    bins = contour_bins(points.world_rotations(orient, pose))
-    posed = points.forward(orient, pose, torch.cat([params.betas, params.expression], 1), bins)
-    found = np.zeros((len(params), len(wanted), 3))
-    found[:, exists] = (posed.points + params.camera_translation[:, None]).numpy()
-    return found, exists
 
 
 def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) -> tuple[Truth, BodyParams]:

@@ -33,7 +33,7 @@ class Consistency:
         for i, stage in enumerate(chosen):
             objective = self.stages.objective(stage, state, self.stages.free(stage, betas=False))
             coupling = Coupling.of(free, centres, len(state), state.vector)
-            problem = Sequence(objective, self.joints, held, coupling, self.stages.config.temporal.weight)
+            problem = Sequence(objective, self.joints, held, coupling, self.stages.temporal_weight)
             begin, end = share
             part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
             minimisation = self.solver.minimise(problem, state[coupling.free], final=i == len(chosen) - 1)
@@ -72,7 +72,7 @@ class Consistency:
         free = range(len(state))
         coupling = Coupling.of(free, free, len(state), state.vector)
         positions = self.joints(state).flatten(1)
-        return float(self.stages.config.temporal.weight**2 * (coupling.matrix @ positions).square().sum())
+        return float(self.stages.temporal_weight**2 * (coupling.matrix @ positions).square().sum())
 
 
 def _index(frames: range, state: State) -> Tensor:

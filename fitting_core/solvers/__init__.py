@@ -1,10 +1,11 @@
 """Solvers behind one interface, and the SOLVERS table."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Protocol
 
 from fitting_core.config import SolverSettings
 from fitting_core.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting_core.solvers.limited_memory import LimitedMemory
 from fitting_core.solvers.problem import Problem
 from fitting_core.solvers.solution import Progress, Solution
 from fitting_core.state import State
@@ -21,7 +22,7 @@ class Solver(Protocol):
         ...
 
 
-SOLVERS = {"lm": LevenbergMarquardt}
+SOLVERS: dict[str, Callable[[SolverSettings], Solver]] = {"lm": LevenbergMarquardt, "lbfgs": LimitedMemory}
 """By the name that a configuration gives."""
 
 

@@ -1,6 +1,6 @@
 """L-BFGS with strong Wolfe line search on a batch of independent problems."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -80,27 +80,55 @@ def minimise_lbfgs(
         gradient_tolerance: A row ends when no component of its gradient is larger.
         change_tolerance: A round ends when a step changes the cost, or every variable, by no more than this.
     """
-    minimiser = _Minimiser(
-        function,
-        x0.detach().clone(),
-        CurvatureHistory(x0, size=min(history, rounds * iterations)),
-        LineSearches(x0, evaluations=line_evaluations, smallest_move=change_tolerance),
-        _Limits(rounds, iterations, relative_tolerance, gradient_tolerance, change_tolerance),
+    limits = Limits(
+        rounds=rounds,
+        iterations=iterations,
+        history=history,
+        line_evaluations=line_evaluations,
+        relative_tolerance=relative_tolerance,
+        gradient_tolerance=gradient_tolerance,
+        change_tolerance=change_tolerance,
     )
+    steps = lbfgs_steps(function, x0, limits)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """When a row ends, and what it remembers; each as `minimise_lbfgs` explains."""
+
+    rounds: int = 30
+    iterations: int = 30
+    history: int = 100
+    line_evaluations: int = 25
+    relative_tolerance: float = 1e-9
+    gradient_tolerance: float = 1e-9
+    change_tolerance: float = 1e-12
+
+
+class Standing(NamedTuple):
+    """How a minimisation stands between two calls of its function."""
+
+    cost: Float[Tensor, " b"]
+    """Lowest so far; +inf where the start was not finite."""
+    iterations: int
+    """Accepted steps of the row that took most."""
+    running: int
+    """Rows that have not ended."""
+
+
+def lbfgs_steps(function: CostFunction, x0: Float[Tensor, "b n"], limits: Limits) -> Generator[Standing, None, Result]:
+    """`minimise_lbfgs` as a generator: it yields after each call of the function, and closing it cancels."""
+    minimiser = _Minimiser(function, x0.detach().clone(), limits)
     minimiser.start()
     while len(rows := minimiser.running()):
         minimiser.evaluate_trials(rows)
+        yield minimiser.standing()
     return minimiser.result()
-
-
-class _Limits(NamedTuple):
-    """When a row ends, as minimise_lbfgs explains."""
-
-    rounds: int
-    iterations: int
-    relative_tolerance: float
-    gradient_tolerance: float
-    change_tolerance: float
 
 
 class _Minimiser:
@@ -108,10 +136,10 @@ class _Minimiser:
 
     RUNNING = -1
 
-    def __init__(
-        self, function: CostFunction, x0: Tensor, curvature: CurvatureHistory, lines: LineSearches, limits: _Limits
-    ) -> None:
-        self.function, self.curvature, self.lines, self.limits = function, curvature, lines, limits
+    def __init__(self, function: CostFunction, x0: Tensor, limits: Limits) -> None:
+        self.function, self.limits = function, limits
+        self.curvature = CurvatureHistory(x0, size=min(limits.history, limits.rounds * limits.iterations))
+        self.lines = LineSearches(x0, evaluations=limits.line_evaluations, smallest_move=limits.change_tolerance)
         self.x, self.gradient, self.direction = x0, torch.zeros_like(x0), torch.zeros_like(x0)
         self.cost = x0.new_full((len(x0),), torch.inf)
         self.round_cost = self.cost.clone()
@@ -205,6 +233,9 @@ class _Minimiser:
 
     def end(self, rows: Tensor, reason: Reason) -> None:
         self.reason[rows] = int(reason)
+
+    def standing(self) -> Standing:
+        return Standing(self.best_cost.clone(), int(self.iterations.max()), len(self.running()))
 
     def result(self) -> Result:
         return Result(

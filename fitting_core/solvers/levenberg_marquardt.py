@@ -24,7 +24,9 @@ class LevenbergMarquardt:
 
         A group whose start is not finite is returned as it came; no step to a cost that is not finite is ever taken.
         """
-        tolerance = self.settings.final_tolerance if final else self.settings.stage_tolerance
+        settings = self.settings
+        last = settings.sequence_tolerance if problem.coupled_in_time else settings.final_tolerance
+        tolerance = last if final else max(last, settings.stage_tolerance)
         run = _Run(problem, start)
         for iteration in range(self.iterations):
             run.iterate(tolerance)

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from fitting_core.body.model import N_BETAS
 from fitting_core.objective import FrameObjective
 from fitting_core.state import State
 
@@ -18,9 +19,16 @@ class Problem(Protocol):
     """A least squares problem over the frames of a State, in groups that are independent of each other."""
 
     groups: int
+    coupled_in_time: bool
+    unknowns: int
+    """Numbers that move a group, without repetition: one that several rows share counts once."""
 
     def rows(self, groups: Int[Tensor, "g"]) -> Int[Tensor, "r"]:
         """Rows of the state that belong to these groups, in order."""
+        ...
+
+    def spread(self, x: Float[Tensor, "g unknowns"]) -> Float[Tensor, "r total"]:
+        """The groups' unknowns as a step of their rows, for `State.moved`."""
         ...
 
     def cost(self, state: State, groups: Int[Tensor, "g"]) -> Float[Tensor, "g"]:
@@ -57,12 +65,19 @@ def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g
 class IndependentFrames:
     """Every frame for itself: phase 1."""
 
+    coupled_in_time = False
+
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
         self.objective, self.frames, self.groups = objective, frames, len(frames)
+        self.unknowns = len(objective.index)
 
     def rows(self, groups: Tensor) -> Tensor:
         """A group is a frame."""
         return groups
+
+    def spread(self, x: Tensor) -> Tensor:
+        """A frame's free columns."""
+        return self.objective.step(x)
 
     def cost(self, state: State, groups: Tensor) -> Tensor:
         """E_o of each frame."""
@@ -93,15 +108,24 @@ class SharedShape:
     """
 
     groups = 1
+    coupled_in_time = False
 
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
         assert objective.free.betas
         self.objective, self.frames, self.shape_weight = objective, frames, shape_weight
         self.betas = objective.view.parametrisation.columns.betas
+        self.own = len(objective.index) - N_BETAS
+        self.unknowns = len(frames) * self.own + N_BETAS
 
     def rows(self, groups: Tensor) -> Tensor:
         """All frames."""
         return torch.arange(len(self.frames), device=groups.device)
+
+    def spread(self, x: Tensor) -> Tensor:
+        """Frame after frame their own free columns, then the betas that move all frames alike."""
+        count = len(self.frames)
+        own, betas = x[0, :-N_BETAS].view(count, self.own), x[0, -N_BETAS:]
+        return self.objective.step(torch.cat([own, betas.expand(count, N_BETAS)], 1))
 
     def cost(self, state: State, groups: Tensor) -> Tensor:
         """E_beta' + mean of E_o."""
@@ -119,7 +143,7 @@ class SharedShape:
         """Eliminates every frame's own columns, solves for the betas, and substitutes back."""
         _, gradient, matrix, prior = (a[0] for a in normal)
         count = len(gradient)
-        own = gradient.shape[1] - 10
+        own = self.own
         extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping.expand(count))
         damped = matrix.clone()
         damped.diagonal(dim1=1, dim2=2).add_(extra)

@@ -1,0 +1,47 @@
+# `make help` lists the targets. Each sets up .venv first, once for each change of pyproject.toml or constraints.txt.
+# Paths are relative, so that the checkout may lie in a folder with spaces in its name.
+
+PYTHON ?= python3
+ARGS ?=
+
+VENV := .venv
+RUN := $(VENV)/bin/python
+INSTALLED := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test test-slow check clean
+.DELETE_ON_ERROR:
+
+help: ## This list
+	@echo 'make TARGET [PYTHON=python3.12] [ARGS="..."]   (Python 3.11 or later; ARGS go to demo, test and test-slow)'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
+
+install: $(INSTALLED) ## Set up .venv and nothing else
+
+demo: $(INSTALLED) ## Make a clip with known truth, fit it and write an overlay video
+	@$(VENV)/bin/tcfit demo $(ARGS)
+
+test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/body -k hands"
+	@$(RUN) -m pytest $(ARGS)
+
+test-slow: $(INSTALLED) ## Run the slow tests
+	@$(RUN) -m pytest -m slow $(ARGS)
+
+check: $(INSTALLED) ## Lint, formatting and types
+	@$(RUN) -m ruff check .
+	@$(RUN) -m ruff format --check .
+	@$(RUN) -m pyright --pythonpath $(RUN)
+
+clean: ## Delete .venv and what tools left behind
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+		found="$$("$(PYTHON)" -V 2>/dev/null)"; \
+		echo "tcfit needs Python 3.11 or later, but $(PYTHON) is $${found:-no Python that runs}. Install one," \
+			"or name yours: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
+	@"$(PYTHON)" -m venv $(VENV) || { \
+		echo 'No virtual environment could be made. On Debian and Ubuntu: apt-get install python3-venv' >&2; exit 1; }
+	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
+	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
+	@touch $@

@@ -1,0 +1,11 @@
+"""The commands behind every figure that the project states: `python -m benchmarks.NAME --help`.
+
+Each compares two or more things in one run, prints a table in Markdown, and writes what it measured with `--json`.
+Run them from the repository's root. They need the development data (see clips.py), which is not part of the project.
+
+    real_clips   quality of the presets on real footage, phase 1 against the last one
+    solvers      lm against lbfgs: objective, seconds and evaluations from the same start on the same cost
+    length       seconds per frame of each phase against the length of the clip
+    profile      where the time of a fit goes
+    overlays     contact sheets of fits with side views, to look at
+"""

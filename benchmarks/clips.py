@@ -1,0 +1,106 @@
+"""The real clips that the benchmarks fit, and the truth of those that have one."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.keypoints import Keypoints
+
+ENVIRONMENT = "TCFIT_SHARED_DATA"
+"""Names the folder of the development data where it is not beside the repository."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """A clip, and what is known about it."""
+
+    clip: Clip
+    truth: Float[np.ndarray, "T 25 3"] | None = None
+    """BODY_25 in camera space, metres: triangulated from four calibrated views, good to 2-3 cm."""
+
+    def __len__(self) -> int:
+        return len(self.clip)
+
+
+def data_folder() -> Path:
+    """The folder of the development data.
+
+    Raises:
+        InputError: it is not there.
+    """
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    folder = Path(os.environ.get(ENVIRONMENT, beside)).resolve()
+    if not folder.is_dir():
+        raise InputError(
+            f"The benchmarks run on development data that is not part of the project, and {folder} is no folder. "
+            f"Set {ENVIRONMENT} to the folder that holds `balancing` and `signs`."
+        )
+    return folder
+
+
+def _balancing(name: str, default_focal: bool) -> Sample:
+    """A man balancing on a treadmill, filmed by a calibrated camera; no hands, no face."""
+    folder = data_folder() / "balancing"
+    with np.load(folder / name / "camera.npz", allow_pickle=False) as camera:
+        intrinsics, rotation, shift = camera["K"], camera["R"], camera["t"].reshape(3)
+    with np.load(folder / "reference_3d.npz", allow_pickle=False) as reference:
+        truth = reference["points"] @ rotation.T + shift
+    video, keypoints = folder / name / "video.mp4", folder / name / "keypoints"
+    if default_focal:
+        return Sample(clip=read_clip(video, keypoints), truth=truth)
+    focal = float(intrinsics[0, 0] + intrinsics[1, 1]) / 2
+    center = (float(intrinsics[0, 2]), float(intrinsics[1, 2]))
+    return Sample(clip=read_clip(video, keypoints, focal_length=focal, center=center), truth=truth)
+
+
+def _signs(name: str, default_focal: bool) -> Sample:
+    """A signer's upper body with hands and face; the camera is not known, so its focal length is always the default."""
+    folder = data_folder() / "signs" / name
+    return Sample(clip=read_clip(folder / "video.mp4", folder / "keypoints"))
+
+
+CLIPS: dict[str, Callable[[str, bool], Sample]] = {
+    "cam03": _balancing,
+    "cam04": _balancing,
+    "gebaerden": _signs,
+    "psychologie": _signs,
+}
+"""By name: how to read the clip, given that name and whether to take the default focal length."""
+
+
+def read(name: str, *, default_focal: bool = False) -> Sample:
+    """A clip by its name in CLIPS.
+
+    Args:
+        name: one of CLIPS.
+        default_focal: take the image diagonal and the image's centre, even where the calibration is known.
+
+    Raises:
+        InputError: there is no such clip, or the development data is not there.
+    """
+    if name not in CLIPS:
+        raise InputError(f"There is no clip {name}; expected one of {', '.join(CLIPS)}.")
+    return CLIPS[name](name, default_focal)
+
+
+def picked(clip: Clip, frames: list[int] | np.ndarray) -> Clip:
+    """The clip made of these frames alone, in this order."""
+    index = np.asarray(frames)
+    keypoints = Keypoints(xy=clip.keypoints.xy[index], confidence=clip.keypoints.confidence[index])
+    return replace(clip, keypoints=keypoints)
+
+
+def mirrored(clip: Clip, base: int, frames: int) -> Clip:
+    """A clip of `frames` frames that plays the first `base` frames forwards, backwards, forwards, ...
+
+    So clips of different length show the same images equally often, and differ in nothing but their length.
+    """
+    there_and_back = np.concatenate([np.arange(base), np.arange(base)[::-1]])
+    return picked(clip, np.resize(there_and_back, frames))

@@ -1,0 +1,102 @@
+"""Everything that is measured of one fit: one function for each group of figures, and the MEASURES table."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from benchmarks.clips import Sample
+from fitting_core import keypoints as kp
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.evaluation import metrics
+from fitting_core.evaluation.demo_clip import keypoints_in_space
+
+CONFIDENT = 0.3
+"""Detections above it count as seen."""
+_HIPS = [kp.LIMBS.index(kp.INDEX[f"{side}_hip"]) for side in ("left", "right")]
+_BODY_JOINTS = 22
+
+Figures = dict[str, float]
+"""Measured values; each name ends with its unit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posed:
+    """A fit's points in camera space (metres), evaluated once for all measures."""
+
+    sample: Sample
+    points: Float[np.ndarray, "T 137 3"]
+    joints: Float[np.ndarray, "T 55 3"]
+    pixel_errors: Float[np.ndarray, "T 137"]
+    """Distance to the detections; NaN where nothing confident was detected or the body has no such point."""
+
+    @staticmethod
+    def of(sample: Sample, body: BodyModel, params: BodyParams) -> "Posed":
+        """Evaluates all frames of a fit."""
+        points, known = keypoints_in_space(body, params)
+        camera, detected = sample.clip.camera, sample.clip.keypoints
+        depth = np.where(points[..., 2:] > 0, points[..., 2:], np.nan)
+        distance = np.linalg.norm(points[..., :2] / depth * camera.focal + camera.center - detected.xy, axis=-1)
+        seen = (detected.confidence > CONFIDENT) & known
+        joints = Mesh(body, dtype=torch.float64).joints(params).numpy()
+        return Posed(sample=sample, points=points, joints=joints, pixel_errors=np.where(seen, distance, np.nan))
+
+
+def reprojection(posed: Posed) -> Figures:
+    """Pixels between confident detections and the fit, over all points and over the hands."""
+    errors = posed.pixel_errors
+    hands = errors[:, kp.HANDS]
+    figures = {"px median": float(np.nanmedian(errors)), "px p95": float(np.nanpercentile(errors, 95))}
+    if np.isfinite(hands).any():
+        figures["hands px median"] = float(np.nanmedian(hands))
+    return figures
+
+
+def smoothness(posed: Posed) -> Figures:
+    """Second differences of the body's joints in time, in camera space and relative to the root."""
+    joints = posed.joints[:, :_BODY_JOINTS]
+    return {
+        "jitter camera mm/f²": metrics.jitter(joints),
+        "jitter root mm/f²": metrics.jitter(joints - joints[:, :1]),
+    }
+
+
+def accuracy(posed: Posed) -> Figures:
+    """Distance of the 12 limb keypoints from the triangulated reference, where there is one."""
+    if posed.sample.truth is None:
+        return {}
+    estimate, truth = posed.points[:, kp.LIMBS], posed.sample.truth[:, kp.LIMBS]
+    aligned = metrics.pa_mpjpe(estimate, truth)
+    return {
+        "PA-MPJPE mm": float(aligned.mean()),
+        "PA p90 mm": float(np.percentile(aligned, 90)),
+        "MPJPE mm": float(metrics.mpjpe(estimate, truth, _HIPS).mean()),
+        "depth error mm": float(abs(metrics.depth_error(estimate, truth)).mean()),
+    }
+
+
+def uprightness(posed: Posed) -> Figures:
+    """Where there is no reference and the person is known to sit or stand upright before the camera, hands in front."""
+    if posed.sample.truth is not None:
+        return {}
+    lean, in_front = metrics.torso_lean(posed.joints), metrics.wrists_in_front(posed.joints)
+    return {
+        "lean °": float(lean.mean()),
+        "worst lean °": float(lean.max()),
+        "left wrist in front %": float(100 * in_front[:, 0].mean()),
+        "right wrist in front %": float(100 * in_front[:, 1].mean()),
+    }
+
+
+MEASURES: list[Callable[[Posed], Figures]] = [accuracy, smoothness, reprojection, uprightness]
+"""All of them, in the order of the table's columns."""
+
+
+def measure(sample: Sample, body: BodyModel, params: BodyParams) -> Figures:
+    """Every figure that the clip can tell."""
+    posed = Posed.of(sample, body, params)
+    return {name: value for function in MEASURES for name, value in function(posed).items()}

@@ -1,0 +1,85 @@
+"""Quality of the presets on real footage: phase 1 (every frame on its own) against the last phase."""
+
+from dataclasses import dataclass, field, replace
+
+from tyro.conf import OmitArgPrefixes
+
+from benchmarks.clips import CLIPS, Sample, read
+from benchmarks.measures import measure
+from benchmarks.report import Common, Row, progress, report, start
+from fitting_core.body.model import BodyModel
+from fitting_core.config import PRESETS, FitConfig
+from fitting_core.errors import InputError
+from fitting_core.fitting import fit
+from fitting_core.result import FitResult
+
+BASELINE = "smplifyx"
+"""Only its phase 1 is SMPLify-X, which fits single images; the later phases would be ours."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RealClips:
+    """What to fit, and how."""
+
+    clips: tuple[str, ...] = tuple(CLIPS)
+    """Which clips."""
+    presets: tuple[str, ...] = (BASELINE, "paper", "tcfit")
+    """Which presets; `smplifyx` stops after phase 1, which is all that SMPLify-X does."""
+    default_focal: bool = False
+    """Take the default focal length, even where the calibrated one is known."""
+    common: OmitArgPrefixes[Common] = field(default_factory=Common)
+
+
+def config_of(preset: str) -> FitConfig:
+    """The preset's configuration, as it is compared here.
+
+    Raises:
+        InputError: there is no such preset.
+    """
+    if preset not in PRESETS:
+        raise InputError(f"There is no preset {preset}; expected one of {', '.join(PRESETS)}.")
+    return replace(PRESETS[preset], last_phase=1) if preset == BASELINE else PRESETS[preset]
+
+
+def quality_rows(name: str, preset: str, sample: Sample, body: BodyModel, result: FitResult) -> list[Row]:
+    """A row for phase 1 and one for the last phase, if that is another one."""
+    seconds = {f"phase {p.phase} s": round(p.seconds, 2) for p in result.phases}
+    return [
+        {"clip": name, "preset": preset, "phase": str(p.phase)}
+        | measure(sample, body, p.params)
+        | {"objective": p.objective["total"]}
+        | (seconds if p is result.last else {})
+        for p in result.phases
+        if p.phase != 2
+    ]
+
+
+def shape_row(name: str, preset: str, result: FitResult) -> Row:
+    """The betas: their mean over the frames, and how far single frames lie from it."""
+    betas = result.last.params.betas
+    spread = float(betas.std(0, correction=0).mean())
+    return {"clip": name, "preset": preset} | {f"β{i}": float(b) for i, b in enumerate(betas.mean(0))} | {"std": spread}
+
+
+def run(options: RealClips) -> None:
+    """Fits every clip with every preset, and reports."""
+    body = options.common.load_body()
+    quality: list[Row] = []
+    shapes: list[Row] = []
+    for name in options.clips:
+        sample = read(name, default_focal=options.default_focal)
+        for preset in options.presets:
+            progress(f"{name}, {preset}: {len(sample)} frames")
+            result = fit(sample.clip, body, config_of(preset))
+            quality += quality_rows(name, preset, sample, body, result)
+            shapes.append(shape_row(name, preset, result))
+    tables = {
+        "Balancing, against the triangulated reference": [row for row in quality if "PA-MPJPE mm" in row],
+        "Signing, upper body only": [row for row in quality if "lean °" in row],
+        "Betas of the last phase, mean over frames": shapes,
+    }
+    report(options, {title: rows for title, rows in tables.items() if rows})
+
+
+if __name__ == "__main__":
+    start(RealClips, run)

@@ -1,0 +1,102 @@
+"""What all benchmarks share: their options, how they start, and how they report."""
+
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+import tyro
+
+from fitting_core.body.files import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.body.registry import FREE_FOLDER, find_body
+from fitting_core.errors import InputError
+
+Row = Mapping[str, str | float | None]
+"""One line of a table, by column. None: there is nothing to tell."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Common:
+    """Options of every benchmark."""
+
+    body: Path | None = None
+    """A body model's file, or a folder with a neutral SMPL-X body; by default the project's own free body, even if
+    another one is registered."""
+    threads: int = 1
+    """CPU threads of torch. Fits of one clip hardly gain from a second one."""
+    json: Path | None = None
+    """Write options, machine and all figures to this file."""
+
+    def load_body(self) -> BodyModel:
+        """The body model that these options name."""
+        return load_body(find_body(search=self.body or FREE_FOLDER))
+
+
+def start(options_type: type, run: Callable[[Any], None]) -> None:
+    """Reads the command line into `options_type` (which has a field `common`) and runs the benchmark.
+
+    What is wrong with the user's input ends the program with one message instead of a traceback.
+    """
+    options = tyro.cli(options_type, description=sys.modules[options_type.__module__].__doc__)
+    torch.set_num_threads(options.common.threads)
+    try:
+        run(options)
+    except InputError as error:
+        sys.exit(str(error))
+
+
+def _cell(value: str | float | None) -> str:
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The rows as a table; columns in the order of their first appearance, numbers with three digits."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    lines = [columns, ["---"] * len(columns), *([_cell(row.get(name)) for name in columns] for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def report(options: Any, tables: Mapping[str, Sequence[Row]]) -> None:
+    """Prints the tables under their titles, and writes them as JSON if `options.common.json` asks for it."""
+    for title, rows in tables.items():
+        print(f"\n### {title}\n\n{markdown(rows)}", flush=True)
+    if options.common.json is not None:
+        content = {"options": asdict(options), "machine": machine(), "tables": {t: list(r) for t, r in tables.items()}}
+        _write_whole(options.common.json, json.dumps(content, indent=1, default=str))
+        print(f"\nwritten to {options.common.json}")
+
+
+def progress(text: str) -> None:
+    """Says on stderr what is being measured, so that stdout holds the tables alone."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def machine() -> dict[str, str | int]:
+    """What the figures depend on beside the code."""
+    return {
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "platform": platform.platform(),
+        "cores": os.cpu_count() or 0,
+        "threads": torch.get_num_threads(),
+    }
+
+
+def _write_whole(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f".{path.name}-", delete=False) as file:
+        file.write(text + "\n")
+    try:
+        os.replace(file.name, path)
+    except OSError:
+        Path(file.name).unlink()
+        raise

@@ -1,0 +1,126 @@
+"""A few vertices of a body, chosen anew for every frame, with the closed-form derivatives of what is built on them.
+
+For lists that stay the same over a fit, `points.BodyPoints` is faster; compiling one takes a second, though, and which
+vertices collide changes with every step.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core import rotations
+from fitting_core.body.mesh import Mesh, Skeleton
+from fitting_core.body.model import N_JOINTS
+
+
+@dataclass(frozen=True)
+class PosedVertices:
+    """K vertices of each of B frames, and what their derivatives need."""
+
+    ids: Int[Tensor, "B K"]
+    vertices: Float[Tensor, "B K 3"]
+    """Metres, without camera translation."""
+    rest: Float[Tensor, "B K 3"]
+    """The same vertices before skinning, with shape, expression and correctives."""
+    skeleton: Skeleton
+    left_jacobian: Float[Tensor, "B 55 3 3"]
+    """Of the local axis-angles; the identity for the root, which turns in the tangent of its matrix."""
+
+
+@dataclass(frozen=True)
+class Pulls:
+    """R covectors, each acting on C of the chosen vertices: row r is sum over c of left[r, c] . d vertex."""
+
+    frame: Int[Tensor, "R"]
+    chosen: Int[Tensor, "R C"]
+    """Place of the vertex among its frame's chosen ones."""
+    left: Float[Tensor, "R C 3"]
+
+
+class ChosenVertices:
+    """Evaluates chosen vertices of one mesh by gathering their rows of its tables."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        relative = mesh.rest_directions.clone()
+        relative[1:] -= mesh.rest_directions[mesh.tree.parents[1:]]
+        self._bone_directions = relative
+        self._ancestors = torch.as_tensor(mesh.tree.ancestors, dtype=mesh.dtype, device=mesh.device)
+        self._correctives = mesh.correctives.view(len(mesh.template), 3, -1)
+
+    def forward(
+        self,
+        orient: Float[Tensor, "B 3 3"],
+        pose: Float[Tensor, "B 54 3"],
+        coefficients: Float[Tensor, "B 20"],
+        ids: Int[Tensor, "B K"],
+    ) -> PosedVertices:
+        """Poses the vertices; differentiable in all but `ids`.
+
+        Args:
+            orient: world rotation of the root.
+            pose: axis-angle of the other joints, radians.
+            coefficients: betas, then expression.
+            ids: vertex numbers, which may repeat.
+        """
+        mesh = self.mesh
+        local, left = rotations.exp_and_left_jacobian(pose)
+        local = torch.cat([orient[:, None], local], 1)
+        identity = torch.eye(3, dtype=mesh.dtype, device=mesh.device)
+        left = torch.cat([identity.expand(len(pose), 1, 3, 3), left], 1)
+        skeleton = mesh.skeleton(local, coefficients)
+        shaped = (mesh.directions[ids] @ coefficients[:, None, :, None])[..., 0]
+        corrected = (self._correctives[ids] @ mesh.features(local)[:, None, :, None])[..., 0]
+        rest = mesh.template[ids] + shaped + corrected
+        transforms = torch.cat([skeleton.world, skeleton.offset[..., None]], -1)
+        blended = (mesh.weights[ids] @ transforms.flatten(2)).view(*ids.shape, 3, 4)
+        vertices = (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
+        return PosedVertices(ids, vertices, rest, skeleton, left)
+
+    def by_joint(self, posed: PosedVertices, pulls: Pulls) -> Float[Tensor, "R 55 3"]:
+        """The pulls' derivatives by the joints' axis-angles, without the way through the pose correctives.
+
+        Turning joint a about a world axis e moves a vertex by e x m with m = q_a - W_a t_a (see points.py).
+        """
+        skeleton, weights = posed.skeleton, self.mesh.weights[posed.ids]
+        carried = posed.rest @ skeleton.world.flatten(1, 2).transpose(1, 2)
+        carried = weights[..., None] * (carried.unflatten(2, (N_JOINTS, 3)) + skeleton.offset[:, None])
+        arms = torch.einsum("bkjx,ja->bkax", carried, self._ancestors)
+        arms = arms - (weights @ self._ancestors)[..., None] * skeleton.joints[:, None]
+        turned = arms.new_zeros(len(pulls.frame), N_JOINTS, 3)
+        for chosen, left in zip(pulls.chosen.unbind(1), pulls.left.unbind(1), strict=True):
+            turned += torch.linalg.cross(arms[pulls.frame, chosen], left[:, None].expand_as(turned))
+        up = skeleton.world[:, self.mesh.tree.parents[1:]]
+        axes = torch.cat([posed.left_jacobian[:, :1], up @ posed.left_jacobian[:, 1:]], 1)
+        return (turned[..., None, :] @ axes[pulls.frame])[..., 0, :]
+
+    def by_coefficient(self, posed: PosedVertices, pulls: Pulls) -> Float[Tensor, "R 20"]:
+        """The pulls' derivatives by betas and expression."""
+        skeleton, frames = posed.skeleton, len(posed.ids)
+        up = skeleton.world[:, self.mesh.tree.parents[1:]]
+        bones = torch.cat(
+            [self._bone_directions[None, :1].expand(frames, -1, -1, -1), up @ self._bone_directions[1:]], 1
+        )
+        joints = (self._ancestors @ bones.flatten(2)).view_as(bones)
+        offset = joints - skeleton.world @ self.mesh.rest_directions
+        weights = self.mesh.weights[posed.ids]
+        moved = self._blended(posed) @ self.mesh.directions[posed.ids]
+        moved = moved + (weights @ offset.flatten(2)).view_as(moved)
+        return torch.einsum("rcx,rcxk->rk", pulls.left, moved[pulls.frame[:, None], pulls.chosen])
+
+    def by_correctives(self, posed: PosedVertices, pull: Float[Tensor, "B K 3"]) -> Float[Tensor, "B 55 3"]:
+        """Gradient of sum(pull . vertices) by the joints' axis-angles through the pose correctives alone."""
+        mesh, skeleton = self.mesh, posed.skeleton
+        at_rest = (self._blended(posed).transpose(2, 3) @ pull[..., None])[..., 0]
+        by_feature = torch.einsum("bkx,bkxf->bf", at_rest, self._correctives[posed.ids])
+        # d R / d axis-angle_k = hat(column k of L) R
+        local, left = skeleton.local[:, mesh.driving], posed.left_jacobian[:, mesh.driving]
+        turned = rotations.hat(left.transpose(-1, -2)) @ local[:, :, None]
+        gradient = pull.new_zeros(len(pull), N_JOINTS, 3)
+        gradient[:, mesh.driving] = (turned.flatten(3) * by_feature.view(len(pull), -1, 1, 9)).sum(-1)
+        return gradient
+
+    def _blended(self, posed: PosedVertices) -> Float[Tensor, "B K 3 3"]:
+        return (self.mesh.weights[posed.ids] @ posed.skeleton.world.flatten(2)).unflatten(2, (3, 3))

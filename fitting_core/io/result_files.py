@@ -1,0 +1,214 @@
+"""A fit as files in a folder: fit.npz, whose keys SMPL-X tools know, and summary.json."""
+
+import zipfile
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.positions import joints_in_space
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.io.atomic import replacing
+from fitting_core.io.summary import summary
+from fitting_core.result import FitResult
+
+FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
+FORMAT = "tcfit fit 1"
+AXES = (
+    "Camera space in metres: x right, y down, z away from the camera. Angles are axis-angle in radians. Vertices are "
+    "the body skinned with poses, betas and expressions, plus trans; the camera stands at the origin, unrotated."
+)
+PHASE1 = "phase1_"
+"""Before the names of the parameters that phase 1 found, frame by frame."""
+
+_NAMES = tuple(f.name for f in fields(BodyParams))
+_WIDTHS = {name: tensor.shape[1] for name, tensor in vars(BodyParams.neutral(0)).items()}
+_HANDS = ("left_hand_pose", "right_hand_pose")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StoredFit:
+    """What fit.npz holds of T frames."""
+
+    params: BodyParams
+    """Of the last finished phase."""
+    phase1: BodyParams
+    """Every frame on its own."""
+    joints: Float[np.ndarray, "T 55 3"]
+    """Camera space, metres."""
+    observed: Bool[np.ndarray, "T 55"]
+    camera: Camera
+    frame_rate: float
+    first_frame: int
+    """Number of the first fitted frame in the video."""
+    gender: str
+    body_kind: str
+    body_hash: str
+    last_phase: int
+    complete: bool
+    """Whether the fit went through; if not, these are the phases that it finished."""
+
+
+def write_result(
+    folder: Path, fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True, command: str = ""
+) -> dict[str, Any]:
+    """Write fit.npz and summary.json, each whole or not at all; an overlay of an earlier fit is removed.
+
+    Args:
+        folder: Made if it does not exist.
+        fit: At least one phase of it.
+        clip: What was fitted.
+        body: With which body.
+        complete: Whether all phases that were asked for have finished.
+        command: The command line, for the record.
+
+    Returns:
+        What is in summary.json.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / OVERLAY_NAME).unlink(missing_ok=True)
+        with replacing(folder / FIT_NAME) as draft:
+            np.savez_compressed(draft, allow_pickle=False, **fit_arrays(fit, clip, body, complete=complete))
+        with replacing(folder / SUMMARY_NAME) as draft:
+            content = summary(fit, clip, body, complete=complete, command=command)
+            draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+            return content
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
+        ) from error
+
+
+def is_result(folder: Path) -> bool:
+    """Whether a folder holds a result that `write_result` wrote."""
+    return (folder / FIT_NAME).is_file() and (folder / SUMMARY_NAME).is_file()
+
+
+def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True) -> dict[str, np.ndarray]:
+    """The arrays of fit.npz by name; see FORMATS in the documentation for what each holds."""
+    last, first = fit.last.params, fit.phases[0].params
+    arrays: dict[str, Any] = _smplx_arrays(body, last)
+    arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": _one_shape(last)}
+    arrays |= {PHASE1 + name: getattr(first, name).numpy() for name in _NAMES}
+    arrays |= {"joints": joints_in_space(body, last), f"{PHASE1}joints": joints_in_space(body, first)}
+    camera = fit.camera
+    arrays |= {
+        "camera_focal": camera.focal,
+        "camera_center": camera.center,
+        "camera_source": camera.source,
+        "image_size": camera.size,
+    }
+    arrays |= {
+        "observed": fit.observed,
+        "first_frame": clip.first_frame,
+        "frames": clip.first_frame + np.arange(len(clip)),
+        "mocap_frame_rate": clip.frame_rate,
+        "mocap_framerate": clip.frame_rate,
+        "gender": body.gender,
+        "body_kind": body.kind,
+        "body_hash": body.hash,
+        "axes": AXES,
+        "last_phase": fit.last.phase,
+        "complete": complete,
+        "format": FORMAT,
+    }
+    return {name: np.asarray(value) for name, value in arrays.items()}
+
+
+def _smplx_arrays(body: BodyModel, params: BodyParams) -> dict[str, Any]:
+    """The keys of SMPL-X npz files as AMASS and the Blender add-ons name them."""
+    pose = full_pose(body, params).flatten(1).numpy()
+    return {
+        "surface_model_type": "smplx",
+        "poses": pose,
+        "root_orient": pose[:, :3],
+        "pose_body": pose[:, 3:66],
+        "pose_jaw": pose[:, 66:69],
+        "pose_eye": pose[:, 69:75],
+        "pose_hand": pose[:, 75:],
+        "trans": params.camera_translation.numpy(),
+        "expressions": params.expression.numpy(),
+    }
+
+
+def _one_shape(params: BodyParams) -> Float[np.ndarray, "10"]:
+    """The shared betas; where only phase 1 has run, their mean over the frames."""
+    betas = params.betas.numpy()
+    return betas[0] if (betas == betas[0]).all() else betas.mean(0)
+
+
+def read_fit(path: Path) -> StoredFit:
+    """Read fit.npz, or the fit.npz of a result's folder.
+
+    Raises:
+        InputError: It is missing, damaged, or no result of tcfit.
+    """
+    file = path / FIT_NAME if path.is_dir() else path
+    arrays = _read_arrays(file)
+    try:
+        return _stored(arrays)
+    except KeyError as error:
+        raise InputError(f"{file}: lacks {error}; expected a fit.npz of tcfit. Fit the clip again.") from error
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{file}: is damaged ({error}). Fit the clip again.") from error
+
+
+def _read_arrays(file: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError as error:
+        raise InputError(f"{file}: does not exist; expected a result of tcfit fit. Name its --out folder.") from error
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+        raise InputError(f"{file}: is no complete npz archive ({error}). Fit the clip again.") from error
+    found = str(arrays.get("format", "an npz of another program"))
+    if found != FORMAT:
+        raise InputError(f"{file}: is {found!r}; expected {FORMAT!r}, which tcfit fit writes.")
+    return arrays
+
+
+def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
+    frames, last_phase = len(arrays["poses"]), int(arrays["last_phase"])
+    phase1 = _params(arrays, PHASE1, frames)
+    shared = np.broadcast_to(arrays["betas"], (frames, *np.shape(arrays["betas"])))
+    betas = arrays[f"{PHASE1}betas"] if last_phase == 1 else shared
+    (fx, fy), (cx, cy), (width, height) = (
+        arrays[name].tolist() for name in ("camera_focal", "camera_center", "image_size")
+    )
+    return StoredFit(
+        params=_params(arrays | {"betas": betas}, "", frames),
+        phase1=phase1,
+        joints=_shaped(arrays, "joints", (frames, N_JOINTS, 3)),
+        observed=_shaped(arrays, "observed", (frames, N_JOINTS)).astype(bool),
+        camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=str(arrays["camera_source"])),
+        frame_rate=float(arrays["mocap_frame_rate"]),
+        first_frame=int(arrays["first_frame"]),
+        **{name: str(arrays[name]) for name in ("gender", "body_kind", "body_hash")},
+        last_phase=last_phase,
+        complete=bool(arrays["complete"]),
+    )
+
+
+def _params(arrays: dict[str, np.ndarray], prefix: str, frames: int) -> BodyParams:
+    components = arrays[f"{prefix}{_HANDS[0]}"].shape[-1]
+    widths = _WIDTHS | dict.fromkeys(_HANDS, components)
+    return BodyParams(**{name: torch.tensor(_shaped(arrays, prefix + name, (frames, widths[name]))) for name in _NAMES})
+
+
+def _shaped(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    array = arrays[name]
+    if array.shape != shape:
+        raise ValueError(f"{name} has the shape {array.shape}, expected {shape}")
+    return array

@@ -1,0 +1,99 @@
+"""summary.json: how a fit went, in numbers."""
+
+import platform
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.positions import joints_in_space, keypoints_in_space
+from fitting_core.camera import project
+from fitting_core.clip import Clip
+from fitting_core.config_file import as_plain
+from fitting_core.evaluation.metrics import jitter, reprojection_errors
+from fitting_core.reliability import cut_off
+from fitting_core.result import FitResult
+
+CONFIDENT = 0.3
+"""Keypoints with more confidence count in the reprojection error."""
+_MEASURED = (1, 3)
+"""Phases whose poses are their own; phase 2 only changes the shape."""
+_PACKAGES = ("tcfit", "torch", "numpy")
+
+
+def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, command: str) -> dict[str, Any]:
+    """The content of summary.json; numbers that are not finite become null in JSON.
+
+    The reprojection error is over keypoints with a confidence above CONFIDENT that the body has, in all groups. Left
+    out, whatever the configuration, are detections of parts that the image cuts off (reliability.cut_off): where such
+    a part really lies is not known. So fits of one clip are always measured on the same keypoints.
+    """
+    measured = [p for p in fit.phases if p.phase in _MEASURED]
+    counted = counted_keypoints(clip, body)
+    return {
+        "complete": complete,
+        "clip": clip.name,
+        "frames": len(clip),
+        "first_frame": clip.first_frame,
+        "frame_rate": clip.frame_rate,
+        "seconds": {f"phase{p.phase}": p.seconds for p in fit.phases} | {"total": sum(p.seconds for p in fit.phases)},
+        "reprojection_px": {f"phase{p.phase}": reprojection(clip, body, p.params, counted) for p in measured},
+        "jitter": {f"phase{p.phase}": _jitter(body, p.params) for p in measured},
+        "objective": {f"phase{p.phase}": p.objective for p in fit.phases},
+        "betas": fit.last.params.betas.mean(0).tolist(),
+        "camera": {
+            "focal": fit.camera.focal,
+            "center": fit.camera.center,
+            "size": fit.camera.size,
+            "source": fit.camera.source,
+        },
+        "body": {
+            "kind": body.kind,
+            "gender": body.gender,
+            "source": body.source.name if body.source else "",
+            "hash": body.hash,
+        },
+        "warnings": fit.warnings,
+        "config": as_plain(fit.config),
+        "versions": versions(),
+        "command": command,
+    }
+
+
+def counted_keypoints(clip: Clip, body: BodyModel) -> Bool[np.ndarray, "T 137"]:
+    """Confident keypoints that no image border cuts off."""
+    inside = (cut_off(clip.keypoints, clip.camera.size) == 0).all(-1)
+    return inside & (clip.keypoints.confidence > CONFIDENT)
+
+
+def reprojection(
+    clip: Clip, body: BodyModel, params: BodyParams, counted: Bool[np.ndarray, "T 137"]
+) -> dict[str, float | int | None]:
+    """Median and 95th percentile of the reprojection error in pixels, and over how many keypoints."""
+    points, exists = keypoints_in_space(body, params)
+    pixels = project(clip.camera, torch.as_tensor(points[:, exists])).numpy()
+    errors = reprojection_errors(pixels, clip.keypoints.xy[:, exists], counted[:, exists])
+    median, p95 = np.percentile(errors, [50, 95]).tolist() if len(errors) else (None, None)
+    return {"median": median, "p95": p95, "keypoints": len(errors)}
+
+
+def _jitter(body: BodyModel, params: BodyParams) -> dict[str, float]:
+    """Mean second difference of the 55 joints, with the camera translation and without."""
+    joints: Float[np.ndarray, "T 55 3"] = joints_in_space(body, params)
+    in_body = joints - params.camera_translation.numpy()[:, None]
+    return {"camera_space_mm_per_frame2": jitter(joints), "body_space_mm_per_frame2": jitter(in_body)}
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and the packages that decide what a fit comes out as."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found

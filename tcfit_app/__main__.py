@@ -1,0 +1,8 @@
+"""`python -m tcfit_app` is `tcfit`."""
+
+import sys
+
+from tcfit_app.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

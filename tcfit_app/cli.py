@@ -1,0 +1,140 @@
+"""The command `tcfit`: reads the command line, runs one command, and turns its end into an exit code."""
+
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, subcommand
+
+from fitting_core.config import DEFAULT_PRESET
+from fitting_core.errors import InputError
+from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, fit_config
+
+INPUT_ERROR, CANCELLED = 2, 130
+"""Exit codes: of what the user gave (as for unknown options), and of Ctrl-C (128 + SIGINT, as shells have it)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListModels:
+    """Show the body models on this computer (the default)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AddModels:
+    """Copy body models to where tcfit finds them."""
+
+    paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
+    """Model files, folders, or archives as downloaded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Models:
+    """Show the body models on this computer, or add your own."""
+
+    action: Annotated[ListModels, subcommand("list")] | Annotated[AddModels, subcommand("add")] = field(
+        default_factory=ListModels
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Print every setting of the method with its value and meaning, as a file for --config."""
+
+    method: MethodOptions = field(default_factory=MethodOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doctor:
+    """Show what works on this computer, and what to install for the rest."""
+
+
+Options = (
+    Annotated[FitOptions, subcommand("fit")]
+    | Annotated[DemoOptions, subcommand("demo")]
+    | Annotated[Models, subcommand("models")]
+    | Annotated[Settings, subcommand("settings")]
+    | Annotated[Doctor, subcommand("doctor")]
+)
+
+
+def _fit(options: FitOptions, command: str) -> int:
+    from tcfit_app.fit_command import run_fit
+
+    run_fit(options, command=command)
+    return 0
+
+
+def _demo(options: DemoOptions, command: str) -> int:
+    from tcfit_app.demo_command import run_demo
+
+    run_demo(options, command=command)
+    return 0
+
+
+def _models(options: Models, command: str) -> int:
+    from tcfit_app.models_command import list_models, register_models
+
+    if isinstance(options.action, ListModels):
+        list_models()
+    elif options.action.paths:
+        register_models(list(options.action.paths))
+    else:
+        raise InputError("tcfit models add: no path given; expected model files, folders or downloaded archives.")
+    return 0
+
+
+def _settings(options: Settings, command: str) -> int:
+    from fitting_core.config_file import as_toml
+
+    print(as_toml(fit_config(options.method), preset_name=options.method.preset or DEFAULT_PRESET), end="")
+    return 0
+
+
+def _doctor(options: Doctor, command: str) -> int:
+    from tcfit_app.doctor import doctor
+
+    return doctor()
+
+
+COMMANDS: dict[type, Callable[[Any, str], int]] = {
+    FitOptions: _fit,
+    DemoOptions: _demo,
+    Models: _models,
+    Settings: _settings,
+    Doctor: _doctor,
+}
+"""What runs on each type of options; every function imports what it needs, so that --help stays quick."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line.
+
+    Args:
+        arguments: Without the program's name; None: those of this process.
+
+    Returns:
+        The exit code: 0, 1 if `doctor` found something missing, INPUT_ERROR or CANCELLED.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        options = tyro.cli(
+            Options,  # pyright: ignore[reportArgumentType]
+            args=given,
+            prog="tcfit",
+            description="Fit SMPL-X bodies to monocular video, consistently over time.",
+            config=(OmitArgPrefixes, OmitSubcommandPrefixes),
+        )
+    except SystemExit as end:  # --help, and command lines that tyro has complained about
+        return int(end.code or 0)
+    try:
+        return COMMANDS[type(options)](options, shlex.join(["tcfit", *given]))
+    except InputError as error:
+        print(f"tcfit: {error}", file=sys.stderr)
+        return INPUT_ERROR
+    except KeyboardInterrupt:
+        print("tcfit: cancelled.", file=sys.stderr)
+        return CANCELLED

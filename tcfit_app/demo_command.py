@@ -1,0 +1,74 @@
+"""`tcfit demo`: fit the demo clip, of which the truth is known, and say how far off the fit is."""
+
+import sys
+
+import numpy as np
+
+from fitting_core.body.model import JOINT
+from fitting_core.body.params import BodyParams
+from fitting_core.body.positions import joints_in_space
+from fitting_core.errors import InputError
+from fitting_core.evaluation.demo_clip import Truth, cached_demo, read_truth
+from fitting_core.evaluation.metrics import jitter, mpjpe, pa_mpjpe
+from tcfit_app.fit_command import Outcome, check_out, run_fit
+from tcfit_app.options import CameraOptions, DemoOptions, FitOptions, fit_config
+
+_BODY = slice(0, JOINT["right_wrist"] + 1)
+_COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
+
+
+def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
+    """Make the demo clip if it is not in the cache, fit it, write the result, and print the errors against the truth.
+
+    Args:
+        options: The command line.
+        command: The same as text, for the record.
+
+    Raises:
+        InputError: As `run_fit`, or the cache cannot be written.
+    """
+    fit_config(options.method)  # Wrong options should not wait for the clip.
+    check_out(options.out, overwrite=options.overwrite)
+    try:
+        clip = cached_demo(progress=sys.stderr.isatty())
+    except OSError as error:
+        raise InputError(
+            f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
+        ) from error
+    truth = read_truth(clip.truth)
+    camera = CameraOptions(focal_length=clip.camera.focal[0], center=clip.camera.center)
+    fit_options = FitOptions(
+        video=clip.video,
+        keypoints=clip.keypoints,
+        out=options.out,
+        overwrite=options.overwrite,
+        overlay=options.overlay,
+        threads=options.threads,
+        camera=camera,
+        method=options.method,
+    )
+    outcome = run_fit(fit_options, command=command)
+    print("\n".join(truth_table(outcome, truth)))
+    return outcome
+
+
+def truth_table(outcome: Outcome, truth: Truth) -> list[str]:
+    """Errors of the first and the last phase over the 22 joints of the body without hands and face, as lines.
+
+    "In the camera" is what a user gets, depth included; the others take off where the body stands, and its rotation
+    and size. The jitter of the truth itself stands below.
+    """
+    header = "".join(f"{column:>18}" for column in _COLUMNS)
+    lines = [f"Mean error of body joints against the truth, in mm, over {len(truth.joints)} frames", f"{'':9}{header}"]
+    for phase in dict.fromkeys((outcome.fit.phases[0], outcome.fit.last)):
+        numbers = "".join(f"{value:18.1f}" for value in joint_errors(outcome, phase.params, truth))
+        lines.append(f"phase {phase.phase:<3}{numbers}")
+    return [*lines, f"{'truth':9}{'':54}{jitter(truth.joints[:, _BODY]):18.1f}"]
+
+
+def joint_errors(outcome: Outcome, params: BodyParams, truth: Truth) -> tuple[float, float, float, float]:
+    """Mean joint error in mm in camera space, with the pelvis aligned, after Procrustes; and the jitter."""
+    joints, true = joints_in_space(outcome.body, params)[:, _BODY], truth.joints[:, _BODY]
+    absolute = 1e3 * np.linalg.norm(joints - true, axis=-1).mean()
+    aligned = mpjpe(joints, true, [JOINT["pelvis"]]).mean()
+    return float(absolute), float(aligned), float(pa_mpjpe(joints, true).mean()), jitter(joints)

@@ -1,0 +1,215 @@
+"""The collision term in E_o: its value, its derivatives, and that both solvers free what it sees."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT
+from fitting_core.body.params import BodyParams
+from fitting_core.collision import body_collision_finder, penetration
+from fitting_core.collision.term import CollidingBody, Collision
+from fitting_core.config import PRESETS, FitConfig, SolverSettings, Weights
+from fitting_core.estimate import Estimate
+from fitting_core.objective import FrameObjective
+from fitting_core.solvers import make_solver
+from fitting_core.solvers.problem import IndependentFrames
+from fitting_core.stages import Stages
+from fitting_core.state import State
+from tests.posed_clips import clip_of, motion, shipped_body
+
+
+def arms_down(*angles: float) -> BodyParams:
+    """Both upper arms lowered from the T-pose by these angles (radians): from 1.45 on the hands are in the thighs."""
+    params = motion(len(angles), seed=3, amplitude=0.02)
+    pose = params.body_pose.clone()
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        pose[:, 3 * (JOINT[f"{side}_shoulder"] - 1) + 2] = sign * torch.tensor(angles, dtype=torch.float64)
+    return replace(params, body_pose=pose)
+
+
+@pytest.fixture(scope="module")
+def body() -> CollidingBody:
+    return CollidingBody(shipped_body(), dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def params() -> BodyParams:
+    """A free frame, a touch of both hands, and one hand deep inside."""
+    return arms_down(0.3, 1.5, 1.45)
+
+
+@pytest.fixture(scope="module")
+def stages(params) -> Stages:
+    clip = clip_of(params)
+    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig())
+
+
+@pytest.fixture(scope="module")
+def objective(stages, body, params) -> FrameObjective:
+    """Collision alone, everything free."""
+    state = stages.parametrisation.from_params(params)
+    free = replace(stages.free(5, betas=True), hands=True, face=True)
+    whole = stages.objective(5, state, free)
+    return FrameObjective([Collision(0.7, body)], whole.view, free)
+
+
+@pytest.fixture(scope="module")
+def state(stages, params) -> State:
+    return stages.parametrisation.from_params(params)
+
+
+def test_value_is_the_penalty_of_the_whole_mesh(objective, state, params):
+    vertices = Mesh(shipped_body(), dtype=torch.float64)(params)
+    finder, faces = body_collision_finder(shipped_body()), torch.as_tensor(shipped_body().faces.astype(np.int64))
+    expected = []
+    for frame in vertices:
+        pairs = torch.as_tensor(finder.find(frame.numpy()))
+        expected.append(0.7**2 * penetration(frame, faces, pairs).square().sum())
+    cost = objective.costs(state, torch.arange(3))["collision"]
+    assert expected[0] == 0 and min(expected[1:]) > 1
+    torch.testing.assert_close(cost, torch.stack(expected), rtol=1e-6, atol=0)
+
+
+def test_frames_do_not_see_each_other(objective, state):
+    together = objective.costs(state, torch.arange(3))["collision"]
+    for i in (2, 0, 1):
+        alone = objective.costs(state[i : i + 1], torch.tensor([i]))["collision"]
+        torch.testing.assert_close(alone[0], together[i])
+
+
+def test_pairs_found_last_do_not_outlive_their_state(objective, state):
+    frames = torch.arange(3)
+    before = objective.costs(state, frames)["collision"]
+    rested = state.with_columns(objective.view.parametrisation.columns.body, torch.zeros(63, dtype=torch.float64))
+    assert (objective.costs(rested, frames)["collision"] == 0).all()
+    assert torch.equal(objective.costs(state, frames)["collision"], before)
+
+
+def gradient_by_autograd(objective: FrameObjective, state: State) -> Tensor:
+    move = torch.zeros(len(state), len(objective.index), dtype=torch.float64, requires_grad=True)
+    cost = objective.cost(state.moved(objective.step(move)), torch.arange(len(state)))
+    return torch.autograd.grad(cost.sum(), move)[0]
+
+
+def test_gradient_is_that_of_finite_differences(objective, state):
+    """Where no triangle begins or ceases to touch, the cost is smooth."""
+    gradient = gradient_by_autograd(objective, state)[1:]
+    draw = torch.Generator().manual_seed(0)
+    frames = torch.arange(1, 3)
+    contacts = objective.terms[0].body.pairs(Estimate(objective.view, state[1:], frames))
+    for _ in range(3):
+        direction = torch.randn(2, gradient.shape[1], generator=draw, dtype=torch.float64)
+        costs = []
+        for step in (1e-8, -1e-8):
+            moved = state[1:].moved(objective.step(step * direction))
+            pairs = objective.terms[0].body.pairs(Estimate(objective.view, moved, frames))
+            assert all(a.equal(b) for a, b in zip(pairs, contacts, strict=True))
+            costs.append(objective.cost(moved, frames))
+        slope = (costs[0] - costs[1]) / 2e-8
+        torch.testing.assert_close((gradient * direction).sum(1), slope, rtol=1e-4, atol=1e-3)
+
+
+def test_closed_form_gradient_is_that_of_automatic_differentiation(objective, state):
+    normal = objective.normal(state, torch.arange(3))
+    expected = gradient_by_autograd(objective, state) / 2
+    torch.testing.assert_close(normal.gradient, expected, rtol=1e-9, atol=1e-9 * float(expected.abs().max()))
+    assert (normal.gradient[0] == 0).all() and (normal.matrix[0] == 0).all()
+    assert expected[1].abs().max() > 1
+
+
+def test_normal_matrix_is_that_of_automatic_differentiation_but_for_the_correctives(objective, state):
+    """Correctives are left out of the matrix: with a body that has none it is exact."""
+    plain = replace(shipped_body(), pose_directions=np.zeros_like(shipped_body().pose_directions))
+    term = Collision(0.7, CollidingBody(plain, dtype=torch.float64))
+    bare = FrameObjective([term], objective.view, objective.free)
+    frame = torch.tensor([2])
+    move = torch.zeros(1, len(bare.index), dtype=torch.float64, requires_grad=True)
+    residual = term.residual(Estimate(bare.view, state[2:].moved(bare.step(move)), frame))[0]
+    residual = residual[residual > 0]
+    rows = torch.stack([torch.autograd.grad(r, move, retain_graph=True)[0][0] for r in residual])
+    expected = rows.T @ rows
+    assert len(rows) > 20
+    torch.testing.assert_close(bare.normal(state[2:], frame).matrix[0], expected, rtol=1e-9, atol=1e-9 * expected.max())
+
+
+@pytest.mark.parametrize("free", ["hands", "face", "betas", "body", "translation"])
+def test_columns_of_groups_that_rest_are_left_out(objective, state, free):
+    fewer = replace(objective.free, **{free: False})
+    bare = FrameObjective(objective.terms, objective.view, fewer)
+    kept = torch.isin(objective.index, bare.index)
+    full, part = (o.normal(state[2:], torch.tensor([2])) for o in (objective, bare))
+    torch.testing.assert_close(part.gradient, full.gradient[:, kept])
+    torch.testing.assert_close(part.matrix, full.matrix[:, kept][:, :, kept])
+
+
+def test_rest_pose_does_not_collide(objective):
+    rest = objective.view.parametrisation.neutral(1)
+    assert objective.costs(rest, torch.tensor([0]))["collision"] == 0
+
+
+@pytest.mark.parametrize("wild", [torch.nan, torch.inf, 1e4])
+def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
+    betas = objective.view.parametrisation.columns.betas
+    broken = state.put(
+        torch.tensor([1]), state[1:2].with_columns(betas, torch.full((1, 10), wild, dtype=torch.float64))
+    )
+    cost = objective.cost(broken, torch.arange(3))
+    assert cost[1] == torch.inf
+    torch.testing.assert_close(cost[[0, 2]], objective.cost(state, torch.arange(3))[[0, 2]])
+
+
+def test_float32_sees_the_same(objective, state, stages, params):
+    clip = clip_of(params)
+    single = Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(precision="float32"))
+    start = single.parametrisation.from_params(params)
+    term = Collision(0.7, single.colliding_body)
+    cost = FrameObjective([term], single.objective(5, start, objective.free).view, objective.free).costs(
+        start, torch.arange(3)
+    )
+    torch.testing.assert_close(
+        cost["collision"].double(), objective.costs(state, torch.arange(3))["collision"], rtol=0.02, atol=0
+    )
+
+
+@pytest.mark.parametrize("solver", ["lm", "lbfgs"])
+def test_solvers_free_a_touching_hand(solver):
+    """Keypoints that say where the hand is to within some pixels; the penalty moves it out of the thigh."""
+    params = arms_down(1.45)
+    clip = clip_of(params)
+    costs, pairs = {}, {}
+    for weight in (0.0, 1.0):
+        config = FitConfig(weights=replace(Weights(), collision=(weight,) * 5))
+        stages = Stages(clip.keypoints, clip.camera, shipped_body(), config)
+        start = stages.parametrisation.from_params(params)
+        problem = IndependentFrames(stages.objective(5, start, stages.free(5, betas=True)), stages.all_frames)
+        solver_ = make_solver(solver, SolverSettings(rounds=2))
+        steps = solver_.minimise(problem, start, final=True)
+        while True:
+            try:
+                next(steps)
+            except StopIteration as stop:
+                end = stop.value.state
+                break
+        estimate = Estimate(problem.objective.view, end, stages.all_frames)
+        term = Collision(1.0, stages.colliding_body)
+        costs[weight] = float(term.residual(estimate).square().sum())
+        pairs[weight] = len(stages.colliding_body.pairs(estimate)[0])
+    assert costs[1.0] < 0.5 * costs[0.0] and pairs[1.0] < pairs[0.0]
+
+
+def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):
+    def names(stage: int) -> list[str]:
+        return [t.name for t in stages.objective(stage, state, stages.free(stage, betas=True)).terms]
+
+    assert [("collision" in names(stage)) for stage in range(1, 6)] == [False, False, False, True, True]
+    depth = stages.xy.new_full((3,), 3.5)
+    assert "collision" not in [t.name for t in stages.camera_objective(depth).terms]
+
+
+def test_faithful_presets_contain_it():
+    for name in ("paper", "smplifyx"):
+        assert PRESETS[name].weights.collision == (0.0, 0.0, 0.0, 0.1, 1.0)
