@@ -41,13 +41,13 @@ CONFIG = FitConfig(
         Weights(),
         body_pose=(0, 0, 0, 0, 3.0), hand_pose=(0, 0, 0, 0, 5.0), shape=(0, 0, 0, 0, 7.0),
         expression=(0, 0, 0, 0, 11.0), jaw_open=(0, 0, 0, 0, 13.0), jaw_sideways=(0, 0, 0, 0, 17.0),
-        bending=(0, 0, 0, 0, 19.0), lean=(0, 0, 0, 0, 23.0), turn=(0, 0, 0, 0, 29.0), rest=(0, 0, 0, 0, 31.0),
+        bending=(0, 0, 0, 0, 19.0), collision=(0,) * 5, lean=(0, 0, 0, 0, 23.0), turn=(0, 0, 0, 0, 29.0), rest=(0, 0, 0, 0, 31.0),
         body_keypoints=(0, 0, 0, 0, 1.5), hand_keypoints=(0, 0, 0, 0, 2.0), face_keypoints=(0, 0, 0, 0, 0.5),
     ),
     pose_prior="relaxed", neck_weight=0.25, hip_weight=0.75, robust_pixels=80.0, robust_pixels_fine=30.0,
     robust_at_height=1000.0, one_sided_cut_off=True,
 )  # fmt: skip
-"""Every weight another, so that no term can take another's."""
+"""Every weight another, so that no term can take another's. Collision has tests of its own."""
 LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
 LEFT_ARM = [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"], kp.LEFT_HAND]
 
