@@ -30,7 +30,7 @@ class LevenbergMarquardt:
         run = _Run(problem, start)
         for iteration in range(self.iterations):
             run.iterate(tolerance)
-            yield Progress(iteration=iteration + 1, cost=run.cost.detach(), running=len(run.active))
+            yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
             if not len(run.active):
                 break
         reason = ["converged" if f else "iterations" for f in run.finished.tolist()]
