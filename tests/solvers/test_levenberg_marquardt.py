@@ -140,10 +140,11 @@ def test_all_starts_infinite():
 
 
 def test_steps_to_forbidden_places_are_refused():
-    """The full first step leads past the wall at x = 1.5; the optimum before it is found all the same."""
-    start = torch.tensor([[1.4, -30.0]], dtype=torch.float64)
-    solution, progress = minimised(Toy(rosenbrock, start, allowed=lambda x: (x[:, 0] < 1.5) & (x[:, 0] > 0.5)))
-    torch.testing.assert_close(solution.state.vector[0, 3:], torch.ones(2, dtype=torch.float64), rtol=0, atol=1e-7)
+    """From x = 10 the full step for log(x) = 0 leads to -13, where there is no logarithm."""
+    toy = Toy(torch.log, torch.tensor([[10.0], [500.0]], dtype=torch.float64), allowed=lambda x: x[:, 0] > 0)
+    solution, progress = minimised(toy)
+    torch.testing.assert_close(solution.state.vector[:, 3], torch.ones(2, dtype=torch.float64), rtol=0, atol=1e-7)
+    assert torch.equal(progress[0].cost, toy.cost(toy.start, torch.arange(2)))  # refused, not taken
     assert all(p.cost.isfinite().all() for p in progress)
 
 
