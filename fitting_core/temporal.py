@@ -154,7 +154,7 @@ class Sequence:
             start, first = int(i[0]), int(i[0]) - len(before)
             bands[0][i] += scale[0][i] * (rows.transpose(1, 2) @ rows)
             for k in (1, 2):
-                j = torch.arange(max(start - k, 0), int(i[-1]) + 1 - k)
+                j = torch.arange(max(start - k, 0), max(int(i[-1]) + 1 - k, 0))
                 if len(j):
                     bands[k][j] = scale[k][j] * (reach[j + k - first].transpose(1, 2) @ reach[j - first])
             rows_kept.append(rows)

@@ -4,6 +4,16 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+from fitting_core.body.files import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.body.registry import FREE_FOLDER, find_body
+from tests.tiny_body import make_tiny_body
+
+# The first call of an autograd function takes many times as long as the others.
+settings.register_profile("no deadline", deadline=None)
+settings.load_profile("no deadline")
 
 
 @pytest.fixture(scope="session")
@@ -14,3 +24,15 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the shared development data is not at {folder} (TCFIT_SHARED_DATA names another place)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_body() -> BodyModel:
+    """A synthetic body of 440 vertices in float64 (see tiny_body.py)."""
+    return make_tiny_body()
+
+
+@pytest.fixture(scope="session")
+def free_body() -> BodyModel:
+    """The free neutral body that comes with tcfit."""
+    return load_body(find_body(search=FREE_FOLDER))

@@ -1,0 +1,143 @@
+"""The directions in which modules may import each other, read from their source."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for package in ("fitting_core", "tcfit_app")
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+
+LAYERS = [
+    ["errors", "config", "config_file", "settings", "frame_names"],
+    ["rotations"],
+    ["camera", "keypoints", "body", "reliability"],
+    ["clip"],
+    ["priors", "state", "point_jacobian", "estimate", "collision"],
+    ["terms", "collision.term"],
+    ["objective"],
+    ["stages", "solvers", "temporal", "initialize"],
+    ["phases"],
+    ["result", "events", "fitting"],
+]
+"""A module imports from its own layer and from those above; packages stand for all their modules."""
+DATA_TYPES = ["errors", "rotations", "camera", "keypoints", "body", "clip", "config", "events", "result", "frame_names"]
+OUTER = {
+    # The summary of a fit tells figures: metrics and reliability are arithmetic on arrays and import nothing else.
+    "io": ["io", "video", "config_file", "evaluation.metrics", "reliability", *DATA_TYPES],
+    "evaluation": ["evaluation", "io", "encode", "video", *DATA_TYPES],
+    "render": ["render", "off_screen", *DATA_TYPES],
+    "overlay": ["overlay", "render", "off_screen", "encode", "video", *DATA_TYPES],
+    "video": ["video", *DATA_TYPES],
+    "encode": ["encode", *DATA_TYPES],
+}
+"""What stands beside the fitter uses data types only."""
+
+
+def imported(tree: ast.AST) -> Iterator[tuple[str, ast.AST]]:
+    """Names of all modules that a file imports, wherever in it; `from a import b` counts as a and as a.b."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            assert node.module
+            yield node.module, node
+            yield from ((f"{node.module}.{alias.name}", node) for alias in node.names)
+
+
+def imports_of(module: str) -> set[str]:
+    return {name for name, _ in imported(ast.parse(MODULES[module].read_text()))}
+
+
+def inside(name: str, packages: list[str]) -> bool:
+    return any(name == p or name.startswith(f"{p}.") for p in packages)
+
+
+def own_imports(module: str) -> set[str]:
+    """Modules of fitting_core that it imports, without the package's name."""
+    known = {name for name in imports_of(module) if name in MODULES and name.startswith("fitting_core.")}
+    return {name.removeprefix("fitting_core.") for name in known}
+
+
+def layer_of(name: str) -> int | None:
+    """The layer of the longest entry that holds the module."""
+    best: tuple[int, int] | None = None
+    for level, entries in enumerate(LAYERS):
+        for entry in entries:
+            if inside(name, [entry]) and (best is None or len(entry) > best[0]):
+                best = (len(entry), level)
+    return None if best is None else best[1]
+
+
+CORE = [m for m in MODULES if m.startswith("fitting_core")]
+
+
+def test_the_reader_of_imports_finds_them():
+    source = "import a.b\nif x:\n    from c import d\ndef f():\n    import e\n"
+    assert {name for name, _ in imported(ast.parse(source))} == {"a.b", "c", "c.d", "e"}
+    assert {"rotations", "state", "fitting"} <= {m.removeprefix("fitting_core.") for m in CORE}
+    assert "body.kinematics" in own_imports("fitting_core.body.mesh")
+
+
+@pytest.mark.parametrize("module", CORE)
+def test_the_core_knows_no_viewer_and_no_app(module: str):
+    assert not {name for name in imports_of(module) if inside(name, ["viser", "tcfit_app", "tests"])}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_pyrender_is_imported_in_one_place(module: str):
+    allowed = ("fitting_core.render", "fitting_core.off_screen", "tcfit_app.probes")
+    if module not in allowed:  # the probe asks whether it can be imported at all
+        assert not {name for name in imports_of(module) if inside(name, ["pyrender", "OpenGL"])}
+
+
+@pytest.mark.parametrize("module", [m for m in CORE if layer_of(m.removeprefix("fitting_core.")) is not None])
+def test_layers_of_the_fitter(module: str):
+    level = layer_of(module.removeprefix("fitting_core."))
+    assert level is not None
+    above = {name for name in own_imports(module) if (found := layer_of(name)) is None or found > level}
+    assert not above, f"{module} must not import {sorted(above)}"
+
+
+@pytest.mark.parametrize("package", OUTER)
+def test_beside_the_fitter_only_data_types_are_used(package: str):
+    members = [m for m in CORE if inside(m.removeprefix("fitting_core."), [package])]
+    assert members
+    for module in members:
+        others = {name for name in own_imports(module) if not inside(name, OUTER[package])}
+        assert not others, f"{module} must not import {sorted(others)}"
+
+
+def test_no_module_imports_itself_in_a_circle():
+    graph = {m: {n for n in imports_of(m) if n in MODULES and n != m} for m in MODULES}
+    reached: dict[str, set[str]] = {}
+    for module in graph:
+        open_modules, seen = [module], set()
+        while open_modules:
+            for name in graph[open_modules.pop()] - seen:
+                seen.add(name)
+                open_modules.append(name)
+        reached[module] = seen
+    assert not sorted(m for m, seen in reached.items() if m in seen)
+
+
+@pytest.mark.parametrize("module", ["tcfit_app.cli", "fitting_core.config", "fitting_core.camera", "fitting_core.clip"])
+def test_light_modules_load_no_torch(module: str):
+    code = f"import sys, {module}; print(sorted({{'torch', 'viser', 'pyrender', 'roma'}} & set(sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_every_module_of_the_core_has_its_place():
+    """A new module belongs into LAYERS or OUTER, so that its direction is held."""
+    names = [m.removeprefix("fitting_core.") for m in CORE if m != "fitting_core"]
+    homeless = [n for n in names if layer_of(n) is None and not inside(n, list(OUTER))]
+    assert set(homeless) <= {"off_screen"}

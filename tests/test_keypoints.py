@@ -1,0 +1,80 @@
+"""The one order of keypoints: names, groups, bones, and what a set of detections may hold."""
+
+import numpy as np
+import pytest
+
+from fitting_core import keypoints as kp
+from fitting_core.keypoints import Keypoints
+
+
+def test_groups_cover_all_137_in_order():
+    places = [i for group in kp.GROUPS.values() for i in range(kp.COUNT)[group]]
+    assert places == list(range(137)) == list(range(len(kp.NAMES)))
+    assert [len(range(kp.COUNT)[g]) for g in kp.GROUPS.values()] == [25, 21, 21, 70]
+    assert range(137)[kp.HANDS] == range(25, 67)
+
+
+def test_openpose_order_of_the_documentation():
+    expected = {0: "nose", 1: "neck", 4: "right_wrist", 7: "left_wrist", 8: "mid_hip", 9: "right_hip", 12: "left_hip"}
+    expected |= {16: "left_eye", 19: "left_big_toe", 22: "right_big_toe", 24: "right_heel"}
+    expected |= {25: "left_wrist", 29: "left_thumb4", 33: "left_index4", 46: "right_wrist", 66: "right_pinky4"}
+    expected |= {67: "face_contour0", 84: "face_right_brow0", 97: "face_nose_bridge3", 135: "face_right_pupil"}
+    assert {i: kp.NAMES[i] for i in expected} == expected
+
+
+def test_index_prefers_the_body_wrist():
+    assert (kp.INDEX["left_wrist"], kp.INDEX["right_wrist"]) == (7, 4)
+    assert all(kp.INDEX[name] == i for i, name in enumerate(kp.NAMES) if i not in (25, 46))
+
+
+def test_face_is_contour_then_51_landmarks_then_pupils():
+    assert range(137)[kp.CONTOUR] == range(67, 84)
+    assert len(range(137)[kp.INNER_FACE]) == 51
+    assert kp.INNER_FACE.stop == 135
+
+
+def test_bones_stay_in_their_group_and_connect_it():
+    for name in ("body", "left_hand", "right_hand"):
+        members = set(range(137)[kp.GROUPS[name]])
+        bones = [b for b in kp.BONES if members & set(b)]
+        assert all(set(b) <= members for b in bones)
+        assert len(bones) == len(members) - 1  # with the next line: a tree
+        reached = {min(members)}
+        for _ in bones:
+            reached |= {i for b in bones if reached & set(b) for i in b}
+        assert reached == members
+    assert all(min(b) >= 67 for b in kp.BONES if max(b) >= 67)
+
+
+def test_bones_and_limbs_are_symmetric():
+    def mirrored(i: int) -> str:
+        name = kp.NAMES[i]
+        return name.replace("left", "#").replace("right", "left").replace("#", "right")
+
+    body = {frozenset((kp.NAMES[a], kp.NAMES[b])) for a, b in kp.BONES if max(a, b) < 67}
+    assert body == {frozenset((mirrored(a), mirrored(b))) for a, b in kp.BONES if max(a, b) < 67}
+    assert {mirrored(i) for i in kp.LIMBS} == {kp.NAMES[i] for i in kp.LIMBS}
+    assert len(set(kp.LIMBS)) == 12
+
+
+def test_slice_takes_frames():
+    xy = np.arange(5 * 137 * 2, dtype=float).reshape(5, 137, 2)
+    keypoints = Keypoints(xy=xy, confidence=np.full((5, 137), 0.5))
+    part = keypoints[1:3]
+    assert len(keypoints) == 5 and len(part) == 2
+    np.testing.assert_array_equal(part.xy, xy[1:3])
+
+
+@pytest.mark.parametrize("broken", ["xy", "confidence"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_not_finite_is_refused(broken: str, value: float):
+    arrays = {"xy": np.zeros((2, 137, 2)), "confidence": np.zeros((2, 137))}
+    arrays[broken].reshape(-1)[3] = value
+    with pytest.raises(AssertionError):
+        Keypoints(**arrays)
+
+
+@pytest.mark.parametrize("shapes", [((2, 135, 2), (2, 135)), ((2, 137, 2), (3, 137)), ((2, 137, 3), (2, 137))])
+def test_other_shapes_are_refused(shapes: tuple):
+    with pytest.raises(AssertionError):
+        Keypoints(xy=np.zeros(shapes[0]), confidence=np.zeros(shapes[1]))
