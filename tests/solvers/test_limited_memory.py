@@ -187,8 +187,8 @@ def every_frame_at(stages: Stages, stage: int, state: State) -> Problem:
 def test_levenberg_marquardt_ends_no_higher_on_average_after_five_stages():
     """Frame by frame either may find the lower valley.
 
-    Means of lm and lbfgs over 20 frames of 10 motions: 173.4 and 173.7 at 0.2 rad, 230.7 and 228.0 at 0.3 rad (one frame
-    of 20 makes the difference); over 10 real frames 196.2 and 199.7.
+    Means of lm and lbfgs over 20 frames of 10 motions: 173.4 and 173.7 at 0.2 rad, 230.7 and 228.0 at 0.3 rad (one of
+    the 20 frames makes the difference); over 10 real frames 196.2 and 199.7.
     """
     motions = [motion(2, seed=seed) for seed in range(5)]
     params = BodyParams(**{name: torch.cat([getattr(m, name) for m in motions]) for name in vars(motions[0])})
