@@ -20,9 +20,9 @@ from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
 from fitting_core.priors.pose import PRIORS
-from fitting_core.reliability import SEEN, cut_off
+from fitting_core.reliability import SEEN, cut_off, unswapped
 from fitting_core.state import Free, Parametrisation, State
-from fitting_core.terms import Bending, Data, Quadratic, Rest, Term, Upright
+from fitting_core.terms import Bending, Data, Limits, Quadratic, Rest, Term, Upright
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
@@ -57,6 +57,10 @@ class Stages:
     def __init__(
         self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
     ) -> None:
+        self.swaps: dict[str, np.ndarray] = {}
+        """Frames in which the sides of a pair of limbs were swapped back, by the limbs' name."""
+        if config.unswap_sides:
+            keypoints, self.swaps = unswapped(keypoints)
         self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
         reference = config.temporal.reference_rate
         self.temporal_weight = config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0)
@@ -171,6 +175,8 @@ class Stages:
             Bending(w.bending[s]),
         ]
         terms += self._upright(w.lean[s], w.turn[s])
+        if w.limits[s]:
+            terms.append(Limits(w.limits[s]))
         if w.rest[s]:
             unseen = ~torch.as_tensor(self.observed[:, 1:22], device=self.device).repeat_interleave(3, 1)
             target = prior.decode(prior.neutral.to(self.xy)[None])[0]

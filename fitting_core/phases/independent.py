@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core import rotations
+from fitting_core.frame_names import spans
 from fitting_core.initialize import guess_depth, seen_from_side, starting_state, turned
 from fitting_core.objective import FrameObjective
 from fitting_core.phases.progress import Step, reported
@@ -60,19 +61,9 @@ def _notes(usable: Tensor, cost: Tensor) -> Iterator[str]:
     empty = (~usable).nonzero()[:, 0].tolist()
     failed = (usable & ~cost.isfinite()).nonzero()[:, 0].tolist()
     if empty:
-        yield f"frames with fewer than 4 confident body keypoints, filled from their neighbours: {_ranges(empty)}"
+        yield f"frames with fewer than 4 confident body keypoints, filled from their neighbours: {spans(empty)}"
     if failed:
-        yield f"frames whose fit failed (no finite cost), filled from their neighbours: {_ranges(failed)}"
-
-
-def _ranges(numbers: list[int]) -> str:
-    """1, 2, 3, 7 -> "1-3, 7"."""
-    parts, start = [], numbers[0]
-    for here, after in zip(numbers, [*numbers[1:], None], strict=True):
-        if after != here + 1:
-            parts.append(str(here) if here == start else f"{start}-{here}")
-            start = after
-    return ", ".join(parts)
+        yield f"frames whose fit failed (no finite cost), filled from their neighbours: {spans(failed)}"
 
 
 class _Frames:
