@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on problems with a known optimum, and the damped steps of each structure against dense algebra."""
+"""Levenberg-Marquardt where the optimum is known, and the damped steps of each structure against dense algebra."""
 
 import math
 from collections.abc import Callable
