@@ -293,18 +293,34 @@ def absurd(kind: str, frames: int = 4) -> Keypoints:
         xy[:], confidence[:] = 0.0, 1.0
     elif kind == "one line":
         xy[..., 1], confidence[:] = 400.0, 1.0
-    elif kind == "confidence beyond reason":
+    elif kind == "confidence":
         confidence *= 1e4
     return Keypoints(xy=xy, confidence=confidence)
 
 
-@pytest.mark.parametrize("kind", ["random pixels", "far away", "one place", "one line", "confidence beyond reason"])
-@pytest.mark.parametrize("preset", ["tcfit", "paper"])
-def test_absurd_keypoints_give_numbers(tiny_body: BodyModel, preset: str, kind: str):
+def few_steps(preset: str) -> FitConfig:
     weights = replace(PRESETS[preset].weights, collision=(0.0,) * 5)
     config = replace(PRESETS[preset], weights=weights, settings=SolverSettings(iterations=8))
-    config = replace(config, temporal=replace(config.temporal, window_size=3))
-    result = fit(clip_of(absurd(kind)), tiny_body, config)
+    return replace(config, temporal=replace(config.temporal, window_size=3))
+
+
+@pytest.mark.parametrize("kind", ["far away", "one place"])
+def test_a_person_beyond_the_image_is_refused(tiny_body: BodyModel, kind: str):
+    """Where cut-off parts are told apart, keypoints that all lie at or beyond the border show nobody."""
+    with pytest.raises(InputError, match="shows a person"):
+        fit(clip_of(absurd(kind)), tiny_body, few_steps("tcfit"))
+
+
+@pytest.mark.parametrize(
+    ("preset", "kind"),
+    [
+        *((preset, kind) for preset in ("tcfit", "paper") for kind in ("random pixels", "one line", "confidence")),
+        ("paper", "far away"),
+        ("paper", "one place"),
+    ],
+)
+def test_absurd_keypoints_give_numbers(tiny_body: BodyModel, preset: str, kind: str):
+    result = fit(clip_of(absurd(kind)), tiny_body, few_steps(preset))
     assert all_finite(result)
     assert all(np.isfinite(list(p.objective.values())).all() for p in result.phases)
 

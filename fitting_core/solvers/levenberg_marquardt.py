@@ -29,10 +29,10 @@ class LevenbergMarquardt:
         tolerance = last if final else max(last, settings.stage_tolerance)
         run = _Run(problem, start)
         for iteration in range(self.iterations):
-            run.iterate(tolerance)
-            yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
             if not len(run.active):
                 break
+            run.iterate(tolerance)
+            yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
         reason = ["converged" if f else "iterations" for f in run.finished.tolist()]
         reason = ["failed" if not ok else r for r, ok in zip(reason, run.cost.isfinite().tolist(), strict=True)]
         return Solution(state=run.state, cost=run.cost, reason=tuple(reason), evaluations=run.evaluations)
