@@ -19,7 +19,7 @@ CHUNK = 8
 
 @dataclass(frozen=True)
 class Normal:
-    """Cost E of each frame; half gradient and half Gauss-Newton matrix in the free columns."""
+    """Cost E of each frame, infinite as in `cost`; half gradient and half Gauss-Newton matrix in the free columns."""
 
     cost: Float[Tensor, "B"]
     gradient: Float[Tensor, "B d"]
@@ -101,7 +101,7 @@ class FrameObjective:
                 self._add_columns(gradient, matrix, term, e, self.index)
             else:
                 _add_rows(gradient, matrix, self._differentiated(term, e))
-        return Normal(cost, gradient, matrix)
+        return Normal(torch.where(e.valid, cost, torch.inf), gradient, matrix)
 
     def _add_columns(self, gradient: Tensor, matrix: Tensor, term, e: Estimate, index: Tensor) -> None:
         columns, _ = term.columns(e)

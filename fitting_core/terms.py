@@ -1,4 +1,4 @@
-"""Every term of the per-frame objective E_o, as residuals; and the TERMS table.
+"""Every term of the per-frame objective E_o, as residuals (term_table.py has the table of them).
 
 A term's cost is the sum of its squared residuals. That is all a term needs: `residual`. What it knows beyond (which
 columns it touches, a closed-form Jacobian) is a speed-up, checked against automatic differentiation in the tests.

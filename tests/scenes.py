@@ -11,7 +11,7 @@ from torch import Tensor
 
 from fitting_core import rotations
 from fitting_core.body.kinematics import contour_bins
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.pairs import keypoint_points
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points import BodyPoints
@@ -149,3 +149,37 @@ def differentiated(function: Callable[[State], Tensor], state: State, index: Ten
         return function(state.moved(every))
 
     return torch.func.jacfwd(moved)(torch.zeros(len(index), dtype=torch.float64))
+
+
+def arms_in_motion(frames: int, *, depth: float = 2.45) -> BodyParams:
+    """A person who stands before the camera, moves both arms and one leg a little, and speaks.
+
+    The spine is straight, as no keypoint tells its joints apart; and the forearms point to the camera, as the fits'
+    start does: one image allows them to point away just as well.
+    """
+    share = torch.linspace(0, 1, frames, dtype=torch.float64)
+    pose = torch.zeros(frames, 21, 3, dtype=torch.float64)
+    angles: dict[str, tuple[Any, Any, Any]] = {
+        "left_shoulder": (0.1, -0.3, -1.1 + 0.2 * share), "right_shoulder": (0.1, 0.3, 1.1 - 0.3 * share),
+        "left_elbow": (0, -0.8 - 0.2 * share, 0), "right_elbow": (0, 0.9, 0),
+        "left_hip": (-0.3 + 0.2 * share, 0, 0.1), "right_hip": (-0.1, 0, -0.1),
+        "left_knee": (0.4, 0, 0), "right_knee": (0.3 + 0.1 * share, 0, 0),
+    }  # fmt: skip
+    for joint, values in angles.items():
+        for axis, value in enumerate(values):
+            pose[:, JOINT[joint] - 1, axis] = value
+    still, g = BodyParams.neutral(frames), generator(0)
+    coefficients = {"betas": 0.5, "left_hand_pose": 0.2, "right_hand_pose": 0.2, "expression": 0.3}
+    drawn = {
+        name: size * torch.randn(1, getattr(still, name).shape[1], generator=g, dtype=torch.float64)
+        for name, size in coefficients.items()
+    }
+    place = torch.tensor([0.05, 0.2, depth], dtype=torch.float64) + 0.05 * share[:, None]
+    return replace(
+        still,
+        global_orient=FACING.expand(frames, 3),
+        body_pose=pose.flatten(1),
+        jaw_pose=torch.tensor([0.15, 0.0, 0.0], dtype=torch.float64).expand(frames, 3),
+        camera_translation=place,
+        **{name: values.expand(frames, -1) for name, values in drawn.items()},
+    )

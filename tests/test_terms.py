@@ -412,8 +412,9 @@ def test_chunks_change_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch):
 def test_points_behind_the_camera_cost_infinity(scene: Scene):
     behind = scene.state.vector.clone()
     behind[1, scene.stages.parametrisation.columns.translation] = torch.tensor([0.0, 0.0, -3.0], dtype=torch.float64)
-    cost = scene.objectives["stage 5"].cost(State(scene.state.orient, behind), FRAMES)
-    assert cost.isinf().tolist() == [False, True, False]
+    objective, state = scene.objectives["stage 5"], State(scene.state.orient, behind)
+    assert objective.cost(state, FRAMES).isinf().tolist() == [False, True, False]
+    assert objective.normal(state, FRAMES).cost.isinf().tolist() == [False, True, False]
 
 
 def test_undetected_keypoints_do_not_count(scene: Scene):

@@ -39,10 +39,10 @@ class LevenbergMarquardt:
 
     def _descend(self, run: "_Run", tolerance: float) -> Generator[Progress, None, "_Run"]:
         for iteration in range(self.iterations):
-            run.iterate(tolerance)
-            yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
             if not len(run.active):
                 break
+            run.iterate(tolerance)
+            yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
         return run
 
 

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on problems with a known optimum, and the damped steps of each structure against dense algebra."""
+"""Levenberg-Marquardt where the optimum is known, and the damped steps of each structure against dense algebra."""
 
 import math
 from collections.abc import Callable
@@ -251,3 +251,15 @@ def test_batched_frames_end_as_single_ones(objective):
         alone = finished(solver.minimise(problem, state[i : i + 1], final=True))
         torch.testing.assert_close(alone.cost, together.cost[i : i + 1], rtol=1e-8, atol=0)
         torch.testing.assert_close(alone.state.vector, together.state.vector[i : i + 1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("structure", ["independent", "shared"])
+def test_bodies_behind_the_camera_are_returned_as_they_came(objective, structure: str):
+    e, state = objective
+    where = e.view.parametrisation.columns.translation
+    behind = state.with_columns(where, -state.vector[:, where])
+    frames = torch.arange(5)
+    problem = IndependentFrames(e, frames) if structure == "independent" else SharedShape(e, frames, 3.0)
+    solution = finished(LevenbergMarquardt(SolverSettings()).minimise(problem, behind, final=True))
+    assert set(solution.reason) == {"failed"} and bool(solution.cost.isinf().all())
+    assert torch.equal(solution.state.vector, behind.vector) and torch.equal(solution.state.orient, behind.orient)
