@@ -145,6 +145,12 @@ class Stages:
         face = self.has(kp.FACE) and any(w.face_keypoints[s] > 0 for s in stages)
         return Free(hands=hands, face=face, betas=betas, translation=translation)
 
+    def looks_closer(self, stage: int) -> bool:
+        """Whether hands or face weigh more than in the stage before, so that many points start far off."""
+        w = self.config.weights
+        rows = ((w.hand_keypoints, kp.HANDS), (w.face_keypoints, kp.FACE))
+        return any(stage > 1 and row[stage - 1] > row[stage - 2] and self.has(group) for row, group in rows)
+
     def objective(self, stage: int, state: State, free: Free) -> FrameObjective:
         """E_o of a stage (1 to 5).
 

@@ -93,6 +93,7 @@ class Sequence:
 
     groups = 1
     coupled_in_time = True
+    cold = False
 
     def __init__(
         self, objective: FrameObjective, joints: JointPositions, held: Tensor, coupling: Coupling, weight: float

@@ -4,7 +4,7 @@ A term's cost is the sum of its squared residuals. That is all a term needs: `re
 columns it touches, a closed-form Jacobian) is a speed-up, checked against automatic differentiation in the tests.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import torch
@@ -15,6 +15,10 @@ from fitting_core.body.model import JOINT
 from fitting_core.estimate import Estimate
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.rotations import hat
+
+
+WIDENED = 6.0
+"""How much wider the robust function is that Levenberg-Marquardt minimises first from a cold start."""
 
 
 class Term(Protocol):
@@ -87,6 +91,10 @@ class Data:
     def _errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
         error = e.pixels - self.xy[e.frames]
         return torch.where(error * self.side[e.frames] > 0, 0.0, error)
+
+    def widened(self) -> "Data":
+        """With a wider robust function, under which points that are far off still pull."""
+        return replace(self, rho=WIDENED * self.rho)
 
     def residual(self, e: Estimate) -> Tensor:
         """Robustified, weighted pixels."""

@@ -22,6 +22,8 @@ class Problem(Protocol):
     objective: FrameObjective
     groups: int
     coupled_in_time: bool
+    cold: bool
+    """Whether the start is far from the solution, as in a row of stages, or near it."""
     unknowns: int
     """Numbers that move a group, without repetition: one that several rows share counts once."""
 
@@ -47,8 +49,8 @@ class Problem(Protocol):
 
 
 def softened(problem: Problem) -> Problem | None:
-    """The same problem with its staircase terms softened; None where it has none."""
-    objective = problem.objective.softened()
+    """The same problem with gentler terms (see FrameObjective.softened); None where it has none to soften."""
+    objective = problem.objective.softened(cold=problem.cold)
     if objective is None:
         return None
     other = copy(problem)
@@ -79,8 +81,8 @@ class IndependentFrames:
 
     coupled_in_time = False
 
-    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
-        self.objective, self.frames, self.groups = objective, frames, len(frames)
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], *, cold: bool = False) -> None:
+        self.objective, self.frames, self.groups, self.cold = objective, frames, len(frames), cold
         self.unknowns = len(objective.index)
 
     def rows(self, groups: Tensor) -> Tensor:
@@ -121,6 +123,7 @@ class SharedShape:
 
     groups = 1
     coupled_in_time = False
+    cold = False
 
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
         assert objective.free.betas
