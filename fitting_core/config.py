@@ -35,6 +35,8 @@ class Weights:
     """Turn of the root away from the camera, where no leg is seen (beyond the paper)."""
     rest: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper)."""
+    limits: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Flexion of hips, knees, elbows and spine beyond their anatomical range (beyond the paper)."""
     body_keypoints: Five = (1.0, 1.0, 1.0, 1.0, 1.0)
     """BODY_25 keypoints in the data term."""
     hand_keypoints: Five = (0.0, 0.0, 0.0, 0.1, 2.0)
@@ -116,6 +118,8 @@ class FitConfig:
     """Factor of both hip keypoints in the stages; the camera step always uses them."""
     one_sided_cut_off: bool = False
     """Take detections where the image cuts a person off as "there or farther out" (see reliability.py)."""
+    unswap_sides: bool = False
+    """Undo swaps of left and right limbs that last for some frames (see reliability.py)."""
     yaws: Literal["side_view", "four"] = "side_view"
     """Starting orientations of phase 1: turned by 180 degrees when seen from the side, or four quarter turns."""
     relay_rounds: int = 0
@@ -139,6 +143,7 @@ _TCFIT_WEIGHTS = replace(
     lean=(30.0,) * 5,
     turn=(15.0,) * 5,
     rest=(0.0, 0.0, 0.0, 15.0, 15.0),
+    limits=(100.0,) * 5,
     collision=(0.0,) * 5,
     # 68 landmarks at weight 2 outvoted the body: betas went to the face's proportions and made a signer's body thin
     # (beta 3 at -1.0 instead of -0.3); reprojection is the same.
@@ -156,6 +161,7 @@ PRESETS: dict[str, FitConfig] = {
         robust_pixels_fine=15.0,
         robust_at_height=1000.0,
         one_sided_cut_off=True,
+        unswap_sides=True,
         yaws="four",
         relay_rounds=3,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),

@@ -13,6 +13,7 @@ from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.frame_names import spans
 from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step
@@ -157,7 +158,7 @@ class _Fit:
             camera=self.clip.camera,
             config=self.config,
             observed=self.stages.observed,
-            warnings=(*self.clip.notes, *(note for p in self.phases for note in p.notes)),
+            warnings=(*self.clip.notes, *_swap_notes(self.stages), *(note for p in self.phases for note in p.notes)),
         )
 
 
@@ -172,3 +173,11 @@ def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitE
             yield WindowFinished(frames=step.final[0], params=step.final[1])
         else:
             yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost)
+
+
+def _swap_notes(stages: Stages) -> list[str]:
+    """What was swapped back, for the user."""
+    return [
+        f"left and right {name} were swapped in the keypoints and were swapped back: frames {spans(frames.tolist())}"
+        for name, frames in stages.swaps.items()
+    ]

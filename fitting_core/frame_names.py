@@ -18,3 +18,11 @@ def split_number(stem: str) -> tuple[str, int | None]:
     """
     match = _NUMBERED.match(stem)
     return (match["prefix"], int(match["number"])) if match else (stem, None)
+
+
+def spans(frames: list[int], most: int = 5) -> str:
+    """Ascending frame numbers in words: ``3, 7-12``; after ``most`` spans, how many follow."""
+    starts = [k for k, t in enumerate(frames) if k == 0 or t != frames[k - 1] + 1]
+    ends = [*(k - 1 for k in starts[1:]), len(frames) - 1]
+    words = [str(frames[a]) if a == b else f"{frames[a]}-{frames[b]}" for a, b in zip(starts, ends, strict=True)]
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

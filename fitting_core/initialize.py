@@ -15,6 +15,8 @@ from fitting_core.state import State
 
 SIDE_VIEW = 0.25
 """Shoulder width over torso length in the image under which a person is seen from the side."""
+FORESHORTENED = 0.75
+"""Share of a thigh's length, measured by the torso, under which it may point towards the camera."""
 _LONGEST = 100.0
 """Metres: a depth beyond it is no guess."""
 
@@ -122,3 +124,19 @@ def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
     length = (xy[:, [left, right]].mean(1) - xy[:, hips].mean(1)).norm(dim=1)
     known = stages.seen[:, [left, right]].all(1) & stages.hips_seen
     return known & (width < SIDE_VIEW * length)
+
+
+def thighs_foreshortened(stages: Stages) -> Bool[Tensor, "T"]:
+    """Frames in which a thigh looks much shorter than the body's proportions to the torso say: it points in depth."""
+    rest, xy = _rest_joints(stages), stages.xy
+
+    def length(a: str, b: str) -> Tensor:
+        return (xy[:, kp.INDEX[a]] - xy[:, kp.INDEX[b]]).norm(dim=1)
+
+    short = torch.zeros_like(stages.hips_seen)
+    for side in ("left", "right"):
+        shoulder, hip, knee = (f"{side}_{n}" for n in ("shoulder", "hip", "knee"))
+        seen = stages.seen[:, [kp.INDEX[n] for n in (shoulder, hip, knee)]].all(1)
+        thigh, torso = (rest[JOINT[hip]] - rest[JOINT[n]] for n in (knee, shoulder))
+        short |= seen & (length(hip, knee) < FORESHORTENED * length(shoulder, hip) * thigh.norm() / torso.norm())
+    return short

@@ -1,6 +1,7 @@
 """The per-frame objective E_o: terms summed into costs, gradients and Gauss-Newton matrices."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import torch
@@ -57,6 +58,14 @@ class FrameObjective:
             (term.residual(estimate).square().sum(1) for term in self.terms), state.vector.new_zeros(len(state))
         )
         return torch.where(estimate.valid, total, torch.inf)
+
+    def softened(self) -> "FrameObjective | None":
+        """The same with gentler terms in place of those that are nearly staircases; None where there are none."""
+        if not any(hasattr(term, "softened") for term in self.terms):
+            return None
+        other = copy(self)
+        other.terms = [term.softened() if hasattr(term, "softened") else term for term in self.terms]  # pyright: ignore
+        return other
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:
         """A step in the free columns as a step of the whole state."""

@@ -1,7 +1,7 @@
 """Which detections to take at their word: what detectors make up where a person is cut off by the image."""
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from fitting_core import keypoints as kp
 from fitting_core.keypoints import Keypoints
@@ -40,3 +40,64 @@ def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 1
     side[no_leg, kp.INDEX["mid_hip"], 1] = 1
     side[keypoints.confidence == 0] = 0
     return side
+
+
+_HAND = [kp.LEFT_HAND.start + i for i in range(21)], [kp.RIGHT_HAND.start + i for i in range(21)]
+_PAIRED = {
+    "arms": (
+        [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]],
+        [kp.INDEX["right_elbow"], kp.INDEX["right_wrist"]],
+        _HAND,
+    ),
+    "legs": (
+        [kp.INDEX[f"left_{n}"] for n in ("knee", "ankle", "big_toe", "small_toe", "heel")],
+        [kp.INDEX[f"right_{n}"] for n in ("knee", "ankle", "big_toe", "small_toe", "heel")],
+        ([], []),
+    ),
+}
+"""Left and right keypoints of a pair of limbs, the first two of which tell whether it is swapped; what goes along."""
+_SWAP_PRICE = 0.5
+"""What a change of sides must save: half the distance of the two sides, summed over the telling keypoints."""
+
+
+def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray, "n"]]]:
+    """The keypoints with left and right limbs swapped back where a detector swapped them for some frames.
+
+    A swap makes both limbs jump across the body and back. For each pair of limbs, the sequence of "as detected" and
+    "swapped" of least total movement is found by dynamic programming; "as detected" is what holds for most frames.
+
+    Returns:
+        The corrected keypoints, and the frames that were swapped back, by pair.
+    """
+    xy, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
+    swaps = {}
+    for name, (left, right, others) in _PAIRED.items():
+        frames = _swapped_frames(keypoints.xy[:, [left, right]], keypoints.confidence[:, [left, right]])
+        if len(frames):
+            one, other = [*left, *others[0]], [*right, *others[1]]
+            for values in (xy, confidence):
+                values[np.ix_(frames, one + other)] = values[np.ix_(frames, other + one)]
+            swaps[name] = frames
+    return Keypoints(xy=xy, confidence=confidence), swaps
+
+
+def _swapped_frames(xy: Float[np.ndarray, "T 2 n 2"], confidence: Float[np.ndarray, "T 2 n"]) -> Int[np.ndarray, "m"]:
+    """Frames to swap: the shortest path through two states, the more frequent one being "as detected"."""
+    known = np.flatnonzero((confidence[:, :, :2] > SEEN).all((1, 2)))
+    if len(known) < 3:
+        return known[:0]
+    points = xy[known][:, :, :2]
+    apart = np.linalg.norm(points[:, 0] - points[:, 1], axis=-1).sum(1)
+    same = np.linalg.norm(points[1:] - points[:-1], axis=-1).sum((1, 2))
+    crossed = np.linalg.norm(points[1:] - points[:-1, ::-1], axis=-1).sum((1, 2))
+    price = _SWAP_PRICE * np.minimum(apart[1:], apart[:-1])
+    total, came_from = np.zeros(2), []
+    for stay, change in zip(same, crossed + price, strict=True):
+        options = total[:, None] + np.array([[stay, change], [change, stay]])
+        came_from.append(options.argmin(0))
+        total = options.min(0)
+    state = [int(total.argmin())]
+    for choice in reversed(came_from):
+        state.append(int(choice[state[-1]]))
+    path = np.array(state[::-1], bool)
+    return known[path if path.mean() < 0.5 else ~path]

@@ -14,15 +14,16 @@ from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.pairs import Point, keypoint_points
 from fitting_core.body.points import BodyPoints
 from fitting_core.camera import Camera
-from fitting_core.collision.term import CollidingBody, Collision
+from fitting_core.collision.term import CollidingBody
 from fitting_core.config import FitConfig
 from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
 from fitting_core.priors.pose import PRIORS
-from fitting_core.reliability import SEEN, cut_off
+from fitting_core.reliability import SEEN, cut_off, unswapped
 from fitting_core.state import Free, Parametrisation, State
-from fitting_core.terms import Bending, Data, Quadratic, Rest, Term, Upright
+from fitting_core.term_table import stage_terms, upright
+from fitting_core.terms import Data, Quadratic, Term
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
@@ -57,6 +58,10 @@ class Stages:
     def __init__(
         self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
     ) -> None:
+        self.swaps: dict[str, np.ndarray] = {}
+        """Frames in which the sides of a pair of limbs were swapped back, by the limbs' name."""
+        if config.unswap_sides:
+            keypoints, self.swaps = unswapped(keypoints)
         self.body, self.config, self.keypoints, self.camera = body, config, keypoints, camera
         reference = config.temporal.reference_rate
         self.temporal_weight = config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0)
@@ -150,45 +155,13 @@ class Stages:
         """
         weights = self._joint_weights(stage).expand(len(self.keypoints), -1)
         selection = self._select(weights)
-        terms = [self._data(selection), *self._priors(stage)]
+        terms = [self._data(selection), *stage_terms(self, stage)]
         return FrameObjective(terms, self._view(selection.indices, state), free)
-
-    def _priors(self, stage: int) -> list[Term]:
-        w, s = self.config.weights, stage - 1
-        p = self.parametrisation
-        c, prior = p.columns, p.prior
-
-        def quadratic(name: str, where: slice, weight: float, target: Tensor | None = None) -> Quadratic:
-            return Quadratic(name, where, self.xy.new_full((where.stop - where.start,), weight), target)
-
-        jaw = self.xy.new_tensor([w.jaw_open[s], w.jaw_sideways[s], w.jaw_sideways[s]])
-        terms: list[Term] = [
-            quadratic("body_pose", c.body, w.body_pose[s], prior.neutral.to(self.xy)),
-            quadratic("hand_pose", c.hands, w.hand_pose[s]),
-            Quadratic("jaw", c.jaw, jaw),
-            quadratic("expression", c.expression, w.expression[s]),
-            quadratic("shape", c.betas, w.shape[s]),
-            Bending(w.bending[s]),
-        ]
-        terms += self._upright(w.lean[s], w.turn[s])
-        if w.rest[s]:
-            unseen = ~torch.as_tensor(self.observed[:, 1:22], device=self.device).repeat_interleave(3, 1)
-            target = prior.decode(prior.neutral.to(self.xy)[None])[0]
-            terms.append(Rest(w.rest[s] * unseen.to(self.xy), target))
-        if w.collision[s]:
-            terms.append(Collision(w.collision[s], self.colliding_body))
-        return terms
 
     @cached_property
     def colliding_body(self) -> CollidingBody:
         """The whole mesh, made when the first stage asks for collisions."""
         return CollidingBody(self.body, dtype=self.dtype, device=self.device)
-
-    def _upright(self, lean: float, turn: float) -> list[Term]:
-        if not (lean or turn) or bool(self.leg_seen.all()):
-            return []
-        unheld = (~self.leg_seen).to(self.xy)
-        return [Upright(lean * unheld, turn * unheld)]
 
     @cached_property
     def observed(self) -> Bool[np.ndarray, "T 55"]:
@@ -215,7 +188,7 @@ class Stages:
             "depth", slice(where.stop - 1, where.stop), self.xy.new_full((1,), DEPTH_WEIGHT), depth[:, None]
         )
         terms: list[Term] = [self._data(selection), hold]
-        terms += self._upright(max(self.config.weights.lean), max(self.config.weights.turn))
+        terms += [term] if (term := upright(self, max(self.config.weights.lean), max(self.config.weights.turn))) else []
         free = Free(body=False, hands=False, face=False, betas=False)
         return FrameObjective(terms, self._view(selection.indices, None), free)
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core import rotations
-from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
+from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams, hand_basis
 from fitting_core.body.points import whole_pose
 from fitting_core.priors.pose import PosePrior
@@ -148,6 +148,14 @@ class Parametrisation:
     def body_pose(self, state: State) -> Float[Tensor, "B 63"]:
         """Axis-angle of the 21 body joints."""
         return self.prior.decode(state.vector[:, self.columns.body])
+
+    def with_seat(self, state: State) -> State:
+        """The same states with the legs of somebody who sits: thighs forward, shanks down."""
+        pose = self.body_pose(state).clone()
+        for side in ("left", "right"):
+            pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4
+            pose[:, 3 * (JOINT[f"{side}_knee"] - 1)] = 1.4
+        return state.with_columns(self.columns.body, self.prior.encode(pose))
 
     def hands(self, state: State) -> Float[Tensor, "B 90"]:
         """Axis-angle of the 15 + 15 finger joints."""

@@ -1,4 +1,4 @@
-"""Every term of the per-frame objective E_o, as residuals; and the TERMS table.
+"""Every term of the per-frame objective E_o, as residuals (term_table.py has the table of them).
 
 A term's cost is the sum of its squared residuals. That is all a term needs: `residual`. What it knows beyond (which
 columns it touches, a closed-form Jacobian) is a speed-up, checked against automatic differentiation in the tests.
@@ -20,7 +20,10 @@ from fitting_core.rotations import hat
 class Term(Protocol):
     """A part of E_o."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Under which its cost is reported."""
+        ...
 
     def residual(self, e: Estimate) -> Float[Tensor, "B n"]:
         """Weighted residuals; their squares add up to the term's cost."""
@@ -44,6 +47,14 @@ class RowTerm(Term, Protocol):
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> "Rows":
         """Residual rows of the normal equations."""
+        ...
+
+
+class StaircaseTerm(Term, Protocol):
+    """A term whose slope says little about how it falls, so that Gauss-Newton steps need a gentler one to follow."""
+
+    def softened(self) -> Term:
+        """The gentler term, with its minima in about the same places."""
         ...
 
 
@@ -167,6 +178,55 @@ class Rest:
     def slope(self, e: Estimate) -> Tensor:
         """The weights."""
         return self.weight[e.frames]
+
+
+_SIDES = (("left", 1.0), ("right", -1.0))
+_LIMITS: list[tuple[str, int, float, float]] = [
+    *((f"{side}_hip", 0, -2.3, 0.45) for side, _ in _SIDES),
+    *((f"{side}_knee", 0, -0.15, 2.6) for side, _ in _SIDES),
+    *((f"{side}_knee", axis, -0.2, 0.2) for side, _ in _SIDES for axis in (1, 2)),
+    *((f"{side}_elbow", 1, *sorted((-2.7 * sign, 0.15 * sign))) for side, sign in _SIDES),
+    *((f"{side}_elbow", 2, -0.25, 0.25) for side, _ in _SIDES),
+    *((spine, 0, -0.2, 0.6) for spine in ("spine1", "spine2", "spine3")),
+]
+"""Joint, axis and range in radians of components of the axis-angle pose that stand for one anatomical motion.
+
+Hip flexion -130 to 25 degrees (minus: leg forward), knee and elbow flexion -8 to 150, sideways bend and twist of the
+knee and sideways bend of the elbow, which are hinges, within 11 to 14; each of three spine joints -11 to 34 (plus:
+forward). After the American Academy of Orthopaedic Surgeons, Joint Motion: Method of Measuring and Recording (1965),
+some degrees wider."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """weight x how far hinges and flexions lie beyond their anatomical range (beyond the paper).
+
+    Seen from the front, a thigh that points at the camera and one that points away look alike; only one can be. Without
+    limits a fit of sitting down bent the knees sideways by 75 degrees, at the keypoints.
+    """
+
+    weight: float
+    name: str = "limits"
+
+    def _columns(self) -> list[int]:
+        return [3 * (JOINT[joint] - 1) + axis for joint, axis, *_ in _LIMITS]
+
+    def _excess(self, e: Estimate) -> Tensor:
+        angle = e.body_pose[:, self._columns()]
+        low, high = angle.new_tensor([limits[2:] for limits in _LIMITS]).T
+        return angle - angle.clamp(low, high)
+
+    def residual(self, e: Estimate) -> Tensor:
+        """Weighted radians beyond the range, 0 inside it."""
+        return self.weight * self._excess(e)
+
+    def columns(self, e: Estimate) -> tuple[Tensor, bool]:
+        """Columns of the axis-angle pose."""
+        return 3 + torch.tensor(self._columns(), device=e.body_pose.device), True
+
+    def slope(self, e: Estimate) -> Tensor:
+        """The weight outside the range, 0 inside."""
+        return self.weight * (self._excess(e) != 0).to(e.body_pose)
 
 
 @dataclass(frozen=True)

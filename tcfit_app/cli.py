@@ -110,6 +110,21 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
 """What runs on each type of options; every function imports what it needs, so that --help stays quick."""
 
 
+def parse(arguments: Sequence[str]) -> Any:
+    """The options that a command line, without the program's name, stands for.
+
+    Raises:
+        SystemExit: It asks for help, or is wrong; either has been printed.
+    """
+    return tyro.cli(
+        Options,  # pyright: ignore[reportArgumentType]
+        args=arguments,
+        prog="tcfit",
+        description="Fit SMPL-X bodies to monocular video, consistently over time.",
+        config=(OmitArgPrefixes, OmitSubcommandPrefixes),
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line.
 
@@ -121,17 +136,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        options = tyro.cli(
-            Options,  # pyright: ignore[reportArgumentType]
-            args=given,
-            prog="tcfit",
-            description="Fit SMPL-X bodies to monocular video, consistently over time.",
-            config=(OmitArgPrefixes, OmitSubcommandPrefixes),
-        )
-    except SystemExit as end:  # --help, and command lines that tyro has complained about
-        return int(end.code or 0)
-    try:
+        options = parse(given)
         return COMMANDS[type(options)](options, shlex.join(["tcfit", *given]))
+    except SystemExit as end:
+        return int(end.code or 0)
     except InputError as error:
         print(f"tcfit: {error}", file=sys.stderr)
         return INPUT_ERROR

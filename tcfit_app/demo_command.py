@@ -60,7 +60,8 @@ def truth_table(outcome: Outcome, truth: Truth) -> list[str]:
     """
     header = "".join(f"{column:>18}" for column in _COLUMNS)
     lines = [f"Mean error of body joints against the truth, in mm, over {len(truth.joints)} frames", f"{'':9}{header}"]
-    for phase in dict.fromkeys((outcome.fit.phases[0], outcome.fit.last)):
+    phases = outcome.fit.phases
+    for phase in (*phases[:1], *phases[1:][-1:]):
         numbers = "".join(f"{value:18.1f}" for value in joint_errors(outcome, phase.params, truth))
         lines.append(f"phase {phase.phase:<3}{numbers}")
     return [*lines, f"{'truth':9}{'':54}{jitter(truth.joints[:, _BODY]):18.1f}"]

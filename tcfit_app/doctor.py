@@ -17,18 +17,12 @@ import platformdirs
 
 from fitting_core.body.registry import find_body, list_bodies, user_folder
 from fitting_core.errors import InputError
-from tcfit_app.probes import Outcome, probe_codec, probe_rendering
+from fitting_core.off_screen import BACKENDS
+from tcfit_app.probes import probe_codec, probe_rendering
 
 PYTHON = (3, 11)
+_NO_MODULE = re.compile(r"No module named '(\w+)")
 _PYPROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
-# What a reason contains, and what helps; the first that fits counts.
-_RENDERING_ADVICE = (
-    ("No module named 'pyrender'", "pip install pyrender"),
-    ("OSMesaCreateContextAttribs", "pip install --no-deps 'PyOpenGL>=3.1.7' (pyrender asks for 3.1.0, which lacks it)"),
-    ("OSMesa", "apt install libosmesa6"),
-    ("osmesa", "apt install libosmesa6"),
-    ("", "apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or the graphics driver's own EGL"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,14 +115,14 @@ def check_torch() -> Iterator[Check]:
 
 def check_rendering() -> Iterator[Check]:
     """Off-screen OpenGL, which only the overlay video needs: EGL, else OSMesa."""
-    for name in ("egl", "osmesa"):
+    for name, packages in BACKENDS.items():
         outcome = probe_rendering(name)
         if outcome.works:
             yield Check(status="ok", found=f"renders off-screen with {name.upper()}")
             return
-        yield Check(
-            status="warning", found=f"{name.upper()}: {outcome.reason}", advice=_rendering_advice(name, outcome)
-        )
+        missing = _NO_MODULE.search(outcome.reason)
+        advice = f"pip install {missing[1]}" if missing else f"apt install {packages}"
+        yield Check(status="warning", found=f"{name.upper()}: {outcome.reason}", advice=advice)
 
 
 def check_video() -> Iterator[Check]:
@@ -144,7 +138,7 @@ def check_video() -> Iterator[Check]:
     if ffmpeg:
         yield Check(status="ok", found=f"ffmpeg: {ffmpeg}")
     elif not working["avc1"].works:
-        found = "neither OpenCV nor ffmpeg writes H.264, so exported videos may not play in a browser"
+        found = "neither OpenCV nor ffmpeg writes H.264: videos are written as VP9, which takes far longer"
         yield Check(status="warning", found=found, advice="apt install ffmpeg")
 
 
@@ -196,11 +190,6 @@ def _numbers(version: str) -> tuple[int, ...]:
     while numbers and numbers[-1] == 0:
         numbers.pop()
     return tuple(numbers)
-
-
-def _rendering_advice(name: str, outcome: Outcome) -> str:
-    told = outcome.reason if name == "egl" else f"{outcome.reason} {name}"
-    return next(advice for part, advice in _RENDERING_ADVICE if part in told)
 
 
 def _write_problem(folder: Path) -> str:

@@ -1,8 +1,9 @@
 """`tcfit fit`: read a clip, fit it, write the result."""
 
 import dataclasses
-import os
+import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +49,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     check_out(options.out, overwrite=options.overwrite)
     prepare_torch(config, options.threads)
     body = load_body(body_file(options.body))
-    clip = read_clip(
-        options.video, options.keypoints, **dataclasses.asdict(options.camera), **dataclasses.asdict(options.clip)
-    )
+    clip = _read_clip(options)
     _tell(_inputs(clip, body))
     fit, summary = _fit_and_write(clip, body, config, options.out, command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
@@ -59,6 +58,21 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
         written.append(OVERLAY_NAME)
     print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {options.out}"]))
     return Outcome(fit=fit, body=body, summary=summary)
+
+
+def _read_clip(options: FitOptions) -> Clip:
+    """The clip; what the library calls `frame_rate` its messages call --frame-rate here."""
+    details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
+    names = re.compile(r"\b(" + "|".join(name for name in details if "_" in name) + r")\b")
+
+    def translated(text: str) -> str:
+        return names.sub(lambda name: "--" + name[0].replace("_", "-"), text)
+
+    try:
+        clip = read_clip(options.video, options.keypoints, **details)
+    except InputError as error:
+        raise InputError(translated(str(error))) from error
+    return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
@@ -72,8 +86,9 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
     if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
         return
     names = sorted(entry.name for entry in folder.iterdir())
+    some = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
     raise InputError(
-        f"--out {folder}: holds files that are no result of tcfit ({', '.join(names[:4])}{', ...' * (len(names) > 4)}). "
+        f"--out {folder}: holds files that are no result of tcfit ({some}). "
         "Choose another folder, or give --overwrite to write the result among them."
     )
 
@@ -85,8 +100,8 @@ def prepare_torch(config: FitConfig, threads: int | None) -> None:
         InputError: The device is not there.
     """
     if threads is not None:
-        if not 1 <= threads <= 4 * (os.cpu_count() or 1):
-            raise InputError(f"--threads is {threads}; expected 1 to {os.cpu_count()}, the number of cores.")
+        if threads < 1:
+            raise InputError(f"--threads is {threads}; expected 1 or more, up to the number of cores.")
         torch.set_num_threads(threads)
     try:
         torch.zeros(1, device=config.device, dtype=getattr(torch, config.precision))
@@ -174,6 +189,6 @@ def report(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _tell(lines) -> None:
+def _tell(lines: Iterable[str]) -> None:
     for line in lines:
         print(line, file=sys.stderr, flush=True)

@@ -125,7 +125,7 @@ class FitOptions:
     """Write into a folder that holds other files too."""
     overlay: bool = True
     """Write overlay.mp4: phase 1 and the final fit side by side."""
-    threads: Annotated[int | None, _shown("N", "as torch decides")] = None
+    threads: int = 1
     """Threads of torch on the CPU."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
@@ -143,7 +143,7 @@ class DemoOptions:
     """Write into a folder that holds other files too."""
     overlay: bool = True
     """Write overlay.mp4: phase 1 and the final fit side by side."""
-    threads: Annotated[int | None, _shown("N", "as torch decides")] = None
+    threads: int = 1
     """Threads of torch on the CPU."""
     method: MethodOptions = field(default_factory=MethodOptions)
 

@@ -33,6 +33,10 @@ def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
         shown.append((f"phase {fit.last.phase}: final", fit.last.params))
     panels = [Panel(label=label, vertices=_vertices(mesh, params)) for label, params in shown]
     with _frames(clip) as frames, tqdm(total=len(clip), desc="Overlay", unit="frame", disable=None) as bar:
+
+        def advance(done: int) -> None:
+            bar.update(done - bar.n)
+
         write_overlay(
             path,
             frames,
@@ -41,7 +45,7 @@ def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
             camera=fit.camera,
             frame_rate=clip.frame_rate,
             keypoints=clip.keypoints,
-            progress=lambda done: bar.update(done - bar.n) and None,
+            progress=advance,
         )
 
 

@@ -22,7 +22,8 @@ class Progress:
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self.stream = stream or sys.stderr
-        self._bar: tqdm | None = None
+        self.bar: tqdm | None = None
+        """That of the phase that runs, on a terminal."""
         self._start = 0.0
 
     def __enter__(self) -> "Progress":
@@ -31,8 +32,8 @@ class Progress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._bar is not None:
-            self._bar.close()
+        if self.bar is not None:
+            self.bar.close()
 
     def show(self, event: FitEvent) -> None:
         """Show an event; those that say nothing new are passed over."""
@@ -48,25 +49,25 @@ class Progress:
         if not self.stream.isatty():
             print(title, file=self.stream, flush=True)
             return
-        self._bar = tqdm(
+        self.bar = tqdm(
             total=_STEPS, desc=f"{title:32}", bar_format=_FORMAT, file=self.stream, dynamic_ncols=True, smoothing=0
         )
 
     def _move(self, event: Iteration) -> None:
-        if self._bar is None:
+        if self.bar is None:
             return
         # Some parts of a phase run twice: the share may fall back, the bar does not.
-        self._bar.n = max(self._bar.n, min(_STEPS, round(_STEPS * event.share)))
-        self._bar.set_postfix_str(f"{event.label}, cost {event.cost:.4g}", refresh=False)
-        self._bar.update(0)
+        self.bar.n = max(self.bar.n, min(_STEPS, round(_STEPS * event.share)))
+        self.bar.set_postfix_str(f"{event.label}, cost {event.cost:.4g}", refresh=False)
+        self.bar.update(0)
 
     def _end(self, event: PhaseFinished) -> None:
         total = event.result.objective["total"]
-        if self._bar is None:
+        if self.bar is None:
             seconds = time.perf_counter() - self._start
             print(f"  finished in {seconds:.1f} s, cost {total:.4g}", file=self.stream, flush=True)
             return
-        self._bar.n = _STEPS
-        self._bar.set_postfix_str(f"cost {total:.4g}", refresh=True)
-        self._bar.close()
-        self._bar = None
+        self.bar.n = _STEPS
+        self.bar.set_postfix_str(f"cost {total:.4g}", refresh=True)
+        self.bar.close()
+        self.bar = None

@@ -1,6 +1,6 @@
 """Where joints and keypoints of given parameters lie, without the mesh."""
 
-from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from fitting_core import rotations
 from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.model import N_JOINTS, BodyModel
-from fitting_core.body.pairs import Joint, Point, keypoint_points
+from fitting_core.body.pairs import Joint, keypoint_points
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points import BodyPoints
 
@@ -19,28 +19,38 @@ _CHUNK = 64
 
 def joints_in_space(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 55 3"]:
     """The kinematic joints of posed bodies in camera space, metres."""
-    return _posed(body, [Joint(i) for i in range(N_JOINTS)], params)
+    return _posed(_joints(body), body, params)
 
 
 def keypoints_in_space(
     body: BodyModel, params: BodyParams
 ) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
     """The 137 keypoints of posed bodies in camera space (metres), and which of them the body has; others are 0."""
-    wanted = keypoint_points(body)
-    exists = np.array([point is not None for point in wanted])
-    found = np.zeros((len(params), len(wanted), 3))
-    found[:, exists] = _posed(body, [point for point in wanted if point is not None], params)
+    points, exists = _keypoints(body)
+    found = np.zeros((len(params), len(exists), 3))
+    found[:, exists] = _posed(points, body, params)
     return found, exists
 
 
-def _posed(body: BodyModel, points: Sequence[Point], params: BodyParams) -> Float[np.ndarray, "T N 3"]:
-    compiled = BodyPoints(body, points)
-    params = params.to(dtype=compiled.dtype, device=compiled.device)
+@lru_cache(maxsize=1)
+def _joints(body: BodyModel) -> BodyPoints:
+    return BodyPoints(body, [Joint(i) for i in range(N_JOINTS)])
+
+
+@lru_cache(maxsize=1)  # the face contour's 79 tables take 0.5 s to compile
+def _keypoints(body: BodyModel) -> tuple[BodyPoints, Bool[np.ndarray, "137"]]:
+    wanted = keypoint_points(body)
+    exists = np.array([point is not None for point in wanted])
+    return BodyPoints(body, [point for point in wanted if point is not None]), exists
+
+
+def _posed(points: BodyPoints, body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
+    params = params.to(dtype=points.dtype, device=points.device)
     chunks = torch.arange(len(params)).split(_CHUNK)
-    return np.concatenate([_posed_chunk(body, compiled, params[frames]) for frames in chunks])
+    return np.concatenate([_posed_chunk(points, body, params[frames]) for frames in chunks])
 
 
-def _posed_chunk(body: BodyModel, points: BodyPoints, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
+def _posed_chunk(points: BodyPoints, body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T N 3"]:
     local = full_pose(body, params)
     orient, pose = rotations.exp(local[:, 0]), local[:, 1:]
     bins = contour_bins(points.world_rotations(orient, pose)) if points.has_contour else None

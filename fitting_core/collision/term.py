@@ -1,7 +1,7 @@
 """The collision term of E_o: the intrusion penalty of the body's triangles that collide with each other."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -20,6 +20,12 @@ from fitting_core.terms import Rows
 
 LARGEST = 10.0
 """Metres from end to end: what is larger is no body but a step gone wild, and its pairs would be millions."""
+SOFT_SIGMA = 1e-3
+"""Metres, cone height of the softened term, which Levenberg-Marquardt minimises first.
+
+Mean objective of phase 1 on 10 frames of real footage, three of them with an arm in the torso, hands and thighs, or
+ankles: 316 without, 276 with 1e-2, 224 with 3e-3, 199 with 1e-3, where all are free. L-BFGS on the faithful term: 213.
+"""
 _CHUNK = 8
 """Frames whose vertices are evaluated together: the gathered correctives of 300 vertices are 3.5 MB."""
 
@@ -96,7 +102,7 @@ class CollidingBody:
         return Contacts(
             frame=torch.arange(len(known)).repeat_interleave(counts).to(device),
             rank=torch.cat([torch.arange(n) for n in counts.tolist()]).to(device),
-            ids=torch.nn.utils.rnn.pad_sequence(ids, batch_first=True).to(device),
+            ids=torch.nn.utils.rnn.pad_sequence(list(ids), batch_first=True).to(device),
             corner=torch.cat(corner).view(-1, 6).to(device),
         )
 
@@ -115,6 +121,10 @@ class Collision:
     sigma: float = SIGMA
     """Metres, the height of the cones above the surface."""
     name: str = "collision"
+
+    def softened(self) -> "Collision":
+        """With higher cones: at the faithful height a slope of 1e4 per metre at the surface stops every step."""
+        return replace(self, sigma=max(self.sigma, SOFT_SIGMA))
 
     def residual(self, e: Estimate) -> Float[Tensor, "B n"]:
         """Six residuals for each pair, zeros after a frame's last pair."""

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
 from fitting_core.errors import InputError
+from fitting_core.frame_names import spans
 from fitting_core.io.detections import Detections
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 
@@ -201,11 +202,3 @@ def _describe(tracks: list[_Track], count: int, first_frame: int) -> str:
             f"list: use person={place} if that is who you want."
         )
     return " ".join(sentences)
-
-
-def spans(frames: list[int], most: int = 5) -> str:
-    """Ascending frame numbers in words: ``3, 7-12``; after ``most`` spans, how many follow."""
-    starts = [k for k, t in enumerate(frames) if k == 0 or t != frames[k - 1] + 1]
-    ends = [*(k - 1 for k in starts[1:]), len(frames) - 1]
-    words = [str(frames[a]) if a == b else f"{frames[a]}-{frames[b]}" for a, b in zip(starts, ends, strict=True)]
-    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

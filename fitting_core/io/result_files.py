@@ -1,4 +1,25 @@
-"""A fit as files in a folder: fit.npz, whose keys SMPL-X tools know, and summary.json."""
+"""A fit as files in a folder: fit.npz, whose keys SMPL-X tools know, and summary.json.
+
+fit.npz of N frames reads with np.load(allow_pickle=False). Axis-angle in radians, metres, camera space (see `AXES`).
+
+| key | shape | |
+|---|---|---|
+| poses | (N, 165) | all joints: root, 21 of the body, jaw, eyes, left and right hand with their mean pose |
+| root_orient, pose_body, pose_jaw, pose_eye, pose_hand | (N, 3), (N, 63), (N, 3), (N, 6), (N, 90) | its parts |
+| trans, expressions | (N, 3), (N, 10) | |
+| betas | (10,) | the shared shape; where only phase 1 has run, the mean over its frames |
+| gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | for the tools that read AMASS |
+| global_orient, body_pose, left_hand_pose, right_hand_pose, jaw_pose, leye_pose, reye_pose, expression, \
+camera_translation | (N, ...) | the same as `BodyParams` has it: hands as components over their mean |
+| joints | (N, 55, 3) | posed joints |
+| phase1_* | | BodyParams and joints of phase 1, betas (N, 10) |
+| observed | (N, 55) | whether a confident keypoint says how the joint is turned |
+| camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels |
+| first_frame, frames | (), (N,) | numbers in the video, from 0 |
+| body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
+
+The arrays have SMPL-X's layout whatever the body's kind was, so surface_model_type is always "smplx".
+"""
 
 import zipfile
 from dataclasses import dataclass, fields
@@ -10,7 +31,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import N_BETAS, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.positions import joints_in_space
 from fitting_core.camera import Camera
@@ -97,7 +118,7 @@ def is_result(folder: Path) -> bool:
 
 
 def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True) -> dict[str, np.ndarray]:
-    """The arrays of fit.npz by name; see FORMATS in the documentation for what each holds."""
+    """The arrays of fit.npz by name, as the table above describes them."""
     last, first = fit.last.params, fit.phases[0].params
     arrays: dict[str, Any] = _smplx_arrays(body, last)
     arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": _one_shape(last)}
@@ -171,7 +192,7 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError as error:
         raise InputError(f"{file}: does not exist; expected a result of tcfit fit. Name its --out folder.") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{file}: is no complete npz archive ({error}). Fit the clip again.") from error
     found = str(arrays.get("format", "an npz of another program"))
     if found != FORMAT:
@@ -182,7 +203,7 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
 def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
     frames, last_phase = len(arrays["poses"]), int(arrays["last_phase"])
     phase1 = _params(arrays, PHASE1, frames)
-    shared = np.broadcast_to(arrays["betas"], (frames, *np.shape(arrays["betas"])))
+    shared = np.broadcast_to(_shaped(arrays, "betas", (N_BETAS,)), (frames, N_BETAS))
     betas = arrays[f"{PHASE1}betas"] if last_phase == 1 else shared
     (fx, fy), (cx, cy), (width, height) = (
         arrays[name].tolist() for name in ("camera_focal", "camera_center", "image_size")
@@ -202,7 +223,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
 
 
 def _params(arrays: dict[str, np.ndarray], prefix: str, frames: int) -> BodyParams:
-    components = arrays[f"{prefix}{_HANDS[0]}"].shape[-1]
+    components = int(arrays[f"{prefix}{_HANDS[0]}"].shape[-1])
     widths = _WIDTHS | dict.fromkeys(_HANDS, components)
     return BodyParams(**{name: torch.tensor(_shaped(arrays, prefix + name, (frames, widths[name]))) for name in _NAMES})
 

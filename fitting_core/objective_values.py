@@ -1,0 +1,107 @@
+"""The objective at given parameters, by term: for tests and notebooks."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.config import PRESETS, FitConfig
+from fitting_core.errors import InputError
+from fitting_core.keypoints import Keypoints
+from fitting_core.phases.consistency import Consistency
+from fitting_core.solvers import make_solver
+from fitting_core.stages import N_STAGES, Stages
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectiveValues:
+    """What the objective is made of at one point. Every value includes its weight: they add up to the objective."""
+
+    frames: dict[str, Float[Tensor, "T"]]
+    """E_o of each frame by term ("data", "body_pose", "hand_pose", "jaw", "expression", "shape", "bending", ...; some
+    only where the weight is not 0: "collision"). Float64, on the CPU."""
+    temporal: float
+    """E_T, summed over the clip."""
+
+    @property
+    def frame_total(self) -> Float[Tensor, "T"]:
+        """E_o of each frame."""
+        return torch.stack(list(self.frames.values())).sum(0)
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Every term summed over the clip, E_T under "temporal"."""
+        return {**{name: float(cost.sum()) for name, cost in self.frames.items()}, "temporal": self.temporal}
+
+    @property
+    def total(self) -> float:
+        """What phase 3 minimises over the whole clip: E_o + E_T."""
+        return sum(self.terms.values())
+
+
+def evaluate_objective(
+    body: BodyModel,
+    params: BodyParams,
+    camera: Camera,
+    keypoints: Keypoints,
+    preset: FitConfig | str = "paper",
+    *,
+    stage: int = N_STAGES,
+) -> ObjectiveValues:
+    """Evaluates the objective without minimising anything.
+
+    >>> result = fit(clip, body, PRESETS["paper"])
+    >>> values = evaluate_objective(body, result.last.params, clip.camera, clip.keypoints, "paper", stage=5)
+    >>> values.frames["data"]            # (T,): where the reprojection is bad
+    >>> values.terms                     # {"data": 8123.4, ..., "temporal": 310.2}
+
+    Args:
+        body: the body model.
+        params: one row for each frame; poses as axis-angle, as a fit returns them.
+        camera: of the clip.
+        keypoints: of the clip, as many frames as `params`.
+        preset: name of a preset, or any configuration. Its `temporal.mode` makes no difference: E_T is summed once over
+            every frame that has two neighbours.
+        stage: whose weights count, 1 to 5.
+
+    Raises:
+        InputError: no such preset or stage, or parameters that do not fit to the keypoints or the configuration.
+    """
+    config = _config(preset)
+    if stage not in range(1, N_STAGES + 1):
+        raise InputError(f"There is no stage {stage}: stages are numbered from 1 to {N_STAGES}.")
+    _check(params, keypoints, config)
+    stages = Stages(keypoints, camera, body, config)
+    state = stages.parametrisation.from_params(params)
+    objective = stages.objective(stage, state, stages.free(stage, betas=True))
+    consistency = Consistency(stages, make_solver(config.solver, config.settings))
+    with torch.no_grad():
+        costs = objective.costs(state, stages.all_frames)
+        temporal = consistency.temporal_cost(state)
+    return ObjectiveValues(frames={name: cost.double().cpu() for name, cost in costs.items()}, temporal=temporal)
+
+
+def _config(preset: FitConfig | str) -> FitConfig:
+    if isinstance(preset, FitConfig):
+        return preset
+    if preset not in PRESETS:
+        raise InputError(f"There is no preset {preset!r}; there are {', '.join(PRESETS)}.")
+    return PRESETS[preset]
+
+
+def _check(params: BodyParams, keypoints: Keypoints, config: FitConfig) -> None:
+    if len(params) != len(keypoints):
+        raise InputError(
+            f"The parameters have {len(params)} frames and the keypoints {len(keypoints)}; both must have the same "
+            "number. Cut one of them: params[first:last], keypoints[first:last]."
+        )
+    found = params.left_hand_pose.shape[1]
+    if found != config.hand_components:
+        raise InputError(
+            f"The parameters have {found} numbers for each hand and the configuration asks for "
+            f"{config.hand_components}. Use dataclasses.replace(config, hand_components={found})."
+        )
