@@ -186,7 +186,7 @@ def filled(state: State, good: Bool[Tensor, "T"]) -> State:
     after = torch.searchsorted(at, bad).clamp(max=len(at) - 1)
     before = (torch.searchsorted(at, bad) - 1).clamp(min=0)
     a, b = at[before], at[after]
-    t = ((bad - a) / (b - a).clamp(min=1)).clamp(0, 1).to(state.vector)[:, None]
+    t = ((bad - a).to(state.vector) / (b - a).clamp(min=1)).clamp(0, 1)[:, None]
     t = torch.where((a == b)[:, None], 0.0, t)
     vector = (1 - t) * state.vector[a] + t * state.vector[b]
     turn = rotations.log(state.orient[b] @ state.orient[a].transpose(1, 2))

@@ -1,0 +1,111 @@
+"""Phase 3 on its own: windows, the order of stages, and what a re-run may touch."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.config import FitConfig, SolverSettings, Temporal, Weights
+from fitting_core.phases.consistency import Consistency
+from fitting_core.phases.progress import Step
+from fitting_core.solvers import make_solver
+from fitting_core.stages import Stages
+from fitting_core.state import State
+from tests.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
+
+FRAMES = 6
+CONFIG = FitConfig(
+    weights=replace(Weights(), collision=(0.0,) * 5),
+    temporal=Temporal(window_size=3, stages=(4, 5)),
+    settings=SolverSettings(iterations=3),
+)
+
+
+def start_of(body: BodyModel, config: FitConfig) -> tuple[Consistency, State]:
+    stages = stages_of(body, hidden(keypoints_of(body, random_params(FRAMES)), kp.HANDS, kp.FACE), config)
+    state = random_state(stages.parametrisation, FRAMES, 0)
+    betas = stages.parametrisation.columns.betas
+    state = state.with_columns(betas, state.vector[:1, betas].expand(FRAMES, 10))
+    return Consistency(stages, make_solver("lm", config.settings)), state
+
+
+def listed(steps) -> tuple[list[Step], State]:
+    found = []
+    while True:
+        try:
+            found.append(next(steps))
+        except StopIteration as stop:
+            return found, stop.value
+
+
+def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
+    consistency, state = start_of(tiny_body, CONFIG)
+    steps, _ = listed(consistency.sliding_window(state))
+    labels = list(dict.fromkeys(s.label for s in steps if s.final is None))
+    assert labels == [f"window {w} of 4, stage {s}" for w in (1, 2, 3, 4) for s in (4, 5)]
+    shares = [s.share for s in steps]
+    assert shares == sorted(shares) and shares[-1] == 1.0
+
+
+def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
+    consistency, state = start_of(tiny_body, CONFIG)
+    steps, end = listed(consistency.sliding_window(state))
+    params = consistency.stages.parametrisation.to_params(end)
+    told = [s.final for s in steps if s.final is not None]
+    assert [list(frames) for frames, _ in told] == [[0], [1], [2], [3, 4, 5]]
+    for frames, final in told:
+        assert torch.equal(final.body_pose, params.body_pose[list(frames)])
+
+
+@pytest.mark.parametrize("size", [FRAMES, FRAMES + 5])
+def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size: int):
+    config = replace(CONFIG, temporal=replace(CONFIG.temporal, window_size=size))
+    consistency, state = start_of(tiny_body, config)
+    window, together = finished(consistency.sliding_window(state)), finished(consistency.all_at_once(state))
+    assert torch.equal(window.vector, together.vector) and torch.equal(window.orient, together.orient)
+    assert not torch.equal(window.vector, state.vector)
+
+
+def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):
+    consistency, state = start_of(tiny_body, CONFIG)
+    end, c = finished(consistency.all_at_once(state)), consistency.stages.parametrisation.columns
+    for columns in (c.betas, c.hands, c.jaw, c.expression):  # no hand and no face is in the clip
+        assert torch.equal(end.vector[:, columns], state.vector[:, columns])
+    assert not torch.equal(end.vector[:, c.translation], state.vector[:, c.translation])
+
+
+@pytest.mark.parametrize("frames", [range(0, 2), range(2, 4), range(3, 4), range(5, 6), range(0, 6)])
+def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: BodyModel, frames: range):
+    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
+    end = finished(consistency.rerun(state, frames))
+    for i in range(FRAMES):
+        assert torch.equal(end.vector[i], state.vector[i]) == (i not in frames)
+    stages = consistency.stages
+
+    def whole(s: State) -> float:
+        objective = stages.objective(5, state, stages.free(5, betas=False))
+        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+
+    assert whole(end) < whole(state)
+
+
+def test_more_weight_makes_smoother(tiny_body: BodyModel):
+    costs = []
+    for weight in (10.0, 100.0, 1000.0):
+        temporal = replace(CONFIG.temporal, weight=weight, stages=(5,))
+        settings = SolverSettings(iterations=25)
+        consistency, state = start_of(tiny_body, replace(CONFIG, temporal=temporal, settings=settings))
+        costs.append(consistency.temporal_cost(finished(consistency.all_at_once(state))) / weight**2)
+    assert costs[0] > costs[1] > costs[2]
+
+
+def test_weight_follows_the_frame_rate_where_asked(tiny_body: BodyModel):
+    """Twice the frames of one motion: second differences a quarter as long, so w_T four times as large."""
+    config = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0, reference_rate=25.0))
+    keypoints = hidden(keypoints_of(tiny_body, random_params(2)), kp.HANDS, kp.FACE)
+    built = {rate: Stages(keypoints, CAMERA, tiny_body, config, frame_rate=rate) for rate in (25.0, 50.0)}
+    assert built[25.0].temporal_weight == 80.0 and built[50.0].temporal_weight == 320.0
+    plain = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0))
+    assert Stages(keypoints, CAMERA, tiny_body, plain, frame_rate=50.0).temporal_weight == 80.0
