@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from fitting_core.config import SolverSettings
-from fitting_core.solvers.problem import Problem, softened
+from fitting_core.solvers.problem import Problem
 from fitting_core.solvers.solution import Progress, Solution
 from fitting_core.state import State
 
@@ -30,7 +30,7 @@ class LevenbergMarquardt:
         settings = self.settings
         last = settings.sequence_tolerance if problem.coupled_in_time else settings.final_tolerance
         passing = max(last, settings.stage_tolerance)
-        soft, evaluations = softened(problem), 0
+        soft, evaluations = problem.softened(), 0
         direct = start
         if soft is not None:
             gentle = yield from self._descend(_Run(soft, start), passing)

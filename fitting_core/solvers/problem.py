@@ -2,7 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -47,15 +47,25 @@ class Problem(Protocol):
         """The damped Gauss-Newton step of each group."""
         ...
 
+    def softened(self) -> "Problem | None":
+        """A problem that is easier to descend, with its minima in about the same places; None where there is none."""
+        ...
 
-def softened(problem: Problem) -> Problem | None:
-    """The same problem with gentler terms (see FrameObjective.softened); None where it has none to soften."""
-    objective = problem.objective.softened(cold=problem.cold)
-    if objective is None:
-        return None
-    other = copy(problem)
-    other.objective = objective
-    return other
+
+class OnFrames:
+    """What the problems on a FrameObjective share."""
+
+    objective: FrameObjective
+    cold: bool = False
+
+    def softened(self) -> Self | None:
+        """The same problem on a gentler objective (see FrameObjective.softened); None where that is the same."""
+        objective = self.objective.softened(cold=self.cold)
+        if objective is None:
+            return None
+        other = copy(self)
+        other.objective = objective
+        return other
 
 
 @dataclass(frozen=True)
@@ -76,7 +86,7 @@ def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g
     return (damping[..., None] * diagonal.mean(-1, keepdim=True) + floor).expand_as(diagonal)
 
 
-class IndependentFrames:
+class IndependentFrames(OnFrames):
     """Every frame for itself: phase 1."""
 
     coupled_in_time = False
@@ -114,7 +124,7 @@ class IndependentFrames:
         return Step(self.objective.step(move), predicted, info == 0)
 
 
-class SharedShape:
+class SharedShape(OnFrames):
     """Mean of E_o over some frames that share their betas, plus the prior on these: phase 2.
 
     The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's
@@ -123,7 +133,6 @@ class SharedShape:
 
     groups = 1
     coupled_in_time = False
-    cold = False
 
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
         assert objective.free.betas

@@ -33,6 +33,7 @@ class Toy:
     """Independent least squares problems in the columns 3 and on of a state; cost infinite where `allowed` says no."""
 
     coupled_in_time = False
+    cold = False
 
     def __init__(
         self,
@@ -46,6 +47,9 @@ class Toy:
 
     def rows(self, groups: Tensor) -> Tensor:
         return groups
+
+    def softened(self) -> None:
+        return None
 
     def spread(self, x: Tensor) -> Tensor:
         return torch.cat([torch.zeros(len(x), 3, dtype=x.dtype), x], 1)
