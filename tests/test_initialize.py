@@ -29,9 +29,7 @@ def standing(yaw: float = 0.0) -> BodyParams:
     """The mean body upright at three depths, off the image's centre."""
     turn = rotations.exp(FACING) @ rotations.yaw(yaw, FACING)
     place = torch.stack([torch.tensor([0.3, -0.1, float(z)]) for z in DEPTHS]).double()
-    return replace(
-        BodyParams.neutral(3), global_orient=rotations.log(turn).expand(3, 3), camera_translation=place
-    )
+    return replace(BodyParams.neutral(3), global_orient=rotations.log(turn).expand(3, 3), camera_translation=place)
 
 
 def stages_for(body: BodyModel, keypoints: Keypoints) -> Stages:
@@ -138,10 +136,12 @@ def test_turned_keeps_the_vertical(tiny_body: BodyModel):
     assert torch.equal(other.vector, state.vector)
 
 
-@pytest.mark.parametrize(("yaw", "expected"), [(0.0, False), (40.0, False), (85.0, True), (-90.0, True), (180.0, False)])
-def test_side_views_at_any_size(tiny_body: BodyModel, yaw: float, expected: bool):
+@pytest.mark.parametrize(
+    ("yaw", "expected"), [(0.0, False), (40.0, False), (85.0, True), (-90.0, True), (180.0, False)]
+)
+def test_side_views_at_any_size(tiny_body: BodyModel, yaw: int, expected: bool):
     """Near or far: it is the shoulders' width against the torso that counts, not pixels."""
-    stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(yaw), CAMERA))
+    stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(float(yaw)), CAMERA))
     assert seen_from_side(stages).tolist() == [expected] * 3
 
 

@@ -28,7 +28,7 @@ def test_samples_are_frames_of_the_clip_each_once(frames: int, size: int, seed: 
     chosen = sample_frames(confidence, sample)
     assert len(chosen) == min(size, frames)
     assert len(set(chosen.tolist())) == len(chosen) and list(chosen) == sorted(chosen)
-    assert 0 <= chosen.min() and chosen.max() < frames
+    assert chosen.min() >= 0 and chosen.max() < frames
     assert np.array_equal(chosen, sample_frames(confidence, sample))
 
 
