@@ -154,16 +154,16 @@ def differentiated(function: Callable[[State], Tensor], state: State, index: Ten
 def arms_in_motion(frames: int, *, depth: float = 2.45) -> BodyParams:
     """A person who stands before the camera, moves both arms and one leg a little, and speaks.
 
-    The spine is straight, as no keypoint tells its joints apart; and the forearms point to the camera, as the fits'
-    start does: one image allows them to point away just as well.
+    The spine is straight, as no keypoint tells its joints apart; forearms and knees point clearly to the camera, as the
+    fits' start does: at the same pixels each limb could point away just as well.
     """
     share = torch.linspace(0, 1, frames, dtype=torch.float64)
     pose = torch.zeros(frames, 21, 3, dtype=torch.float64)
     angles: dict[str, tuple[Any, Any, Any]] = {
         "left_shoulder": (0.1, -0.3, -1.1 + 0.2 * share), "right_shoulder": (0.1, 0.3, 1.1 - 0.3 * share),
         "left_elbow": (0, -0.8 - 0.2 * share, 0), "right_elbow": (0, 0.9, 0),
-        "left_hip": (-0.3 + 0.2 * share, 0, 0.1), "right_hip": (-0.1, 0, -0.1),
-        "left_knee": (0.4, 0, 0), "right_knee": (0.3 + 0.1 * share, 0, 0),
+        "left_hip": (-0.4 + 0.1 * share, 0, 0.1), "right_hip": (-0.3, 0, -0.1),
+        "left_knee": (0.6, 0, 0), "right_knee": (0.5 + 0.1 * share, 0, 0),
     }  # fmt: skip
     for joint, values in angles.items():
         for axis, value in enumerate(values):

@@ -212,7 +212,7 @@ def test_empty_frames_are_filled_and_reported(free_body: BodyModel, short_clip: 
 
 def test_a_clip_without_a_person_is_refused(free_body: BodyModel):
     blank = Keypoints(xy=np.zeros((4, 137, 2)), confidence=np.zeros((4, 137)))
-    with pytest.raises(InputError, match="No frame of test clip shows a person.*at least 4 body keypoints"):
+    with pytest.raises(InputError, match=r"No frame of test clip shows a person.*at least 4 body keypoints"):
         fit(clip_of(blank), free_body, QUICK)
     three = np.zeros((4, 137))
     three[:, :3] = 1

@@ -139,9 +139,9 @@ def test_turned_keeps_the_vertical(tiny_body: BodyModel):
 @pytest.mark.parametrize(
     ("yaw", "expected"), [(0.0, False), (40.0, False), (85.0, True), (-90.0, True), (180.0, False)]
 )
-def test_side_views_at_any_size(tiny_body: BodyModel, yaw: float, expected: bool):
+def test_side_views_at_any_size(tiny_body: BodyModel, yaw: int, expected: bool):
     """Near or far: it is the shoulders' width against the torso that counts, not pixels."""
-    stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(yaw), CAMERA))
+    stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(float(yaw)), CAMERA))
     assert seen_from_side(stages).tolist() == [expected] * 3
 
 

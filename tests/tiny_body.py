@@ -35,7 +35,7 @@ def rest_joints() -> np.ndarray:
 
 
 def make_tiny_body(seed: int = 0) -> BodyModel:
-    """440 vertices: clouds around the joints, skinned to a joint and up to three above it, with random directions of every kind."""
+    """440 vertices: clouds around the joints, skinned to these and up to three above them; random directions."""
     rng = np.random.default_rng(seed)
     parents, joints = parents_of_55(), rest_joints()
     owner = np.repeat(np.arange(N_JOINTS), PER_JOINT)

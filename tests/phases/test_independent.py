@@ -65,7 +65,7 @@ def test_filled_without_any_good_frame_changes_nothing():
     ("numbers", "text"),
     [([4], "4"), ([0, 1], "0-1"), ([1, 2, 3, 7], "1-3, 7"), ([0, 2, 4], "0, 2, 4"), ([3, 4, 8, 9], "3-4, 8-9")],
 )
-def test_frames_are_named_inspans(numbers: list[int], text: str):
+def test_frames_are_named_in_ranges(numbers: list[int], text: str):
     assert spans(numbers) == text
 
 
@@ -92,7 +92,7 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     run = _Frames(stages, solver_of(stages), torch.arange(5))
     objective = stages.objective(N_STAGES, stuck, stages.free(N_STAGES, betas=True))
     before = objective.cost(stuck, torch.arange(5))
-    state, cost = finished(run.relay(stuck))
+    state, cost = finished(run.relay(stuck, alone.state))
     assert (cost <= before).all()
     torch.testing.assert_close(cost, objective.cost(state, torch.arange(5)), rtol=1e-9, atol=0)
     assert float(before[2]) > 100 * float(alone.cost[2])
