@@ -11,7 +11,7 @@ from torch import Tensor
 from fitting_core.estimate import Estimate, View
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.state import Free, State
-from fitting_core.terms import Rows, Term
+from fitting_core.terms import Data, Rows, Term
 
 CHUNK = 8
 """Frames whose Jacobians are formed together: (frames, 274, 116) float64 must stay in the cache."""
@@ -59,12 +59,13 @@ class FrameObjective:
         )
         return torch.where(estimate.valid, total, torch.inf)
 
-    def softened(self) -> "FrameObjective | None":
-        """The same with gentler terms in place of those that are nearly staircases; None where there are none."""
-        if not any(hasattr(term, "softened") for term in self.terms):
+    def softened(self, *, cold: bool) -> "FrameObjective | None":
+        """The same with gentler terms for staircases and, from a cold start, for robust ones; None without any."""
+        terms = [_gentler(term, cold=cold) for term in self.terms]
+        if all(new is old for new, old in zip(terms, self.terms, strict=True)):
             return None
         other = copy(self)
-        other.terms = [term.softened() if hasattr(term, "softened") else term for term in self.terms]  # pyright: ignore
+        other.terms = terms
         return other
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:
@@ -154,3 +155,9 @@ def _add_rows(gradient: Tensor, matrix: Tensor, rows: Rows) -> None:
     matrix.baddbmm_(j.transpose(1, 2), j)
     if rows.extra_gradient is not None:
         gradient += rows.extra_gradient
+
+
+def _gentler(term: Term, *, cold: bool) -> Term:
+    if isinstance(term, Data):
+        return term.widened() if cold else term
+    return term.softened() if hasattr(term, "softened") else term  # pyright: ignore

@@ -145,6 +145,12 @@ class Stages:
         face = self.has(kp.FACE) and any(w.face_keypoints[s] > 0 for s in stages)
         return Free(hands=hands, face=face, betas=betas, translation=translation)
 
+    def looks_closer(self, stage: int) -> bool:
+        """Whether hands or face weigh more than in the stage before, so that many points start far off."""
+        w = self.config.weights
+        rows = ((w.hand_keypoints, kp.HANDS), (w.face_keypoints, kp.FACE))
+        return any(stage > 1 and row[stage - 1] > row[stage - 2] and self.has(group) for row, group in rows)
+
     def objective(self, stage: int, state: State, free: Free) -> FrameObjective:
         """E_o of a stage (1 to 5).
 
@@ -158,14 +164,22 @@ class Stages:
         terms = [self._data(selection), *stage_terms(self, stage)]
         return FrameObjective(terms, self._view(selection.indices, state), free)
 
-    @cached_property
+    @property
     def colliding_body(self) -> CollidingBody:
         """The whole mesh, made when the first stage asks for collisions."""
-        return CollidingBody(self.body, dtype=self.dtype, device=self.device)
+        return self._colliding_body
 
     @cached_property
+    def _colliding_body(self) -> CollidingBody:
+        return CollidingBody(self.body, dtype=self.dtype, device=self.device)
+
+    @property
     def observed(self) -> Bool[np.ndarray, "T 55"]:
         """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
+        return self._observed
+
+    @cached_property
+    def _observed(self) -> Bool[np.ndarray, "T 55"]:
         known = [i for i, p in enumerate(self.keypoint_points) if p is not None]
         points = BodyPoints(self.body, [p for p in self.keypoint_points if p is not None])
         hangs = np.zeros((kp.COUNT, N_JOINTS), int)

@@ -13,7 +13,7 @@ from fitting_core.estimate import Estimate, View
 from fitting_core.objective import CHUNK, FrameObjective, chain_matrix
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.solvers.banded import solve_block_banded
-from fitting_core.solvers.problem import Step, damping_diagonal
+from fitting_core.solvers.problem import OnFrames, Step, damping_diagonal
 from fitting_core.state import Parametrisation, State
 
 STENCIL = ((-1, -1 / 3), (0, 2 / 3), (1, -1 / 3))
@@ -77,7 +77,7 @@ class Coupling:
         return Coupling(torch.arange(free.start, free.stop, device=like.device), first, matrix)
 
 
-class Sequence:
+class Sequence(OnFrames):
     """Sum of E_o over free frames + w_T^2 sum over centres |sum_k s_k J_{centre + k}|^2: phase 3, a window, a re-run.
 
     With L the stencil matrix and c = L^T L, the half gradient of frame i is w^2 D_i^T sum_j c_ij J_j and the blocks of

@@ -4,7 +4,7 @@ A term's cost is the sum of its squared residuals. That is all a term needs: `re
 columns it touches, a closed-form Jacobian) is a speed-up, checked against automatic differentiation in the tests.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import torch
@@ -15,6 +15,9 @@ from fitting_core.body.model import JOINT
 from fitting_core.estimate import Estimate
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.rotations import hat
+
+WIDENED = 6.0
+"""How much wider the robust function is that Levenberg-Marquardt minimises first from a cold start."""
 
 
 class Term(Protocol):
@@ -87,6 +90,10 @@ class Data:
     def _errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
         error = e.pixels - self.xy[e.frames]
         return torch.where(error * self.side[e.frames] > 0, 0.0, error)
+
+    def widened(self) -> "Data":
+        """With a wider robust function, under which points that are far off still pull."""
+        return replace(self, rho=WIDENED * self.rho)
 
     def residual(self, e: Estimate) -> Tensor:
         """Robustified, weighted pixels."""
@@ -180,13 +187,13 @@ class Rest:
         return self.weight[e.frames]
 
 
-_SIDES = (("left", 1.0), ("right", -1.0))
 _LIMITS: list[tuple[str, int, float, float]] = [
-    *((f"{side}_hip", 0, -2.3, 0.45) for side, _ in _SIDES),
-    *((f"{side}_knee", 0, -0.15, 2.6) for side, _ in _SIDES),
-    *((f"{side}_knee", axis, -0.2, 0.2) for side, _ in _SIDES for axis in (1, 2)),
-    *((f"{side}_elbow", 1, *sorted((-2.7 * sign, 0.15 * sign))) for side, sign in _SIDES),
-    *((f"{side}_elbow", 2, -0.25, 0.25) for side, _ in _SIDES),
+    *((f"{side}_hip", 0, -2.3, 0.45) for side in ("left", "right")),
+    *((f"{side}_knee", 0, -0.15, 2.6) for side in ("left", "right")),
+    *((f"{side}_knee", axis, -0.2, 0.2) for side in ("left", "right") for axis in (1, 2)),
+    ("left_elbow", 1, -2.7, 0.15),
+    ("right_elbow", 1, -0.15, 2.7),
+    *((f"{side}_elbow", 2, -0.25, 0.25) for side in ("left", "right")),
     *((spine, 0, -0.2, 0.6) for spine in ("spine1", "spine2", "spine3")),
 ]
 """Joint, axis and range in radians of components of the axis-angle pose that stand for one anatomical motion.

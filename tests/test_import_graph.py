@@ -22,8 +22,8 @@ LAYERS = [
     ["clip"],
     ["priors", "state", "point_jacobian", "estimate", "collision"],
     ["terms", "collision.term"],
-    ["objective"],
-    ["stages", "term_table", "solvers", "temporal", "initialize"],
+    ["objective", "term_table"],
+    ["stages", "solvers", "temporal", "initialize"],
     ["phases"],
     ["result", "events", "fitting", "objective_values"],
 ]

@@ -73,10 +73,17 @@ class _Frames:
         self.stages, self.solver, self.frames = stages, solver, frames
 
     def _minimise(
-        self, objective: FrameObjective, state: State, label: str, share: tuple[float, float], *, final: bool = False
+        self,
+        objective: FrameObjective,
+        state: State,
+        label: str,
+        share: tuple[float, float],
+        *,
+        final: bool = False,
+        cold: bool = False,
     ) -> Generator[Step, None, tuple[State, Tensor]]:
         """State with these frames minimised, and the cost of all frames (infinite for the others)."""
-        problem = IndependentFrames(objective, self.frames)
+        problem = IndependentFrames(objective, self.frames, cold=cold)
         minimisation = self.solver.minimise(problem, state[self.frames], final=final)
         solution = yield from reported(minimisation, label, share, self.solver.iterations)
         cost = torch.full((len(state),), torch.inf, dtype=solution.cost.dtype, device=solution.cost.device)
@@ -102,7 +109,10 @@ class _Frames:
             objective = self.stages.objective(stage, state, free)
             share = (0.1 * stage, 0.1 * stage + 0.1)
             last = stage == N_STAGES and not self.stages.config.relay_rounds
-            state, cost = yield from self._minimise(objective, state, f"stage {stage}", share, final=last)
+            looks_closer = self.stages.looks_closer(stage)
+            state, cost = yield from self._minimise(
+                objective, state, f"stage {stage}", share, final=last, cold=looks_closer
+            )
         return state, cost
 
     def both_sides(self, state: State) -> Generator[Step, None, tuple[State, Tensor]]:

@@ -2,7 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -22,6 +22,8 @@ class Problem(Protocol):
     objective: FrameObjective
     groups: int
     coupled_in_time: bool
+    cold: bool
+    """Whether the start is far from the solution, as in a row of stages, or near it."""
     unknowns: int
     """Numbers that move a group, without repetition: one that several rows share counts once."""
 
@@ -45,15 +47,25 @@ class Problem(Protocol):
         """The damped Gauss-Newton step of each group."""
         ...
 
+    def softened(self) -> "Problem | None":
+        """A problem that is easier to descend, with its minima in about the same places; None where there is none."""
+        ...
 
-def softened(problem: Problem) -> Problem | None:
-    """The same problem with its staircase terms softened; None where it has none."""
-    objective = problem.objective.softened()
-    if objective is None:
-        return None
-    other = copy(problem)
-    other.objective = objective
-    return other
+
+class OnFrames:
+    """What the problems on a FrameObjective share."""
+
+    objective: FrameObjective
+    cold: bool = False
+
+    def softened(self) -> Self | None:
+        """The same problem on a gentler objective (see FrameObjective.softened); None where that is the same."""
+        objective = self.objective.softened(cold=self.cold)
+        if objective is None:
+            return None
+        other = copy(self)
+        other.objective = objective
+        return other
 
 
 @dataclass(frozen=True)
@@ -74,13 +86,13 @@ def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g
     return (damping[..., None] * diagonal.mean(-1, keepdim=True) + floor).expand_as(diagonal)
 
 
-class IndependentFrames:
+class IndependentFrames(OnFrames):
     """Every frame for itself: phase 1."""
 
     coupled_in_time = False
 
-    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
-        self.objective, self.frames, self.groups = objective, frames, len(frames)
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], *, cold: bool = False) -> None:
+        self.objective, self.frames, self.groups, self.cold = objective, frames, len(frames), cold
         self.unknowns = len(objective.index)
 
     def rows(self, groups: Tensor) -> Tensor:
@@ -112,7 +124,7 @@ class IndependentFrames:
         return Step(self.objective.step(move), predicted, info == 0)
 
 
-class SharedShape:
+class SharedShape(OnFrames):
     """Mean of E_o over some frames that share their betas, plus the prior on these: phase 2.
 
     The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's

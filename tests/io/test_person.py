@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
+from fitting_core.frame_names import spans
 from fitting_core.io import read_detections
 from fitting_core.io.detections import Detections
-from fitting_core.io.person import choose_person, spans
+from fitting_core.io.person import choose_person
 
 NOBODY = np.zeros((137, 3))
 

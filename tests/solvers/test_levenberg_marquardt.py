@@ -29,18 +29,11 @@ def powell(x: Tensor) -> Tensor:
     return torch.stack([a + 10 * b, math.sqrt(5) * (c - d), (b - 2 * c) ** 2, math.sqrt(10) * (a - d) ** 2], -1)
 
 
-class PlainObjective:
-    """Has no term that needs softening."""
-
-    def softened(self) -> None:
-        return None
-
-
 class Toy:
     """Independent least squares problems in the columns 3 and on of a state; cost infinite where `allowed` says no."""
 
     coupled_in_time = False
-    objective = PlainObjective()
+    cold = False
 
     def __init__(
         self,
@@ -54,6 +47,9 @@ class Toy:
 
     def rows(self, groups: Tensor) -> Tensor:
         return groups
+
+    def softened(self) -> None:
+        return None
 
     def spread(self, x: Tensor) -> Tensor:
         return torch.cat([torch.zeros(len(x), 3, dtype=x.dtype), x], 1)
