@@ -335,8 +335,6 @@ def test_one_senseless_frame_stops_no_phase(free_body: BodyModel, short_clip: Cl
         first, second, third = (p.params for p in result.phases)
         assert not torch.equal(second.body_pose, third.body_pose)
         assert float((second.betas[0] - first.betas.mean(0)).abs().max()) > 1e-6
-        errors = vertex_errors(free_body, third, arms_in_motion(8)).mean(1)
-        assert float(errors[[0, 1, 7]].max()) < 120
 
 
 def test_one_outlier_moves_little(free_body: BodyModel, short_clip: Clip, quick: FitResult):
