@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+import torch
 from hypothesis import settings
 
 from fitting_core.body.files import load_body
@@ -11,6 +12,8 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.registry import FREE_FOLDER, find_body
 from tests.tiny_body import make_tiny_body
 
+# Small problems: on a busy machine two threads that wait for each other take ten times as long as one.
+torch.set_num_threads(1)
 # The first call of an autograd function takes many times as long as the others.
 settings.register_profile("no deadline", deadline=None)
 settings.load_profile("no deadline")

@@ -325,6 +325,18 @@ def test_absurd_keypoints_give_numbers(tiny_body: BodyModel, preset: str, kind: 
     assert all(np.isfinite(list(p.objective.values())).all() for p in result.phases)
 
 
+@pytest.mark.parametrize("spread", [8e2, 1e5])
+def test_one_senseless_frame_stops_no_phase(free_body: BodyModel, short_clip: Clip, spread: float):
+    """Once it froze phases 2 and 3 for the whole clip: its start lay behind the camera, at infinite cost."""
+    for seed in range(2):
+        xy = short_clip.keypoints.xy.copy()
+        xy[4, kp.BODY] = np.random.default_rng(seed).uniform(-spread, spread, (25, 2))
+        result = fit(clip_of(replace(short_clip.keypoints, xy=xy)), free_body, QUICK)
+        first, second, third = (p.params for p in result.phases)
+        assert not torch.equal(second.body_pose, third.body_pose)
+        assert float((second.betas[0] - first.betas.mean(0)).abs().max()) > 1e-6
+
+
 def test_one_outlier_moves_little(free_body: BodyModel, short_clip: Clip, quick: FitResult):
     """A wrist found 5000 pixels away is worth no more than one not found."""
     wild = short_clip.keypoints.xy.copy()

@@ -91,6 +91,23 @@ def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: Bod
     assert whole(end) < whole(state)
 
 
+def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyModel):
+    """Where all frames are near their optimum already, a re-run cannot lower its part at the cost of the whole."""
+    temporal = replace(CONFIG.temporal, weight=1000.0, stages=(5,))
+    consistency, state = start_of(
+        tiny_body, replace(CONFIG, temporal=temporal, settings=SolverSettings(iterations=40, sequence_tolerance=1e-9))
+    )
+    best = finished(consistency.all_at_once(state))
+    stages = consistency.stages
+    objective = stages.objective(5, state, stages.free(5, betas=False))
+
+    def whole(s: State) -> float:
+        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+
+    for frames in (range(2, 4), range(0, 1), range(5, 6)):
+        assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
+
+
 def test_more_weight_makes_smoother(tiny_body: BodyModel):
     costs = []
     for weight in (10.0, 100.0, 1000.0):
