@@ -123,7 +123,7 @@ class _Fit:
         start = time.perf_counter()
         mode = {"global": self.consistency.all_at_once, "sliding_window": self.consistency.sliding_window}
         state = yield from _events(mode[self.config.temporal.mode](state), 3)
-        yield self._finish(3, state, start, ())
+        yield self._finish(3, state, start, tuple(self.consistency.notes))
 
     def _finish(
         self,

@@ -15,7 +15,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config import FitConfig
-from fitting_core.initialize import fill_gaps, guess_depth, seen_from_side, starting_state, turned
+from fitting_core.initialize import fill_gaps, guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
 from fitting_core.keypoints import Keypoints
 from fitting_core.stages import Stages
 from tests.scenes import FACING, hidden, keypoints_of, stages_of
@@ -150,3 +150,16 @@ def test_side_views_need_hips_and_shoulders(tiny_body: BodyModel):
     keypoints = hidden(keypoints, kp.INDEX["left_hip"], frames=slice(0, 1))
     keypoints = hidden(keypoints, kp.INDEX["right_shoulder"], frames=slice(2, 3))
     assert seen_from_side(stages_for(tiny_body, keypoints)).tolist() == [False, True, False]
+
+
+def test_a_seat_is_tried_where_thighs_are_foreshortened(tiny_body: BodyModel):
+    """Thighs that point at the camera look short against the torso; those of somebody who stands do not."""
+    upright = standing(0.0)
+    parametrisation = stages_for(tiny_body, keypoints_of(tiny_body, upright, CAMERA)).parametrisation
+    seated = parametrisation.to_params(parametrisation.with_seat(parametrisation.from_params(upright)))
+    legs = seated.body_pose.view(-1, 21, 3)
+    assert (legs[:, [0, 1], 0] < -1).all() and (legs[:, [3, 4], 0] > 1).all()
+    assert torch.equal(seated.global_orient, upright.global_orient)
+    for params, expected in ((upright, False), (seated, True)):
+        stages = stages_for(tiny_body, keypoints_of(tiny_body, params, CAMERA))
+        assert thighs_foreshortened(stages).tolist() == [expected] * 3

@@ -21,6 +21,8 @@ class Consistency:
 
     def __init__(self, stages: Stages, solver: Solver) -> None:
         self.stages, self.solver = stages, solver
+        self.notes: list[str] = []
+        """What went wrong, for the user."""
         self.joints = JointPositions(
             stages.body, stages.parametrisation, in_camera=stages.config.temporal.space == "camera"
         )
@@ -38,6 +40,10 @@ class Consistency:
             part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
             minimisation = self.solver.minimise(problem, state[coupling.free], final=i == len(chosen) - 1)
             solution = yield from reported(minimisation, f"{label}stage {stage}", part, self.solver.iterations)
+            if "failed" in solution.reason:
+                self.notes.append(
+                    f"{label}stage {stage} of phase 3 failed (no finite cost): its frames stay as they were"
+                )
             state = state.put(coupling.free, solution.state)
         return state
 

@@ -128,7 +128,8 @@ class SharedShape(OnFrames):
     """Mean of E_o over some frames that share their betas, plus the prior on these: phase 2.
 
     The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's
-    betas must be free and carry no prior of their own.
+    betas must be free. Its own shape term counts too, so the betas are held twice, as the paper's formula has it read
+    literally: E_beta' + mean of E_o, and E_o holds E_beta.
     """
 
     groups = 1
