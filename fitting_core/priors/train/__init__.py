@@ -1,0 +1,1 @@
+"""What trains the pose prior: motion capture, brought onto the body's joints."""
