@@ -20,7 +20,7 @@ is SMPL-X's world rotation, and parent^-1 world is its joint's angle.
 - Toes (SMPL-X's foot joints) stay at rest: neither source has them.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +37,9 @@ SIDES = {"left": 1.0, "right": -1.0}
 """Sides and the sign of their x."""
 PRONATION_OF_ELBOW = 0.5
 """The elbow's share of the forearm's twist; the wrist has the rest."""
+STRAIGHT_REACH = 0.996
+"""From hip to ankle of a leg that stands, as a part of its length: a knee bent by 10 degrees."""
+LARGEST_STRETCH = 1.03
 SPINE = ("spine1", "spine2", "spine3")
 
 
@@ -77,6 +80,8 @@ class Rig:
     leg: Limb
     foot: str
     hand: str | None = None
+    legs_too_long: bool = False
+    """Whether knees of standing people are bent in clips, by bones longer than the captured person's."""
     pronation: float = 0.0
     """Degrees from SMPL-X's rest forearm (palm towards the ground, thumb forward) to the source's, about x."""
     names: Callable[[str, str], str] = staticmethod(lambda side, joint: f"{side}_{joint}")
@@ -99,6 +104,7 @@ RIGS = {
         leg=Limb(upper="Thigh", lower="Shin", bone=(0.0, -1.0, 0.02), hinge=(1.0, 0.0, 0.0)),
         foot="Foot",
         hand="Hand",
+        legs_too_long=True,
         pronation=30.0,
         names=lambda side, joint: side[0] + joint,
     ),
@@ -112,6 +118,27 @@ RIGS = {
     ),
 }
 """By the name of the source."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """What a joint can do about one axis, degrees; left side."""
+
+    axis: tuple[float, float, float]
+    low: float
+    high: float
+
+
+RANGES = {
+    "elbow": Range(axis=(0.0, -1.0, 0.0), low=-10.0, high=155.0),
+    "knee": Range(axis=(1.0, 0.0, 0.0), low=-10.0, high=165.0),
+    "wrist": Range(axis=(1.0, 0.0, 0.0), low=-50.0, high=50.0),  # half of the forearm's turn
+    "hip": Range(axis=(0.0, 1.0, 0.0), low=-100.0, high=100.0),
+}
+LARGEST = {"spine1": 33.0, "neck": 50.0, "left_ankle": 75.0, "right_ankle": 75.0}
+"""Degrees of any rotation of a joint; spine1 has a third of the trunk's bending, neck half of the head's."""
+FASTEST = 1800.0
+"""Degrees per second of any joint. What is faster (60 degrees in a frame of 30 per second) are limbs that flip."""
 
 
 def load(folder: Path) -> list[MotionClip]:
@@ -208,18 +235,49 @@ def _limb(motion: SourceMotion, rig: Rig, limb: str, side: str) -> tuple[np.ndar
     source: Limb = getattr(rig, limb)
     upper, lower = (motion.world(rig.names(side, joint)) for joint in (source.upper, source.lower))
     alignment = _limb_frame(source, side) @ _limb_frame(BODY[limb], side).T
-    return upper @ alignment, alignment.T @ _between(upper, lower) @ alignment
+    rest = BODY[limb]
+    axis = _of_side(rest.hinge, side)
+    bend = alignment.T @ _between(upper, lower) @ alignment
+    upper = upper @ alignment
+    if np.median(Rotation.from_matrix(bend).as_rotvec() @ axis) < 0:
+        bend = np.swapaxes(bend, -1, -2)
+    if limb == "leg" and rig.legs_too_long:
+        lengths = [float(np.linalg.norm(motion.skeleton.offsets[motion.skeleton.index(n)])) for n in (rig.names(side, source.lower), rig.names(side, rig.foot))]
+        upper, bend = _straightened(upper, bend, axis, lengths)
+    return upper, bend
+
+
+def _straightened(
+    upper: Float[np.ndarray, "T 3 3"], knee: Float[np.ndarray, "T 3 3"], axis: np.ndarray, lengths: Sequence[float]
+) -> tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3 3"]]:
+    """A leg whose figure's bones were too long for the captured person: what is too long went into the knee.
+
+    Where even the straightest twentieth of a clip does not reach STRAIGHT_REACH, distances from hip to ankle grow by
+    what is missing, at most by LARGEST_STRETCH; the ankle's direction from the hip stays.
+    """
+    a, b = lengths
+    bent = np.maximum(Rotation.from_matrix(knee).as_rotvec() @ axis, 0)
+    reach = np.sqrt(a * a + b * b + 2 * a * b * np.cos(bent)) / (a + b)
+    scale = np.clip(STRAIGHT_REACH / np.percentile(reach, 95), 1, LARGEST_STRETCH)
+    longer = np.maximum(reach, np.minimum(reach * scale, STRAIGHT_REACH)) * (a + b)
+    less = np.arccos(np.clip((longer**2 - a * a - b * b) / (2 * a * b), -1, 1))
+    behind, less_behind = (np.arctan2(b * np.sin(angle), a + b * np.cos(angle)) for angle in (bent, less))
+    turn = Rotation.from_rotvec((behind - less_behind)[:, None] * axis).as_matrix()
+    return upper @ turn, Rotation.from_rotvec((less - bent)[:, None] * axis).as_matrix() @ knee
 
 
 def _limb_frame(limb: Limb, side: str) -> Float[np.ndarray, "3 3"]:
     """Columns: the bone, the hinge made perpendicular to it, and their cross product."""
-    bone, hinge = np.array(limb.bone), np.array(limb.hinge)
-    if side == "right":  # the mirror's image of a direction, and of an axis
-        bone, hinge = bone * [-1, 1, 1], hinge * [1, -1, -1]
+    bone, hinge = np.array(limb.bone) * [SIDES[side], 1, 1], _of_side(limb.hinge, side)
     bone = bone / np.linalg.norm(bone)
     hinge = hinge - (hinge @ bone) * bone
     hinge = hinge / np.linalg.norm(hinge)
     return np.stack([bone, hinge, np.cross(bone, hinge)], -1)
+
+
+def _of_side(axis: tuple[float, float, float], side: str) -> Float[np.ndarray, "3"]:
+    """The axis of the left side, or its mirror's image: the same motion of the right side."""
+    return np.array(axis) * (1, SIDES[side], SIDES[side])
 
 
 def _pronation(motion: SourceMotion, rig: Rig, side: str) -> Float[np.ndarray, "T"]:
@@ -249,18 +307,25 @@ def _about_x(angle: Float[np.ndarray, "T"]) -> Float[np.ndarray, "T 3 3"]:
 
 
 def plausible(pose: Float[np.ndarray, "T 63"], fps: float) -> Bool[np.ndarray, "T"]:
-    """Frames that a body can have."""
-    joints = pose.reshape(len(pose), -1, 3)
-    ok = np.ones(len(pose), bool)
-    M = Rotation.from_rotvec(joints.reshape(-1, 3)).as_matrix().reshape(len(pose), -1, 3, 3)
-    if len(pose) > 1:
-        jump = Rotation.from_matrix((np.swapaxes(M[:-1], -1, -2) @ M[1:]).reshape(-1, 3, 3)).magnitude()
-        jump = np.degrees(jump.reshape(len(pose) - 1, -1)).max(1) > 60 * 30 / min(fps, 30)
-        ok[1:] &= ~jump
-        ok[:-1] &= ~jump
-    for side, sign in SIDES.items():
-        e = np.degrees(joints[:, JOINT[f"{side}_elbow"] - 1]) * -sign
-        k = np.degrees(joints[:, JOINT[f"{side}_knee"] - 1])
-        w = np.degrees(joints[:, JOINT[f"{side}_wrist"] - 1, 0]) * 2
-        ok &= (e[:, 1] > -10) & (k[:, 0] > -10) & (abs(w) < 100) & (np.linalg.norm(k, axis=1) < 160)
-    return ok
+    """Frames that a body can have: joints within RANGES and LARGEST, and not next to a jump faster than FASTEST."""
+    joints = pose.reshape(len(pose), N_BODY_JOINTS, 3)
+    possible = np.ones(len(pose), bool)
+    for side in SIDES:
+        for name, limits in RANGES.items():
+            angle = _twist(joints[:, JOINT[f"{side}_{name}"] - 1], _of_side(limits.axis, side))
+            possible &= (limits.low <= angle) & (angle <= limits.high)
+    for name, largest in LARGEST.items():
+        possible &= np.linalg.norm(joints[:, JOINT[name] - 1], axis=-1) <= np.radians(largest)
+    turns = Rotation.from_rotvec(joints.reshape(-1, 3))
+    steps = turns[:-N_BODY_JOINTS].inv() * turns[N_BODY_JOINTS:]
+    jumps = (steps.magnitude().reshape(-1, N_BODY_JOINTS) > np.radians(FASTEST) / fps).any(1)
+    possible[1:] &= ~jumps
+    possible[:-1] &= ~jumps
+    return possible
+
+
+def _twist(rotations: Float[np.ndarray, "T 3"], axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "T"]:
+    """Degrees, -180 to 180, by which axis-angle rotations turn about an axis (swing-twist decomposition)."""
+    q = Rotation.from_rotvec(rotations).as_quat()
+    angle = 2 * np.arctan2(q[:, :3] @ axis, q[:, 3])
+    return np.degrees((angle + np.pi) % (2 * np.pi) - np.pi)
