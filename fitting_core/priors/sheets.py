@@ -6,7 +6,7 @@ seen from the same place.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -23,6 +23,7 @@ from fitting_core.render import DEFAULT_COLOR, Renderer
 Image = UInt8[np.ndarray, "H W 3"]
 
 _DISTANCE = 8.0  # times the extent: nearly parallel, so that limbs keep their lengths wherever they point
+_MARGIN = 1.1
 _GAP = 6
 _CAPTION_HEIGHT = 18
 _FONT, _FONT_SCALE, _INK = cv2.FONT_HERSHEY_SIMPLEX, 0.4, (40, 40, 40)
@@ -73,19 +74,28 @@ class View:
         return seen[:, :2] / seen[:, 2:] * camera.focal + camera.center
 
 
-def view_of(
+def fitted_views(
     points: Float[np.ndarray, "N 3"],
+    degrees: Sequence[float],
     *,
-    degrees: float = 0.0,
     above: float = 0.0,
     size: tuple[int, int] = (240, 320),
-    margin: float = 1.12,
-) -> View:
-    """The view that shows all points, as large as they fit."""
+    extent: float | None = None,
+) -> list[View]:
+    """Views from several sides in one scale, with the points in the middle.
+
+    Args:
+        points: What must be seen.
+        degrees: One for each view; see View, as for `above` and `size`.
+        extent: Metres of the shorter side; by default as few as show all points in all views.
+    """
     center = (points.min(axis=0) + points.max(axis=0)) / 2
-    view = View(center=tuple(center), extent=1.0, degrees=degrees, above=above, size=size)
-    spread = abs(view.camera_space(points)[:, :2]).max(axis=0) * 2 / (np.array(size) / min(size))
-    return View(center=tuple(center), extent=margin * spread.max(), degrees=degrees, above=above, size=size)
+    views = [View(center=tuple(center), extent=1.0, degrees=angle, above=above, size=size) for angle in degrees]
+    if extent is None:
+        aspect = np.array(size) / min(size)
+        spread = max(float((abs(view.camera_space(points)[:, :2]) / aspect).max()) for view in views)
+        extent = _MARGIN * 2 * spread
+    return [replace(view, extent=extent) for view in views]
 
 
 def body_picture(
@@ -149,16 +159,15 @@ def pose_cells(
         captions: One for each pose.
         degrees: See View.
         size: Pixels of one view.
-        extent: Metres of every view's shorter side; None makes each body as large as it fits.
+        extent: Metres of every view's shorter side; by default each body is as large as its views show it whole.
         color: Linear RGB of the body.
     """
     assert len(captions) == len(params)
     cells = []
     for vertices, caption in zip(mesh(params).double().cpu().numpy(), captions, strict=True):
-        views = [view_of(vertices, degrees=angle, size=size) for angle in degrees]
-        wide = max(view.extent for view in views) if extent is None else extent
-        views = [View(center=v.center, extent=wide, degrees=v.degrees, size=size) for v in views]
-        cells.append(Cell(picture=beside([body_picture(vertices, mesh.body.faces, v, color=color) for v in views]), caption=caption))
+        views = fitted_views(vertices, degrees, size=size, extent=extent)
+        pictures = [body_picture(vertices, mesh.body.faces, view, color=color) for view in views]
+        cells.append(Cell(picture=beside(pictures), caption=caption))
     return cells
 
 
