@@ -37,8 +37,10 @@ OUTER = {
     "overlay": ["overlay", "render", "off_screen", "encode", "video", *DATA_TYPES],
     "video": ["video", *DATA_TYPES],
     "encode": ["encode", *DATA_TYPES],
+    "priors.sheets": ["render", "io.atomic", *DATA_TYPES],
+    "priors.train": ["priors", "io.atomic", *DATA_TYPES],
 }
-"""What stands beside the fitter uses data types only."""
+"""What stands beside the fitter uses data types only; packages stand for all their modules but those in LAYERS."""
 
 
 def imported(tree: ast.AST) -> Iterator[str]:
@@ -73,8 +75,8 @@ def own_imports(module: str) -> set[str]:
 
 
 def layer_of(name: str) -> int | None:
-    """The layer of the longest entry that holds the module."""
-    best: tuple[int, int] | None = None
+    """The layer of the longest entry that holds the module; None if none does, or if one of OUTER is longer."""
+    best: tuple[int, int | None] | None = max(((len(e), None) for e in OUTER if inside(name, [e])), default=None)
     for level, entries in enumerate(LAYERS):
         for entry in entries:
             if inside(name, [entry]) and (best is None or len(entry) > best[0]):

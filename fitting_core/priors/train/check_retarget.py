@@ -142,9 +142,8 @@ def report(clips: Sequence[Retargeted], mesh: Mesh) -> str:
         frames, kept = sum(len(clip.kept) for clip in own), sum(int(clip.kept.sum()) for clip in own)
         lines.append(f"{source}: {len(own)} clips, {frames} frames, {frames - kept} of them not plausible")
         for bone, angles in bone_errors(own, mesh).items():
-            lines.append(
-                f"  {bone:10} {angles.mean():5.1f} degrees off on average, {np.percentile(angles, 95):5.1f} p95"
-            )
+            middle, high = np.percentile(angles, (50, 95))
+            lines.append(f"  {bone:10} {middle:5.1f} degrees off (median), {high:5.1f} (95 %)")
         for name, share in off_hinge(np.concatenate([clip.pose[clip.kept] for clip in own])).items():
             lines.append(f"  {name:10} {share:6.2%} of the squared angle is not about the hinge")
     return "\n".join(lines)

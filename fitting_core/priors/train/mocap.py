@@ -19,6 +19,9 @@ from fitting_core.errors import InputError
 
 _CMU_UNIT = 0.01
 """Metres of one unit of the Daz-friendly conversion of the CMU data (its figure is about 1.7 m high)."""
+_ROTATIONS = ["Xrotation", "Yrotation", "Zrotation"]
+_CMU_CHANNELS = ([], _ROTATIONS, ["Xposition", "Xrotation", "Yposition", "Yrotation", "Zposition", "Zrotation"])
+"""What a joint can have, in alphabetical order."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +35,13 @@ class Skeleton:
     """From the parent to the joint in the rest pose, metres; zero for the root."""
 
     def index(self, joint: str) -> int:
-        """Number of a joint."""
+        """Number of a joint.
+
+        Raises:
+            InputError: There is no joint of that name.
+        """
+        if joint not in self.joints:
+            raise InputError(f"A captured skeleton has no joint {joint}, only {', '.join(self.joints)}. Copy it again.")
         return self.joints.index(joint)
 
 
@@ -88,13 +97,7 @@ def read_cmu(folder: Path) -> Iterator[SourceMotion]:
     Raises:
         InputError: Something of it is missing or of another form.
     """
-    layout = _json(folder / "skeleton.json")
-    try:
-        joints, parents, channels = tuple(layout["joint_names"]), np.array(layout["parents"]), layout["channels"]
-    except (KeyError, TypeError) as error:
-        raise InputError(
-            f"{folder / 'skeleton.json'}: has no joint_names, parents and channels. Take it from the data set again."
-        ) from error
+    joints, parents, channels = _cmu_layout(folder / "skeleton.json")
     descriptions = _descriptions(folder / "manifest.csv")
     paths = sorted((folder / "clips").glob("*.npz"))
     if not paths:
@@ -114,6 +117,26 @@ def read_cmu(folder: Path) -> Iterator[SourceMotion]:
             rotations=rotations,
             positions=positions,
         )
+
+
+def _cmu_layout(path: Path) -> tuple[tuple[str, ...], Int[np.ndarray, "J"], list[list[str]]]:
+    """Names, parents and channels of the joints."""
+    layout = _json(path)
+    try:
+        joints, channels = tuple(layout["joint_names"]), [list(names) for names in layout["channels"]]
+        parents = np.array(layout["parents"], int)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path}: has no joint_names, parents and channels. Take it from the data set again."
+        ) from error
+    tree = parents.shape == (len(joints),) and parents[0] == -1 and (parents[1:] < np.arange(1, len(joints))).all()
+    known = len(channels) == len(joints) and all(names in _CMU_CHANNELS for names in map(sorted, channels))
+    if not (tree and known):
+        raise InputError(
+            f"{path}: expected a parent before each joint (-1 for the first) and for each joint its channels, three "
+            "rotations, for the root three positions too, or none. Take it from the data set again."
+        )
+    return joints, parents, channels
 
 
 def _cmu_arrays(path: Path, channels: int, joints: int) -> tuple[np.ndarray, np.ndarray, float]:
@@ -198,7 +221,10 @@ def read_deepmimic(folder: Path) -> Iterator[SourceMotion]:
         raise InputError(f"{folder}: holds no motions, expected files such as humanoid3d_walk.txt. Copy them there.")
     for path in paths:
         frames = _deepmimic_frames(path)
-        local = _DEEPMIMIC_TO_WORLD @ _deepmimic_rotations(frames) @ _DEEPMIMIC_TO_WORLD.T
+        try:
+            local = _DEEPMIMIC_TO_WORLD @ _deepmimic_rotations(frames) @ _DEEPMIMIC_TO_WORLD.T
+        except ValueError as error:
+            raise InputError(f"{path}: holds a quaternion that is no rotation. Copy it again or remove it.") from error
         rotations, positions = _forward_kinematics(skeleton, local, frames[:, 1:4] @ _DEEPMIMIC_TO_WORLD.T)
         name = path.stem.removeprefix("humanoid3d_")
         yield SourceMotion(
