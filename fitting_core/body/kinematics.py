@@ -1,4 +1,4 @@
-"""Forward kinematics of the 55 joints, level by level of the tree."""
+"""Forward kinematics of a joint tree, level by level."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.model import JOINT, N_JOINTS
+from fitting_core.body.model import JOINT
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,14 @@ class Tree:
     @staticmethod
     def of(parents: np.ndarray, device: torch.device | str = "cpu") -> "Tree":
         """The tree of a parent list whose root is joint 0 (parent -1)."""
-        depth = np.zeros(N_JOINTS, int)
-        ancestors = np.eye(N_JOINTS, dtype=bool)
-        for j in range(1, N_JOINTS):
+        count = len(parents)
+        depth = np.zeros(count, int)
+        ancestors = np.eye(count, dtype=bool)
+        for j in range(1, count):
             depth[j] = depth[parents[j]] + 1
             ancestors[j] |= ancestors[parents[j]]
         levels = [np.flatnonzero(depth == d) for d in range(depth.max() + 1)]
-        place = np.zeros(N_JOINTS, int)
+        place = np.zeros(count, int)
         for level in levels:
             place[level] = np.arange(len(level))
 

@@ -1,0 +1,102 @@
+"""From captured clips to the poses that a prior is trained on: split, balanced, mirrored, recombined."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.cluster.vq import kmeans2
+from scipy.spatial.transform import Rotation
+
+from fitting_core import rotations
+from fitting_core.body.model import JOINT
+from fitting_core.priors.train.contact import Contact
+from fitting_core.priors.train.retarget import MotionClip, mirrored
+from fitting_core.priors.train.skeleton import Skeleton
+from fitting_core.priors.train.synthesis import SYNTHESIS, group_rows
+
+HELD_OUT = ("cmu05", "cmu13", "cmu14")
+"""Subjects of the CMU data that training never sees."""
+_CLUSTERS = 256
+_FLATTENED = 0.8
+"""Clusters are drawn with probability size^(1 - this): 0 as captured, 1 all alike."""
+_OWN, _OTHER = 0.4, 0.65
+"""In recombined poses 40 % of the limbs stay, 25 % come from another captured pose, 35 % from synthesis."""
+_NOISE = {
+    ("left_wrist", "right_wrist"): 12.0,  # captured wrists never bend
+    **{(f"{side}_{joint}",): 4.0 for side in ("left", "right") for joint in ("hip", "shoulder", "ankle")},
+    ("neck", "head", "spine1", "spine2", "spine3"): 4.0,
+}
+"""Degrees about each axis, by joints; hinges have none."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Captured poses, left and right mirrored ones included."""
+
+    body_pose: Float[np.ndarray, "N 63"]
+    weight: Float[np.ndarray, "N"]
+    """Probability of being drawn."""
+
+
+def split(clips: Sequence[MotionClip]) -> tuple[list[MotionClip], list[MotionClip]]:
+    """Clips to train on, and those of the subjects held out."""
+    held = [clip for clip in clips if clip.subject in HELD_OUT]
+    return [clip for clip in clips if clip.subject not in HELD_OUT], held
+
+
+def balanced(clips: Sequence[MotionClip], skeleton: Skeleton, rng: np.random.Generator) -> Poses:
+    """All poses and their mirror images, drawn nearly alike from each cluster of joint positions.
+
+    Without it more than half of the poses walk or stand.
+    """
+    pose = np.concatenate([clip.body_pose for clip in clips])
+    pose = np.concatenate([pose, mirrored(pose)])
+    points = skeleton.points(matrices(pose)).flatten(1).numpy()
+    _, label = kmeans2(points, _CLUSTERS, iter=15, minit="points", rng=rng)
+    size = np.bincount(label, minlength=_CLUSTERS).astype(float)
+    weight = size[label] ** -_FLATTENED
+    return Poses(pose, weight / weight.sum())
+
+
+def matrices(body_pose: Float[np.ndarray, "N 63"]) -> Float[torch.Tensor, "N 21 3 3"]:
+    """Rotation matrices, float32."""
+    return rotations.exp(torch.as_tensor(body_pose, dtype=torch.float32).view(-1, 21, 3))
+
+
+def pool(
+    captured: Poses, contact: Contact, count: int, rng: np.random.Generator, *, as_captured: float = 0.3
+) -> Float[np.ndarray, "n 63"]:
+    """Poses to train on.
+
+    A share `as_captured` is drawn from the captured poses as they are. In the others each group of joints may come from
+    another captured pose or from synthesis, with a little noise; what collides with itself is drawn again.
+    """
+    whole = round(count * as_captured)
+    parts = [captured.body_pose[rng.choice(len(captured.weight), whole, p=captured.weight)]]
+    missing = count - whole
+    while missing > 0:
+        mixed = _mixed(captured, min(missing, 20000), rng)
+        good = ~contact.overlaps(matrices(mixed)).numpy()
+        parts.append(mixed[good])
+        missing -= int(good.sum())
+    return np.concatenate(parts).astype(np.float32)
+
+
+def _mixed(captured: Poses, count: int, rng: np.random.Generator) -> Float[np.ndarray, "n 63"]:
+    def draw() -> Float[np.ndarray, "n 21 3"]:
+        return captured.body_pose[rng.choice(len(captured.weight), count, p=captured.weight)].reshape(-1, 21, 3)
+
+    pose = draw().copy()
+    for groups, make in SYNTHESIS.items():
+        other, choice = draw(), rng.random((count, 1, 1))
+        for group, limb in zip(groups, make(rng, count), strict=True):
+            rows = group_rows(group)
+            pose[:, rows] = np.where(choice < _OWN, pose[:, rows], np.where(choice < _OTHER, other[:, rows], limb))
+    for joints, deviation in _NOISE.items():
+        rows = [JOINT[name] - 1 for name in joints]
+        noise = Rotation.from_rotvec(rng.normal(0, np.radians(deviation), (count * len(rows), 3)))
+        turned = Rotation.from_rotvec(pose[:, rows].reshape(-1, 3)) * noise
+        pose[:, rows] = turned.as_rotvec().reshape(count, -1, 3)
+    return pose.reshape(count, 63)
