@@ -106,9 +106,9 @@ class FitConfig:
     settings: SolverSettings = field(default_factory=SolverSettings)
     solver: Literal["lm", "lbfgs"] = "lm"
     pose_prior: str = "axis_angle"
-    """What is held to be a likely pose: L2 around the T-pose (axis_angle) or around standing at ease (relaxed), a latent
-    space learned from motion capture (tcfit; vposer, once it was added by `tcfit models add`), or a path to VPoser or
-    to a pose prior's npz."""
+    """What is held to be a likely pose: L2 around the T-pose (axis_angle) or around standing at ease (relaxed); a
+    latent space learned from motion capture (tcfit; vposer, once `tcfit models add` added it); or the path of VPoser or
+    of a pose prior's npz."""
     hand_components: int = 12
     """Principal components of each hand; 45 for full axis-angle."""
     robust_pixels: float = 100.0

@@ -220,8 +220,8 @@ def _check_ranges(config: FitConfig, origin: str, names: list[str]) -> None:
             raise InputError(f"{origin}: {name} is empty; expected at least one number, {allowed}.")
     if "pose_prior" in names and not _is_pose_prior(config.pose_prior):
         raise InputError(
-            f"{origin}: pose_prior is {config.pose_prior!r}, which is neither a name nor an existing file; expected one "
-            f"of {', '.join(POSE_PRIORS)}, or the path of VPoser (folder, snapshot or download) or of a pose prior's npz."
+            f"{origin}: pose_prior is {config.pose_prior!r}, neither a name nor an existing file; expected one of "
+            f"{', '.join(POSE_PRIORS)}, or the path of VPoser (folder, snapshot or download) or of a pose prior's npz."
         )
     if "device" in names and not _DEVICE.fullmatch(config.device):
         raise InputError(f"{origin}: device is {config.device!r}; expected cpu, cuda, cuda:1 (or another number), mps.")

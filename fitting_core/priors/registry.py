@@ -52,8 +52,8 @@ def registered_vposer() -> Path:
     """
     if not user_file().is_file():
         raise InputError(
-            "pose_prior is vposer, but no VPoser was added yet. Get it from its official site and run `tcfit models add` "
-            "with the download, or give its path as the pose prior."
+            "The pose prior is to be vposer, but no VPoser was added yet. Get it from its official site and run "
+            "`tcfit models add` with the download, or give its path as the pose prior."
         )
     return user_file()
 

@@ -82,7 +82,7 @@ VERSIONS = (_version_1(), _version_2())
 def read_vposer(path: Path) -> PriorNetwork:
     """VPoser from its folder, a snapshot file, or the archive as downloaded.
 
-    Which version it is the tensors' names tell, not the files'. Of several snapshots the one of the latest epoch counts.
+    The tensors' names tell the version, not the files'. Of several snapshots the one of the latest epoch counts.
 
     Raises:
         InputError: There is none, or it is damaged or something else.
