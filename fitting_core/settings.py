@@ -44,7 +44,7 @@ class Setting:
     @property
     def metavar(self) -> str:
         """The values that it takes, in short: "{lm,lbfgs}", "NUMBER"."""
-        return _OPEN.get(self.name, _METAVARS[_form(self.type)](self.type))
+        return _OPEN[self.name] if self.name in _OPEN else _METAVARS[_form(self.type)](self.type)
 
     @property
     def expected(self) -> str:

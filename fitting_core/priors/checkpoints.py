@@ -11,7 +11,8 @@ import math
 import pickle
 import struct
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import IO, Any
 
@@ -40,29 +41,12 @@ class Storage:
 
 @dataclass(frozen=True)
 class StoredTensor:
-    """A tensor whose numbers are read when they are asked for."""
+    """A tensor: which numbers of a storage it looks at. They are read when they are asked for."""
 
     storage: Storage
     offset: int
     shape: tuple[int, ...]
     strides: tuple[int, ...]
-
-    def array(self, read: Callable[[Storage], bytes]) -> np.ndarray:
-        """Its numbers.
-
-        Raises:
-            InputError: It looks outside of its storage, or the storage is cut off.
-        """
-        last = self.offset + sum((n - 1) * step for n, step in zip(self.shape, self.strides, strict=True))
-        sound = min((self.offset, *self.shape, *self.strides)) >= 0
-        small = max(math.prod(self.shape), self.storage.count) <= MAX_COUNT
-        if not (sound and small and (last < self.storage.count or 0 in self.shape)):
-            raise InputError(f"a tensor of shape {self.shape} does not fit into its {self.storage.count} numbers")
-        flat = np.frombuffer(read(self.storage), self.storage.dtype)
-        if len(flat) < self.storage.count:
-            raise InputError(f"the numbers of a tensor are cut off: {len(flat)} of {self.storage.count}")
-        bytes_apart = [step * flat.itemsize for step in self.strides]
-        return np.lib.stride_tricks.as_strided(flat[self.offset :], self.shape, bytes_apart, writeable=False).copy()
 
 
 class _Table(dict):
@@ -143,6 +127,34 @@ class Checkpoint:
         pairs = table.items() if isinstance(table, dict) else ()
         return {name: value for name, value in pairs if isinstance(name, str) and isinstance(value, StoredTensor)}
 
+    def array(self, tensor: StoredTensor) -> np.ndarray:
+        """A tensor's numbers.
+
+        Raises:
+            InputError: It looks outside of its storage, or the storage is missing or damaged.
+        """
+        storage, shape = tensor.storage, tensor.shape
+        last = tensor.offset + sum((n - 1) * step for n, step in zip(shape, tensor.strides, strict=True))
+        sound = min((tensor.offset, *shape, *tensor.strides)) >= 0
+        small = max(math.prod(shape), storage.count) <= MAX_COUNT
+        if not (sound and small and (last < storage.count or 0 in shape)):
+            raise InputError(f"a tensor of shape {shape} does not fit into its {storage.count} numbers")
+        with _damage_told("the numbers of a tensor are missing or damaged"):
+            flat = np.frombuffer(self.read(storage), storage.dtype, storage.count)
+        apart = [step * flat.itemsize for step in tensor.strides]
+        return np.lib.stride_tricks.as_strided(flat[tensor.offset :], shape, apart, writeable=False).copy()
+
+
+@contextmanager
+def _damage_told(what: str) -> Iterator[None]:
+    """A damaged or hostile file can raise nearly anything; all of it means the same to the user."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{what} ({type(error).__name__}: {error})") from error
+
 
 def read_checkpoint(data: bytes) -> Checkpoint:
     """A checkpoint that torch.save wrote, in its present form or that before torch 1.6.
@@ -150,13 +162,8 @@ def read_checkpoint(data: bytes) -> Checkpoint:
     Raises:
         InputError: It is neither, or damaged.
     """
-    try:
+    with _damage_told("it is no checkpoint of torch, or damaged"):
         return _read_zip(data) if zipfile.is_zipfile(io.BytesIO(data)) else _read_legacy(io.BytesIO(data))
-    except InputError:
-        raise
-    # A damaged or hostile stream can make the unpickler raise nearly anything; all of it means the same to the user.
-    except Exception as error:
-        raise InputError(f"it is no checkpoint of torch, or damaged ({type(error).__name__}: {error})") from error
 
 
 def _read_zip(data: bytes) -> Checkpoint:
@@ -169,11 +176,8 @@ def _read_zip(data: bytes) -> Checkpoint:
         raise InputError(_OTHER_ORDER)
 
     def read(storage: Storage) -> bytes:
-        try:
-            with archive.open(f"{folder}data/{storage.key}") as stream:
-                return stream.read(storage.count * storage.dtype.itemsize)
-        except (KeyError, zipfile.BadZipFile, EOFError, OSError) as error:
-            raise InputError(f"the numbers of a tensor are missing or damaged ({error})") from error
+        with archive.open(f"{folder}data/{storage.key}") as stream:
+            return stream.read(storage.count * storage.dtype.itemsize)
 
     with archive.open(found[0]) as stream:
         return Checkpoint(_Unpickler(stream).load(), read)
@@ -194,8 +198,6 @@ def _read_legacy(stream: IO[bytes]) -> Checkpoint:
         stream.seek(places[key] + max(count, 0) * unpickler.storages[key].dtype.itemsize)
 
     def read(storage: Storage) -> bytes:
-        if storage.key not in places:
-            raise InputError("the numbers of a tensor are missing")
         stream.seek(places[storage.key])
         return stream.read(storage.count * storage.dtype.itemsize)
 

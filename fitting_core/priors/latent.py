@@ -76,7 +76,7 @@ class _Dense:
 
     def __call__(self, x: Float[Tensor, "B in"]) -> Float[Tensor, "B out"]:
         for weight, bias, activation in self.layers:
-            x = torch.addmm(bias, x, weight)
+            x = x @ weight + bias
             x = activation(x)[0] if activation else x
         return x
 
@@ -84,7 +84,7 @@ class _Dense:
         """Output and its derivative by each input, carried forward through the layers: 32 rows instead of 126."""
         rows: Tensor | None = None
         for weight, bias, activation in self.layers:
-            x = torch.addmm(bias, x, weight)
+            x = x @ weight + bias
             if rows is None:
                 rows = weight.expand(len(x), -1, -1)
             else:
@@ -124,11 +124,11 @@ class LatentPrior:
 
     def decode(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63"]:
         """Axis-angle of the 21 body joints, each of a length of pi at most."""
-        return rotations.log(self.rotations(z)).flatten(1)
+        return rotations.log(self.rotations(z)).flatten(-2)
 
     def rotations(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 21 3 3"]:
         """Rotation matrices of the 21 body joints; these are smooth in z."""
-        return rotations.orthonormalised(self._decoder(z).view(-1, N_JOINTS, 3, 2))
+        return rotations.orthonormalised(self._decoder(z).unflatten(-1, (N_JOINTS, 3, 2)))
 
     def jacobian(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63 size"]:
         """d decode / dz, in closed form; not differentiable itself."""

@@ -49,8 +49,14 @@ def write_network(path: Path, network: PriorNetwork, *, dtype: type[np.floating]
         for i, layer in enumerate(layers)
         for part in ("weight", "bias")
     }
-    activations = {name: [layer.activation for layer in layers] for name, layers in networks.items()}
-    about = About(format=FORMAT, title=network.title, licence=network.licence, notes=notes, **activations)
+    about = About(
+        format=FORMAT,
+        title=network.title,
+        licence=network.licence,
+        decoder=[layer.activation for layer in network.decoder],
+        encoder=[layer.activation for layer in network.encoder],
+        notes=notes,
+    )
     with replacing(path) as draft:
         np.savez_compressed(draft, allow_pickle=False, about=np.array(msgspec.json.encode(about).decode()), **arrays)
 

@@ -8,6 +8,7 @@ those of torch's default, 0.01.
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -119,7 +120,7 @@ def _content(member: Member) -> dict[str, Callable[[], np.ndarray]]:
         raise InputError(f"it has {member.size / 2**30:.1f} GB, expected at most {MAX_BYTES / 2**30:.0f}")
     with member.open() as stream:
         checkpoint = read_checkpoint(stream.read(MAX_BYTES))
-    return {name: lambda t=tensor: t.array(checkpoint.read) for name, tensor in checkpoint.tensors().items()}
+    return {name: partial(checkpoint.array, tensor) for name, tensor in checkpoint.tensors().items()}
 
 
 def _network(tensors: Mapping[str, Callable[[], np.ndarray]]) -> PriorNetwork:
