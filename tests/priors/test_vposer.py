@@ -21,6 +21,8 @@ from fitting_core.priors.vposer import read_vposer
 from tests.priors.networks import random_latents, rotations_by_hand
 
 HIDDEN, LATENT = 40, 32
+ROTATIONS = torch.ones(189, HIDDEN)
+"""The last weight of a decoder that puts out whole matrices."""
 
 
 class Mean(nn.Module):
@@ -235,7 +237,7 @@ DAMAGES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "missing": (without("bodyprior_enc_fc2.bias"), "no tensor bodyprior_enc_fc2.bias"),
     "no batch statistics": (without("bodyprior_enc_bn1.running_var"), "no tensor bodyprior_enc_bn1.running_var"),
     "rotation matrices": (
-        lambda w: w.update({f"bodyprior_dec_out.{k}": torch.ones(s) for k, s in (("weight", (189, 40)), ("bias", 189))}),
+        lambda w: w.update({"bodyprior_dec_out.weight": ROTATIONS, "bodyprior_dec_out.bias": ROTATIONS[:, 0]}),
         "puts out 189 numbers, expected 126",
     ),
     "other sides": (replaced("bodyprior_dec_fc2.weight", torch.ones(HIDDEN, 9)), "takes 9 numbers"),
