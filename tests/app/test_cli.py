@@ -26,8 +26,8 @@ EVERY_OPTION = """
     --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
     --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --body-model smplh --models m --gender male
-    --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300 --temporal-space camera
-    --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda --precision float32
+    --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
+    --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda --precision float32
     --set hip_weight=1
 """.split()
 
