@@ -15,7 +15,9 @@ N_JOINTS = 21
 TOGETHER = 8
 """Frames whose derivatives pass through the layers together: (8, 32, 512) float64 is 1 MB and stays in the cache."""
 REMEMBERED = 512
-"""Times TOGETHER frames of which the derivative is kept, 16 KB each: in phase 3 E_o and E_T ask for it in turn."""
+"""Times TOGETHER frames of which the derivative is kept, 16 KB each: in phase 3 E_o and E_T ask for it in turn.
+
+A step took 1.7 instead of 2.1 ms a frame with 256 hidden units, 2.1 instead of 3.0 with 512."""
 
 SPREAD = 1e-6
 """Weight of |z|^2 beside the squared angles when a pose is encoded: it only decides between equal poses."""

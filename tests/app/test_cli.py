@@ -27,8 +27,8 @@ EVERY_OPTION = """
     --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --body-model smplh --models m --gender male
     --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
-    --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda --precision float32
-    --set hip_weight=1
+    --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda
+    --precision float32 --set hip_weight=1
 """.split()
 
 
