@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+POSE_PRIORS = ("axis_angle", "relaxed", "tcfit", "vposer")
+"""Names of pose priors; `priors.pose.PRIORS` says what they are."""
 Five = tuple[float, float, float, float, float]
 
 
@@ -103,7 +105,10 @@ class FitConfig:
     temporal: Temporal = field(default_factory=Temporal)
     settings: SolverSettings = field(default_factory=SolverSettings)
     solver: Literal["lm", "lbfgs"] = "lm"
-    pose_prior: Literal["axis_angle", "relaxed"] = "axis_angle"
+    pose_prior: str = "axis_angle"
+    """What is held to be a likely pose: L2 around the T-pose (axis_angle) or around standing at ease (relaxed); a
+    latent space learned from motion capture (tcfit; vposer, once `tcfit models add` added it); or the path of VPoser or
+    of a pose prior's npz."""
     hand_components: int = 12
     """Principal components of each hand; 45 for full axis-angle."""
     robust_pixels: float = 100.0

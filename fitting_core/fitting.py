@@ -158,6 +158,7 @@ class _Fit:
             camera=self.clip.camera,
             config=self.config,
             observed=self.stages.observed,
+            pose_prior=self.stages.parametrisation.prior.title,
             warnings=(*self.clip.notes, *_swap_notes(self.stages), *(note for p in self.phases for note in p.notes)),
         )
 

@@ -35,6 +35,8 @@ class FitResult:
     observed: Bool[np.ndarray, "T 55"]
     """Joints that a confident keypoint hangs on: where False, the joint's rotation comes from prior and neighbours."""
     warnings: tuple[str, ...] = ()
+    pose_prior: str = ""
+    """Its title; of a latent one with the hash of its weights."""
 
     @property
     def last(self) -> PhaseResult:

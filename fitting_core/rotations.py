@@ -1,4 +1,4 @@
-"""The few rotation maps in use: exponential map with its left Jacobian, logarithm, cross-product matrix."""
+"""The few rotation maps in use: exponential map and logarithm with their Jacobians, two columns made orthonormal."""
 
 import roma
 import torch
@@ -45,6 +45,63 @@ def exp_and_left_jacobian(v: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 3
 def log(matrix: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3"]:
     """Axis-angle of a rotation matrix, exact near pi too (through the quaternion)."""
     return roma.rotmat_to_rotvec(matrix)
+
+
+def inverse_left_jacobian(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 3"]:
+    """M with log(exp(d) exp(v)) = v + M d to first order, for |v| below a full turn.
+
+    M = 1 - K/2 + (1 - (a/2) cot(a/2)) / a^2 K^2 with K = hat(v), a = |v| (Sola et al., A micro Lie theory, eq. 146). It
+    is smooth at zero and at pi; its transpose takes turns about the body's own axes: log(exp(v) exp(d)) = v + M^T d.
+    """
+    squared = (v * v).sum(-1)
+    small = squared < 1e-3
+    safe = torch.where(small, torch.ones_like(squared), squared)
+    half = safe.sqrt() / 2
+    series = 1 / 12 + squared / 720 + squared**2 / 30240 + squared**3 / 1209600
+    factor = torch.where(small, series, (1 - half / half.tan()) / safe)
+    k = hat(v)
+    return torch.eye(3, dtype=v.dtype, device=v.device) - k / 2 + factor[..., None, None] * (k @ k)
+
+
+def orthonormalised(columns: Float[Tensor, "*b 3 2"]) -> Float[Tensor, "*b 3 3"]:
+    """Rotation matrix of the 6D representation by Gram-Schmidt (Zhou et al. 2019, eq. 15).
+
+    The first column is made a unit, the second orthogonal to it, the third is their cross product.
+    """
+    return _gram_schmidt(columns)[0]
+
+
+def orthonormalised_with_tangent(
+    columns: Float[Tensor, "*b 3 2"],
+) -> tuple[Float[Tensor, "*b 3 3"], Float[Tensor, "*b 3 6"]]:
+    """R of `orthonormalised` and G: R turns to R exp(G d) to first order when d is added to the row-major columns.
+
+    With b_i the columns of R, b_i . db_j are the components of the turn about R's own axes, and b_3 . b_1 = 0 leaves
+    of each derivative a multiple of b_2 or b_3.
+    """
+    matrix, along, first, second = _gram_schmidt(columns)
+    _, b2, b3 = matrix.unbind(-1)
+    zero = torch.zeros_like(b2)
+    by_first = torch.stack([-along / (first * second) * b3, -b3 / first, b2 / first], -2)
+    by_second = torch.stack([b3 / second, zero, zero], -2)
+    return matrix, torch.stack([by_first, by_second], -1).flatten(-2)
+
+
+def _gram_schmidt(columns: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The rotation, b1 . a2, and the lengths that the first and the orthogonal part of the second column have."""
+    a1, a2 = columns.unbind(-1)
+    first = _length(a1)
+    b1 = a1 / first
+    along = (b1 * a2).sum(-1, keepdim=True)
+    across = a2 - along * b1
+    second = _length(across)
+    b2 = across / second
+    return torch.stack([b1, b2, torch.linalg.cross(b1, b2)], -1), along, first, second
+
+
+def _length(v: Tensor) -> Tensor:
+    """|v|, kept from 0 so that what is divided by it stays finite."""
+    return torch.linalg.vector_norm(v, dim=-1, keepdim=True).clamp_min(1e-12)
 
 
 def yaw(degrees: float, like: Tensor) -> Float[Tensor, "3 3"]:

@@ -17,11 +17,13 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import msgspec
 
 from fitting_core import config as config_module
-from fitting_core.config import FitConfig
+from fitting_core.config import POSE_PRIORS, FitConfig
 from fitting_core.errors import InputError
 
 NONE = "none"
 """How a setting that can be left open is written: neither TOML nor a command line has a null."""
+_OPEN = {"pose_prior": "{" + ",".join(POSE_PRIORS) + "}|PATH"}
+"""Texts that are a name or something else."""
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -42,7 +44,7 @@ class Setting:
     @property
     def metavar(self) -> str:
         """The values that it takes, in short: "{lm,lbfgs}", "NUMBER"."""
-        return _METAVARS[_form(self.type)](self.type)
+        return _OPEN[self.name] if self.name in _OPEN else _METAVARS[_form(self.type)](self.type)
 
     @property
     def expected(self) -> str:
@@ -216,8 +218,17 @@ def _check_ranges(config: FitConfig, origin: str, names: list[str]) -> None:
             raise InputError(f"{origin}: {name} is {wrong[0]:g}; expected {allowed}.")
         if value == ():
             raise InputError(f"{origin}: {name} is empty; expected at least one number, {allowed}.")
+    if "pose_prior" in names and not _is_pose_prior(config.pose_prior):
+        raise InputError(
+            f"{origin}: pose_prior is {config.pose_prior!r}, neither a name nor an existing file; expected one of "
+            f"{', '.join(POSE_PRIORS)}, or the path of VPoser (folder, snapshot or download) or of a pose prior's npz."
+        )
     if "device" in names and not _DEVICE.fullmatch(config.device):
         raise InputError(f"{origin}: device is {config.device!r}; expected cpu, cuda, cuda:1 (or another number), mps.")
+
+
+def _is_pose_prior(text: str) -> bool:
+    return text in POSE_PRIORS or (text != "" and Path(text).expanduser().exists())
 
 
 def _form(kind: Any) -> str:

@@ -19,7 +19,7 @@ from fitting_core.config import FitConfig
 from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
-from fitting_core.priors.pose import PRIORS
+from fitting_core.priors.pose import make_prior
 from fitting_core.reliability import SEEN, cut_off, unswapped
 from fitting_core.state import Free, Parametrisation, State
 from fitting_core.term_table import stage_terms, upright
@@ -70,7 +70,7 @@ class Stages:
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
             body,
-            PRIORS[config.pose_prior](),
+            make_prior(config.pose_prior, dtype=self.dtype, device=self.device),
             hand_components=config.hand_components,
             dtype=self.dtype,
             device=self.device,

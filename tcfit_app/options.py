@@ -14,6 +14,7 @@ from fitting_core.settings import changed, settings, unknown
 
 SHORTCUTS = {
     "solver": "solver",
+    "pose_prior": "pose_prior",
     "temporal": "temporal.mode",
     "temporal_weight": "temporal.weight",
     "temporal_space": "temporal.space",
@@ -94,6 +95,9 @@ class MethodOptions:
     config: Annotated[Path | None, _shown("FILE.toml", "none")] = None
     """Settings in TOML; `tcfit settings` prints such a file with all of them."""
     solver: Annotated[str | None, _shortcut("solver", "Levenberg-Marquardt, or L-BFGS as the paper has it.")] = None
+    pose_prior: Annotated[
+        str | None, _shortcut("pose_prior", "Likely poses: plain, learned from motion capture, or VPoser's files.")
+    ] = None
     temporal: Annotated[str | None, _shortcut("temporal")] = None
     temporal_weight: Annotated[str | None, _shortcut("temporal_weight")] = None
     temporal_space: Annotated[str | None, _shortcut("temporal_space")] = None

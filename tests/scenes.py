@@ -19,9 +19,11 @@ from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import PRIORS
 from fitting_core.stages import Stages
 from fitting_core.state import Parametrisation, State
+from tests.priors.networks import random_network
 
 CAMERA = Camera(focal=(900.0, 940.0), center=(410.0, 395.0), size=(800, 800))
 FACING = torch.tensor([torch.pi, 0.0, 0.0], dtype=torch.float64)
@@ -79,36 +81,14 @@ def clip_of(keypoints: Keypoints, camera: Camera = CAMERA) -> Clip:
     return Clip(keypoints=keypoints, camera=camera, frame_rate=25.0, name="test clip")
 
 
-class SmoothPrior:
-    """A small non-linear latent pose prior: decode(z) = A tanh(B z), which has an exact inverse where one exists."""
-
-    size = 9
-
-    def __init__(self) -> None:
-        g = generator(7)
-        self.outer = torch.linalg.qr(torch.randn(63, self.size, generator=g, dtype=torch.float64))[0]
-        self.inner = torch.eye(self.size, dtype=torch.float64)
-        self.inner = self.inner + 0.3 * torch.randn(self.size, self.size, generator=g, dtype=torch.float64)
-        self.neutral = 0.1 * torch.randn(self.size, generator=g, dtype=torch.float64)
-
-    def decode(self, z: Tensor) -> Tensor:
-        return torch.tanh(z @ self.inner.T) @ self.outer.T
-
-    def encode(self, body_pose: Tensor) -> Tensor:
-        return torch.linalg.solve(self.inner, torch.atanh(body_pose @ self.outer).T).T
-
-    def jacobian(self, z: Tensor) -> Tensor:
-        slope = 1 - torch.tanh(z @ self.inner.T).square()
-        return self.outer @ (slope[..., None] * self.inner)
-
-
 def stages_of(
     body: BodyModel, keypoints: Keypoints, config: FitConfig, *, camera: Camera = CAMERA, latent: bool = False
 ) -> Stages:
-    """The objective's builder; `latent` puts SmoothPrior in the place of the configured pose prior."""
+    """The objective's builder; `latent` puts a small latent pose prior in the place of the configured one."""
     with pytest.MonkeyPatch.context() as patch:
         if latent:
-            patch.setitem(PRIORS, config.pose_prior, SmoothPrior)
+            small = random_network("silu", size=9, hidden=16, spread=1.0)
+            patch.setitem(PRIORS, config.pose_prior, lambda: LatentPrior(small))
         return Stages(keypoints, camera, body, config)
 
 

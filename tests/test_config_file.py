@@ -69,6 +69,12 @@ def test_plain_form_goes_through_json(name: str):
     assert msgspec.convert(decoded, FitConfig) == PRESETS[name]
 
 
+def test_a_pose_prior_may_be_a_path(write, tmp_path: Path):
+    (tmp_path / "vposer_v1_0").mkdir()
+    for text in ("vposer", str(tmp_path / "vposer_v1_0")):
+        assert read_config(write(f"pose_prior = '{text}'")).pose_prior == text
+
+
 BAD_FILES = {
     "no TOML": ("solver = ", "is no TOML"),
     "unknown": ("sovler = 'lm'", "no setting 'sovler'; did you mean solver?"),
@@ -95,6 +101,11 @@ BAD_FILES = {
     "stage": ("[shape_sample]\nstages = [5, 6]", "shape_sample.stages is 6; expected 1 to 5"),
     "components": ("hand_components = 46", "hand_components is 46; expected 1 to 45"),
     "device": ("device = 'gpu'", "device is 'gpu'; expected cpu, cuda"),
+    "pose prior": (
+        "pose_prior = 'vpsoer'",
+        "pose_prior is 'vpsoer', neither a name nor an existing file; expected one of",
+    ),
+    "no pose prior": ("pose_prior = ''", "pose_prior is '', neither a name nor an existing file"),
     "date": ("solver = 2020-01-01", 'solver is "2020-01-01"; expected one of lm, lbfgs'),
 }
 

@@ -16,7 +16,7 @@ MODULES = {
 }
 
 LAYERS = [
-    ["errors", "config", "config_file", "settings", "frame_names"],
+    ["errors", "config", "config_file", "settings", "frame_names", "io.atomic"],
     ["rotations"],
     ["camera", "keypoints", "body", "reliability"],
     ["clip"],

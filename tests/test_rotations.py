@@ -101,3 +101,47 @@ def test_yaw_turns_x_towards_minus_z():
     expected = torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]], dtype=torch.float64)
     torch.testing.assert_close(rotations.yaw(90.0, like), expected, rtol=0, atol=1e-15)
     assert rotations.yaw(90.0, like.float()).dtype == torch.float32
+
+
+@given(rotation_vectors(longest=6.0))
+def test_inverse_left_jacobian_is_the_inverse(v: Tensor):
+    product = rotations.inverse_left_jacobian(v) @ rotations.exp_and_left_jacobian(v)[1]
+    torch.testing.assert_close(product, IDENTITY, rtol=0, atol=1e-11)
+
+
+@given(rotation_vectors(longest=math.pi - 1e-3))
+def test_inverse_left_jacobian_is_the_derivative_of_log(v: Tensor):
+    zero = torch.zeros(3, dtype=torch.float64)
+    left = torch.func.jacfwd(lambda d: rotations.log(rotations.exp(d) @ rotations.exp(v)))(zero)
+    right = torch.func.jacfwd(lambda d: rotations.log(rotations.exp(v) @ rotations.exp(d)))(zero)
+    inverse = rotations.inverse_left_jacobian(v)
+    torch.testing.assert_close(inverse, left, rtol=0, atol=1e-9)
+    torch.testing.assert_close(inverse.T, right, rtol=0, atol=1e-9)
+
+
+def random_columns(count: int = 50) -> Tensor:
+    g = torch.Generator().manual_seed(1)
+    return torch.randn(count, 3, 2, generator=g, dtype=torch.float64) * torch.rand(count, 1, 2, generator=g).double()
+
+
+def test_orthonormalised_is_the_rotation_of_a_qr_decomposition():
+    columns = random_columns()
+    q, r = torch.linalg.qr(columns)
+    q = q * r.diagonal(dim1=1, dim2=2).sign()[:, None]
+    matrix = rotations.orthonormalised(columns)
+    torch.testing.assert_close(matrix[..., :2], q, rtol=0, atol=1e-12)
+    torch.testing.assert_close(torch.linalg.det(matrix), torch.ones(50, dtype=torch.float64), rtol=0, atol=1e-12)
+    torch.testing.assert_close(rotations.orthonormalised(matrix[..., :2]), matrix, rtol=0, atol=1e-14)
+
+
+def test_tangent_of_orthonormalised_is_its_derivative():
+    columns = random_columns()
+    matrix, tangent = rotations.orthonormalised_with_tangent(columns)
+    derivative = torch.func.vmap(torch.func.jacfwd(rotations.orthonormalised))(columns).flatten(-2)
+    turned = torch.einsum("bij,bjkn->bikn", matrix, rotations.hat(tangent.mT).permute(0, 2, 3, 1))
+    torch.testing.assert_close(turned, derivative, rtol=1e-10, atol=1e-10)
+
+
+def test_orthonormalised_stays_finite_without_columns():
+    matrix, tangent = rotations.orthonormalised_with_tangent(torch.zeros(2, 3, 2, dtype=torch.float64))
+    assert matrix.isfinite().all() and tangent.isfinite().all()

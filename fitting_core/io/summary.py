@@ -57,6 +57,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "source": body.source.name if body.source else "",
             "hash": body.hash,
         },
+        "pose_prior": fit.pose_prior,
         "warnings": fit.warnings,
         "config": as_plain(fit.config),
         "versions": versions(),

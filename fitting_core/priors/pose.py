@@ -1,5 +1,7 @@
 """Pose priors: how the solver writes the body's pose, and what it holds to be likely."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol
 
 import torch
@@ -7,6 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import JOINT
+from fitting_core.priors.latent import LatentPrior
+from fitting_core.priors.registry import SHIPPED, read_prior, registered_vposer
 
 
 class PosePrior(Protocol):
@@ -15,9 +19,15 @@ class PosePrior(Protocol):
     L2 on axis-angle is the identity; a latent prior (VPoser's interface) decodes its latent to 63 numbers.
     """
 
+    title: str
+    """What it is, for the record of a fit."""
     size: int
     neutral: Float[Tensor, "size"]
     """The most likely pose, where fits start and unseen limbs rest."""
+
+    def to(self, *, dtype: torch.dtype, device: torch.device | str) -> "PosePrior":
+        """The same prior in another type and on another device."""
+        ...
 
     def decode(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63"]:
         """Axis-angle of the 21 body joints."""
@@ -37,8 +47,13 @@ class AxisAnglePrior:
 
     size = 63
 
-    def __init__(self, mean: Float[Tensor, "63"] | None = None) -> None:
+    def __init__(self, mean: Float[Tensor, "63"] | None = None, *, title: str = "axis_angle") -> None:
+        self.title = title
         self.neutral = torch.zeros(63, dtype=torch.float64) if mean is None else mean
+
+    def to(self, *, dtype: torch.dtype, device: torch.device | str) -> "AxisAnglePrior":
+        """The same prior in another type and on another device."""
+        return AxisAnglePrior(self.neutral.to(dtype=dtype, device=device), title=self.title)
 
     def decode(self, z: Tensor) -> Tensor:
         """The pose itself."""
@@ -69,8 +84,25 @@ def relaxed_pose() -> Float[Tensor, "63"]:
     return pose.flatten()
 
 
-PRIORS = {
+PRIORS: dict[str, Callable[[], PosePrior]] = {
     "axis_angle": AxisAnglePrior,
-    "relaxed": lambda: AxisAnglePrior(relaxed_pose()),
+    "relaxed": lambda: AxisAnglePrior(relaxed_pose(), title="relaxed"),
+    "tcfit": lambda: LatentPrior(read_prior(SHIPPED)),
+    "vposer": lambda: LatentPrior(read_prior(registered_vposer())),
 }
-"""Pose priors by the name that a configuration gives."""
+"""Pose priors by the name that a configuration gives; `config.POSE_PRIORS` tells the names without loading torch."""
+
+
+def make_prior(choice: str, *, dtype: torch.dtype, device: torch.device | str) -> PosePrior:
+    """The pose prior that a configuration names.
+
+    Args:
+        choice: A name in PRIORS, or the path of VPoser or of a pose prior's npz.
+        dtype: Of the computation.
+        device: Where to compute.
+
+    Raises:
+        InputError: There is no such file, or it is no pose prior.
+    """
+    prior = PRIORS[choice]() if choice in PRIORS else LatentPrior(read_prior(Path(choice).expanduser()))
+    return prior.to(dtype=dtype, device=device)

@@ -26,9 +26,9 @@ EVERY_OPTION = """
     --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
     --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --body-model smplh --models m --gender male
-    --preset paper --config c.toml --solver lbfgs --temporal global --temporal-weight 300 --temporal-space camera
-    --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda --precision float32
-    --set hip_weight=1
+    --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
+    --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda
+    --precision float32 --set hip_weight=1
 """.split()
 
 
@@ -66,7 +66,8 @@ def _config(*arguments: str) -> Any:
 def test_settings_by_their_own_options():
     found = _config(*EVERY_OPTION[EVERY_OPTION.index("--solver") :])
     temporal, sample = found.temporal, found.shape_sample
-    assert (found.solver, found.device, found.precision, found.hip_weight) == ("lbfgs", "cuda", "float32", 1.0)
+    assert (found.solver, found.pose_prior, found.hip_weight) == ("lbfgs", "vposer", 1.0)
+    assert (found.device, found.precision) == ("cuda", "float32")
     assert (temporal.mode, temporal.weight, temporal.space, temporal.window_size) == ("global", 300.0, "camera", 9)
     assert (sample.size, sample.strategy, sample.seed) == (10, "confident", 3)
 

@@ -8,8 +8,12 @@ import pytest
 
 from fitting_core.body import registry
 from fitting_core.errors import InputError
+from fitting_core.priors import registry as priors
+from fitting_core.priors.network_file import write_network
 from tcfit_app.models_command import list_models, register_models
 from tests.body_files import body_arrays, write_npz
+from tests.priors.networks import random_network
+from tests.priors.test_vposer import folder_1, trained, version_1
 
 
 @pytest.fixture
@@ -18,6 +22,8 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(registry, "user_folder", lambda: tmp_path / "data")
     monkeypatch.setattr(registry, "FREE_FOLDER", tmp_path / "free")
     monkeypatch.setattr("tcfit_app.models_command.user_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(priors, "user_file", lambda: tmp_path / "data" / "vposer.npz")
+    monkeypatch.setattr(priors, "SHIPPED", tmp_path / "free" / "prior.npz")
     monkeypatch.delenv(registry.ENVIRONMENT, raising=False)
     return tmp_path
 
@@ -69,3 +75,20 @@ def test_import_loads_no_heavy_package(module: str):
     code = f"import sys, {module}; print([m for m in ('torch', 'cv2', 'pyrender', 'viser') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_pose_priors_are_added_and_shown(places: Path, capsys: pytest.CaptureFixture[str]):
+    own = places / "data" / "vposer.npz"
+    register_models([folder_1(places / "downloads" / "vposer_v1_0", trained(version_1))])
+    assert capsys.readouterr().out.splitlines()[-1].split() == ["vposer", "VPoser", "1", "yours", str(own)]
+    (places / "free").mkdir()
+    write_network(places / "free" / "prior.npz", random_network())
+    list_models()
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    start = lines.index(["POSE", "PRIOR", "IS", "FROM", "FILE"])
+    assert lines[start + 1] == ["vposer", "VPoser", "1", "yours", str(own)]
+    assert lines[start + 2] == ["tcfit", "random", "comes", "with", "tcfit", str(places / "free" / "prior.npz")]
+    own.write_bytes(b"x")
+    list_models()
+    out = capsys.readouterr().out
+    assert "damaged" in out and f"Cannot be read: {own}" in out
