@@ -48,7 +48,7 @@ class _Eye:
     def draw(self, vertices: np.ndarray, faces: np.ndarray) -> UInt8[np.ndarray, "H W 3"]:
         focal = 8.0 * _SIZE[0]
         to_camera = Rotation.from_euler("yx", (self.turn, 180 + self.tilt), degrees=True)
-        placed = to_camera.apply(vertices - self.center) + (0, 0, 8.0 * self.extent)
+        placed = to_camera.apply(vertices - self.center) + np.array([0, 0, 8.0 * self.extent])
         camera = Camera(focal=(focal, focal), center=(_SIZE[0] / 2, _SIZE[1] / 2), size=_SIZE)
         return Renderer(camera).render(placed, faces)
 

@@ -13,6 +13,8 @@ from fitting_core.body.model import JOINT
 
 _NEARLY_OPPOSITE = 1e-6
 """Least squared cosine of half a swing: at 180 degrees, far beyond any range, the twist has no derivative."""
+_TINY = 1e-30
+"""Against 0 / 0 at the middle of the range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,24 +49,25 @@ class AngleTable:
 
     def angles(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
         """Swing, swing and twist (radians) of rotations given as axis-angle."""
-        w, t, p, q = (self.frame @ quaternion(pose)[..., None])[..., 0].unbind(-1)
-        stretch = _stretch(1 - w * w - t * t)
-        swings = stretch * (p * w - q * t), stretch * (p * t + q * w)
-        return torch.stack([*swings, 2 * torch.atan(t / w)], -1) + self.offset
+        w, t, p, q = self._turned(pose).unbind(-1)
+        stretch = _stretch(p * p + q * q, w * w + t * t)
+        return torch.stack([stretch * (p * w - q * t), stretch * (p * t + q * w), 2 * (t / w).atan()], -1) + self.offset
 
-    def slopes(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3 3"]:
-        """Derivative of `angles` (rows) by the axis-angle."""
-        w, t, p, q = (self.frame @ quaternion(pose)[..., None])[..., 0].unbind(-1)
-        squared = 1 - w * w - t * t
-        h = _stretch(squared)
-        rise = 2 * _stretch_slope(squared)
-        first, second = (p * w - q * t) * rise, (p * t + q * w) * rise
-        turn = 2 / (w * w + t * t).clamp(min=_NEARLY_OPPOSITE)
-        o = torch.zeros_like(w)
-        rows = [h * p, -h * q, h * w + first * p, -h * t + first * q]
-        rows += [h * q, h * p, h * t + second * p, h * w + second * q]
-        rows += [-turn * t, turn * w, o, o]
-        return torch.stack(rows, -1).view(*w.shape, 3, 4) @ (self.frame @ quaternion_slope(pose))
+    def slopes(self, pose: Float[Tensor, "B n 3"], which: Int[Tensor, "n"]) -> Float[Tensor, "B n 3"]:
+        """Derivative of one angle of each joint by its axis-angle; `which`: its place in what `angles` gives."""
+        w, t, p, q = self._turned(pose).unbind(-1)
+        sine2, cosine2 = p * p + q * q, w * w + t * t
+        stretch, rise = _stretch(sine2, cosine2), 2 * _stretch_slope(sine2, cosine2)
+        ahead, aside = rise * (p * w - q * t), rise * (p * t + q * w)
+        turn, zero = 2 / cosine2.clamp(min=_NEARLY_OPPOSITE), torch.zeros_like(w)
+        rows = [stretch * p, -stretch * q, stretch * w + ahead * p, ahead * q - stretch * t]
+        rows += [stretch * q, stretch * p, stretch * t + aside * p, stretch * w + aside * q]
+        rows += [-turn * t, turn * w, zero, zero]
+        picked = torch.stack(rows, -1).view(*w.shape, 3, 4)[:, torch.arange(len(which)), which]
+        return by_axis_angle(pose, (picked[..., None, :] @ self.frame)[..., 0, :])
+
+    def _turned(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 4"]:
+        return (self.frame * quaternion(pose)[..., None, :]).sum(-1)
 
     def named(self, angles: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
         """Flexion, side motion and twist, from what `angles` gives."""
@@ -94,53 +97,30 @@ def _frame(joint: JointRange) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarra
     return untwisted @ turned @ centred, offset, [order.index(i) for i in range(3)]
 
 
-def _halves(v: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """cos(a/2), k = sin(a/2)/a and (dk/da)/a for a = |v|, by their series below a^2 = 1e-3 (error < 1e-13)."""
-    squared = (v * v).sum(-1, keepdim=True)
-    small = squared < 1e-3
-    safe = torch.where(small, torch.ones_like(squared), squared)  # no 0/0 in the branch not taken
-    angle = safe.sqrt()
-    sine = torch.where(small, 0.5 - squared / 48 + squared**2 / 3840 - squared**3 / 645120, (angle / 2).sin() / angle)
-    cosine = torch.where(small, 1 - squared / 8 + squared**2 / 384 - squared**3 / 46080, (angle / 2).cos())
-    slope = torch.where(small, -1 / 24 + squared / 960 - squared**2 / 107520, (cosine / 2 - sine) / safe)
-    return cosine, sine, slope
-
-
 def quaternion(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 4"]:
-    """(w, x, y, z) of an axis-angle vector in radians; w < 0 beyond 180 degrees, so that angles go on growing."""
-    cosine, sine, _ = _halves(v)
-    return torch.cat([cosine, sine * v], -1)
+    """(w, x, y, z) of an axis-angle vector in radians."""
+    half = v.norm(dim=-1, keepdim=True) / 2
+    return torch.cat([half.cos(), torch.sinc(half / torch.pi) / 2 * v], -1)
 
 
-def quaternion_slope(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 4 3"]:
-    """Derivative of `quaternion` by v."""
-    _, sine, slope = _halves(v)
-    vector = sine[..., None] * torch.eye(3, dtype=v.dtype, device=v.device)
-    vector = vector + slope[..., None] * v[..., :, None] * v[..., None, :]
-    return torch.cat([-0.5 * (sine * v)[..., None, :], vector], -2)
+def by_axis_angle(v: Float[Tensor, "*b 3"], by_quaternion: Float[Tensor, "*b 4"]) -> Float[Tensor, "*b 3"]:
+    """Derivative of a number by v, from its derivative by `quaternion(v)`."""
+    squared = (v * v).sum(-1, keepdim=True)
+    half = squared.sqrt() / 2
+    length = torch.sinc(half / torch.pi) / 2
+    bend = (half.cos() / 2 - length) / (squared + _TINY)  # what cancels near zero is small against `length` there
+    by_w, by_vector = by_quaternion[..., :1], by_quaternion[..., 1:]
+    along = (v * by_vector).sum(-1, keepdim=True)
+    return length * by_vector + (bend * along - length / 2 * by_w) * v
 
 
-def _series(m: Tensor) -> tuple[Tensor, Tensor]:
-    return (
-        1 + m * (2 / 3 + m * (8 / 15 + m * (16 / 35 + m * 128 / 315))),
-        2 / 3 + m * (16 / 15 + m * (48 / 35 + m * 512 / 315)),
-    )
+def _stretch(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
+    """Swing angle / (sine x cosine of its half), by the squares of these."""
+    sine, cosine = (sine2 + _TINY).sqrt(), cosine2.clamp(min=_NEARLY_OPPOSITE).sqrt()
+    return 2 * torch.atan2(sine, cosine) / (sine * cosine)
 
 
-def _arc(m: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Where m is small; m elsewhere; and A(m) = arcsin(n) / (n cos(arcsin n)) for n^2 = m there."""
-    small = m < 1e-3
-    safe = torch.where(small, torch.full_like(m, 0.5), m).clamp(max=1 - _NEARLY_OPPOSITE)
-    return small, safe, safe.sqrt().asin() / (safe * (1 - safe)).sqrt()
-
-
-def _stretch(m: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
-    """Swing angle / (sin cos of its half), by the squared sine m of its half."""
-    small, _, arc = _arc(m)
-    return 2 * torch.where(small, _series(m)[0], arc)
-
-
-def _stretch_slope(m: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
-    """Derivative of `_stretch`, from (1 - n^2) y' = n y + 1 for y = arcsin(n) / sqrt(1 - n^2)."""
-    small, safe, arc = _arc(m)
-    return 2 * torch.where(small, _series(m)[1], (1 + (2 * safe - 1) * arc) / (2 * safe * (1 - safe)))
+def _stretch_slope(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
+    """Derivative of `_stretch` by the squared sine, from (1 - x^2) y' = x y + 1 for y = arcsin(x) / sqrt(1 - x^2)."""
+    above = 2 + (2 * sine2 - 1) * _stretch(sine2, cosine2)
+    return above / (2 * (sine2 + _TINY) * cosine2.clamp(min=_NEARLY_OPPOSITE))

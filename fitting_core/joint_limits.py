@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.joint_ranges import JointRange
@@ -14,8 +15,8 @@ from fitting_core.joint_angles import AngleTable
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.terms import Rows
 
-_FIRST_FINGER = JOINT["left_index1"]
-_BODY_JOINTS = 22
+_BODY = range(JOINT["left_hip"], JOINT["right_wrist"] + 1)
+_FINGERS = range(JOINT["left_index1"], JOINT["right_thumb3"] + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,26 +31,31 @@ class Limits:
     table: AngleTable
     low: Float[Tensor, "n 3"]
     high: Float[Tensor, "n 3"]
+    fingers: bool
+    """Whether any of the joints is a finger's."""
     name: str = "limits"
 
     @staticmethod
     def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "Limits":
         """The term for these ranges, in the type and on the device of `like`; `fingers`: not of the body alone."""
-        ranges = {name: joint for name, joint in ranges.items() if fingers or JOINT[name] < _FIRST_FINGER}
+        ranges = {name: joint for name, joint in ranges.items() if fingers or JOINT[name] in _BODY}
         table = AngleTable.of(ranges, like)
         bounds = torch.stack([like.new_tensor(joint.bounds) for joint in ranges.values()]).deg2rad()
         low, high = table.ordered(bounds).unbind(-1)
-        return Limits(weight, table, low, high)
+        return Limits(weight, table, low, high, any(JOINT[name] in _FINGERS for name in ranges))
+
+    @cached_property
+    def place(self) -> Int[Tensor, "n"]:
+        """Of each joint among body joints and fingers."""
+        joint = self.table.joint
+        return torch.where(joint < _FINGERS.start, joint - _BODY.start, joint - _FINGERS.start + len(_BODY))
 
     def pose(self, e: Estimate) -> Float[Tensor, "B n 3"]:
         """Axis-angle of the limited joints, fingers decoded."""
-        joint = self.table.joint
-        pose = e.body_pose.view(len(e.frames), -1, 3)
-        if int(joint.max()) < _BODY_JOINTS:
-            return pose[:, joint - 1]
-        fingers = e.view.parametrisation.hands(e.state).view(len(e.frames), -1, 3)
-        both = torch.cat([pose, fingers], 1)
-        return both[:, torch.where(joint < _BODY_JOINTS, joint - 1, joint - 1 - (_FIRST_FINGER - _BODY_JOINTS))]
+        pose = e.body_pose
+        if self.fingers:
+            pose = torch.cat([pose, e.view.parametrisation.hands(e.state)], 1)
+        return pose.view(len(pose), -1, 3)[:, self.place]
 
     def excess(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
         """Radians beyond the range, 0 inside it."""
@@ -65,9 +71,11 @@ class Limits:
         pose = self.pose(e)
         excess = self.excess(pose)
         joint, angle = (excess != 0).any(0).nonzero(as_tuple=True)
-        beyond = excess[:, joint, angle]
-        slope = self.table[joint].slopes(pose[:, joint])[:, range(len(angle)), angle]
+        if not len(joint):
+            return Rows(excess[:, 0, :0], excess.new_zeros(len(pose), 0, jacobian.width))
+        beyond, row = excess[:, joint, angle], torch.arange(len(joint), device=joint.device)
+        slope = self.table[joint].slopes(pose[:, joint], angle)
         by_joint = pose.new_zeros(len(pose), len(joint), len(JOINT), 3)
-        by_joint[:, range(len(joint)), self.table.joint[joint]] = slope * (self.weight * (beyond != 0))[..., None]
+        by_joint[:, row, self.table.joint[joint]] = slope * (self.weight * (beyond != 0))[..., None]
         rows = jacobian.in_free_columns(by_joint.flatten(0, 1))
-        return Rows(self.weight * beyond, rows.view(*beyond.shape, -1))
+        return Rows(self.weight * beyond, rows.view(*beyond.shape, jacobian.width))

@@ -77,15 +77,15 @@ _TRUNK = {
 }
 _LIMBS = {
     # Forward, outward, knee outward. AAOS: flexion 120, extension 30, abduction 45, adduction 30, rotation 45 and 45.
-    # Squatting and sitting cross-legged: flexion to 130, with abduction and external rotation of 60 (Mulholland & Wyss).
+    # Squatting and sitting cross-legged: flexion 130, with abduction and external rotation of 60 (Mulholland & Wyss).
     "hip": JointRange(
         kind="ball", axes=(_BACK_X, _Z, _Y), flexion=(-35, 135), side=(-38, 68), twist=(-50, 85), centre=(60, 0)
     ),
     # Bend, shank outward (valgus is +), toes outward. AAOS: 135, hyperextension 10. On the heels 155-160 (Mulholland &
     # Wyss). Rotation of the bent knee: 30 inward, 40 outward (Kapandji).
     "knee": JointRange(kind="hinge", axes=(_X, _Z, _Y), flexion=(-10, 160), side=(-10, 10), twist=(-25, 35)),
-    # Toes up, sole inward, toes outward. AAOS: 20 up, 50 down, inversion 35, eversion 15; up 35-40 under weight.
-    "ankle": JointRange(kind="hinge", axes=(_BACK_X, _BACK_Z, _Y), flexion=(-65, 40), side=(-25, 40), twist=(-30, 30)),
+    # Toes up, sole inward, toes outward. AAOS: 20 up, 50 down, inversion 35, eversion 15; up 40-45 under weight.
+    "ankle": JointRange(kind="hinge", axes=(_BACK_X, _BACK_Z, _Y), flexion=(-65, 45), side=(-28, 40), twist=(-35, 35)),
     # Toes up. AAOS, metatarsophalangeal joints: 40 down, 40-70 up; 85 on tiptoe and kneeling.
     "foot": JointRange(kind="hinge", axes=(_BACK_X, _BACK_Z, _Y), flexion=(-50, 85), side=(-15, 15), twist=(-15, 15)),
     # Forward, up, clavicle turned forward. Kapandji: 30 forward and back, 45 up, 10 down, axial rotation 30-45.
@@ -109,8 +109,8 @@ _MIDDLE_PHALANX, _END_PHALANX = (-12, 118), (-18, 92)
 _FINGERS: dict[str, tuple[Degrees, Degrees, Degrees]] = {
     # Flexion; side motion (index to little finger: away from the thumb; thumb: away from the palm's plane); twist.
     # Hume: knuckles 100, middle joints 105, end joints 85. Lin, Wu & Huang: sideways 15 either way from the middle;
-    # spread hands reach 25, the little finger more. Hyperextension of knuckles 30-45 (Kapandji). The hinges of the outer
-    # joints are oblique, so that bent fingers point to one place (Kapandji): their axes are known to some 10 degrees.
+    # spread hands reach 25, the little finger more. Hyperextension of knuckles 30-45 (Kapandji). The outer joints'
+    # hinges are oblique, so that bent fingers point to one place (Kapandji): their axes are known to some 10 degrees.
     "index1": ((-40, 98), (-28, 22), (-18, 18)),
     "middle1": ((-40, 100), (-22, 22), (-18, 18)),
     "ring1": ((-40, 100), (-20, 25), (-18, 18)),
