@@ -38,7 +38,7 @@ class Weights:
     rest: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper)."""
     limits: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Flexion of hips, knees, elbows and spine beyond their anatomical range (beyond the paper)."""
+    """Joints of body and fingers beyond their anatomical range, per radian (beyond the paper)."""
     body_keypoints: Five = (1.0, 1.0, 1.0, 1.0, 1.0)
     """BODY_25 keypoints in the data term."""
     hand_keypoints: Five = (0.0, 0.0, 0.0, 0.1, 2.0)

@@ -8,20 +8,29 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from fitting_core import keypoints as kp
+from fitting_core.body.joint_ranges import joint_ranges
+from fitting_core.body.model import BodyModel
 from fitting_core.collision.term import CollidingBody, Collision
 from fitting_core.config import FitConfig
+from fitting_core.joint_limits import Limits
 from fitting_core.state import Parametrisation
-from fitting_core.terms import Bending, Limits, Quadratic, Rest, Term, Upright
+from fitting_core.terms import Bending, Quadratic, Rest, Term, Upright
 
 
 class Setting(Protocol):
     """What is constant over a fit, as far as terms look at it; `stages.Stages` is one."""
 
     config: FitConfig
+    body: BodyModel
     parametrisation: Parametrisation
     device: torch.device
     xy: Float[Tensor, "T 137 2"]
     leg_seen: Bool[Tensor, "T"]
+
+    def has(self, group: slice) -> bool:
+        """Whether the clip shows any keypoint of the group."""
+        ...
 
     @property
     def observed(self) -> Bool[np.ndarray, "T 55"]:
@@ -81,7 +90,9 @@ def _upright(setting: Setting, s: int) -> Term | None:
 
 def _limits(setting: Setting, s: int) -> Term | None:
     weight = setting.config.weights.limits[s]
-    return Limits(weight) if weight else None
+    if not weight:
+        return None
+    return Limits.of(weight, joint_ranges(setting.body), fingers=setting.has(kp.HANDS), like=setting.xy)
 
 
 def _rest(setting: Setting, s: int) -> Term | None:

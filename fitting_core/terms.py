@@ -187,55 +187,6 @@ class Rest:
         return self.weight[e.frames]
 
 
-_LIMITS: list[tuple[str, int, float, float]] = [
-    *((f"{side}_hip", 0, -2.3, 0.45) for side in ("left", "right")),
-    *((f"{side}_knee", 0, -0.15, 2.6) for side in ("left", "right")),
-    *((f"{side}_knee", axis, -0.2, 0.2) for side in ("left", "right") for axis in (1, 2)),
-    ("left_elbow", 1, -2.7, 0.15),
-    ("right_elbow", 1, -0.15, 2.7),
-    *((f"{side}_elbow", 2, -0.25, 0.25) for side in ("left", "right")),
-    *((spine, 0, -0.2, 0.6) for spine in ("spine1", "spine2", "spine3")),
-]
-"""Joint, axis and range in radians of components of the axis-angle pose that stand for one anatomical motion.
-
-Hip flexion -130 to 25 degrees (minus: leg forward), knee and elbow flexion -8 to 150, sideways bend and twist of the
-knee and sideways bend of the elbow, which are hinges, within 11 to 14; each of three spine joints -11 to 34 (plus:
-forward). After the American Academy of Orthopaedic Surgeons, Joint Motion: Method of Measuring and Recording (1965),
-some degrees wider."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """weight x how far hinges and flexions lie beyond their anatomical range (beyond the paper).
-
-    Seen from the front, a thigh that points at the camera and one that points away look alike; only one can be. Without
-    limits a fit of sitting down bent the knees sideways by 75 degrees, at the keypoints.
-    """
-
-    weight: float
-    name: str = "limits"
-
-    def _columns(self) -> list[int]:
-        return [3 * (JOINT[joint] - 1) + axis for joint, axis, *_ in _LIMITS]
-
-    def _excess(self, e: Estimate) -> Tensor:
-        angle = e.body_pose[:, self._columns()]
-        low, high = angle.new_tensor([limits[2:] for limits in _LIMITS]).T
-        return angle - angle.clamp(low, high)
-
-    def residual(self, e: Estimate) -> Tensor:
-        """Weighted radians beyond the range, 0 inside it."""
-        return self.weight * self._excess(e)
-
-    def columns(self, e: Estimate) -> tuple[Tensor, bool]:
-        """Columns of the axis-angle pose."""
-        return 3 + torch.tensor(self._columns(), device=e.body_pose.device), True
-
-    def slope(self, e: Estimate) -> Tensor:
-        """The weight outside the range, 0 inside."""
-        return self.weight * (self._excess(e) != 0).to(e.body_pose)
-
-
 @dataclass(frozen=True)
 class Upright:
     """Lean and turn of the root where no leg is seen (beyond the paper).

@@ -42,13 +42,13 @@ CONFIG = FitConfig(
         body_pose=(0, 0, 0, 0, 3.0), hand_pose=(0, 0, 0, 0, 5.0), shape=(0, 0, 0, 0, 7.0),
         expression=(0, 0, 0, 0, 11.0), jaw_open=(0, 0, 0, 0, 13.0), jaw_sideways=(0, 0, 0, 0, 17.0),
         bending=(0, 0, 0, 0, 19.0), collision=(0,) * 5, lean=(0, 0, 0, 0, 23.0), turn=(0, 0, 0, 0, 29.0),
-        rest=(0, 0, 0, 0, 31.0), limits=(0, 0, 0, 0, 37.0),
+        rest=(0, 0, 0, 0, 31.0),
         body_keypoints=(0, 0, 0, 0, 1.5), hand_keypoints=(0, 0, 0, 0, 2.0), face_keypoints=(0, 0, 0, 0, 0.5),
     ),
     pose_prior="relaxed", neck_weight=0.25, hip_weight=0.75, robust_pixels=80.0, robust_pixels_fine=30.0,
     robust_at_height=1000.0, one_sided_cut_off=True,
 )  # fmt: skip
-"""Every weight another, so that no term can take another's. Collision has tests of its own."""
+"""Every weight another, so that no term can take another's. Collision and limits have tests of their own."""
 LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
 LEFT_ARM = [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"], kp.LEFT_HAND]
 
@@ -263,29 +263,6 @@ def upright_by_hand(scene: Scene) -> list[float]:
     return costs
 
 
-RANGES = {
-    ("left_hip", 0): (-2.3, 0.45), ("right_hip", 0): (-2.3, 0.45),
-    ("left_knee", 0): (-0.15, 2.6), ("right_knee", 0): (-0.15, 2.6),
-    ("left_knee", 1): (-0.2, 0.2), ("left_knee", 2): (-0.2, 0.2),
-    ("right_knee", 1): (-0.2, 0.2), ("right_knee", 2): (-0.2, 0.2),
-    ("left_elbow", 1): (-2.7, 0.15), ("right_elbow", 1): (-0.15, 2.7),
-    ("left_elbow", 2): (-0.25, 0.25), ("right_elbow", 2): (-0.25, 0.25),
-    ("spine1", 0): (-0.2, 0.6), ("spine2", 0): (-0.2, 0.6), ("spine3", 0): (-0.2, 0.6),
-}  # fmt: skip
-"""Radians that hinges and flexions may reach."""
-
-
-def limits_by_hand(scene: Scene) -> list[float]:
-    costs = []
-    for pose in scene.params.body_pose.view(-1, 21, 3):
-        cost = 0.0
-        for (joint, axis), (low, high) in RANGES.items():
-            angle = float(pose[JOINT[joint] - 1, axis])
-            cost += (37.0 * max(low - angle, angle - high, 0.0)) ** 2
-        costs.append(cost)
-    return costs
-
-
 def depth_by_hand(scene: Scene) -> list[float]:
     guesses = [2.0, 3.0, 4.0, 5.0]
     depths = scene.params.camera_translation[:, 2].tolist()
@@ -302,7 +279,6 @@ BY_HAND = {
     "bending": bending_by_hand,
     "upright": upright_by_hand,
     "rest": rest_by_hand,
-    "limits": limits_by_hand,
     "depth": depth_by_hand,
 }
 """Cost of each term in FRAMES, from the formulas of the method."""

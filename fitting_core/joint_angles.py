@@ -1,0 +1,126 @@
+"""Anatomical angles of joints (swing and twist), and their derivatives by the axis-angle pose, in closed form."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core.body.joint_ranges import JointRange
+from fitting_core.body.model import JOINT
+
+_NEARLY_OPPOSITE = 1e-6
+"""Least squared cosine of half a swing: at 180 degrees, far beyond any range, the twist has no derivative."""
+_TINY = 1e-30
+"""Against 0 / 0 at the middle of the range."""
+
+
+@dataclass(frozen=True, eq=False)
+class AngleTable:
+    """What the angles of n joints are made of.
+
+    `frame` turns the quaternion (w, x, y, z) of a joint's rotation into (w, t, p, q): relative to the middle of the
+    joint's range, with its vector part along the twisting axis and the two swing axes. These are right-handed where the
+    twist comes first (a ball, R = C S T) and left-handed where it comes last (a hinge, R = F S, with the flexion as the
+    "twist"): conjugation, which swaps the order, and a mirror image undo each other. So one formula serves both:
+    twist 2 atan(t / w), swing along (p + iq)(w + it).
+    """
+
+    joint: Int[Tensor, "n"]
+    """Their numbers among the 55."""
+    frame: Float[Tensor, "n 4 4"]
+    offset: Float[Tensor, "n 3"]
+    """Radians, added to (swing, swing, twist): the angles of the middle. They lie within 180 degrees of the twist's."""
+    order: Int[Tensor, "n 3"]
+    """Places of flexion, side motion and twist in (swing, swing, twist)."""
+
+    @staticmethod
+    def of(ranges: Mapping[str, JointRange], like: Tensor) -> "AngleTable":
+        """The table of these joints, in the type and on the device of `like`."""
+        rows = [_frame(joint) for joint in ranges.values()]
+        joint = torch.tensor([JOINT[name] for name in ranges], device=like.device)
+        frame, offset = (like.new_tensor(np.array([row[i] for row in rows])) for i in (0, 1))
+        return AngleTable(joint, frame, offset, torch.tensor([row[2] for row in rows], device=like.device))
+
+    def __getitem__(self, which: Tensor) -> "AngleTable":
+        return AngleTable(self.joint[which], self.frame[which], self.offset[which], self.order[which])
+
+    def angles(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
+        """Swing, swing and twist (radians) of rotations given as axis-angle."""
+        w, t, p, q = self._turned(pose).unbind(-1)
+        stretch = _stretch(p * p + q * q, w * w + t * t)
+        return torch.stack([stretch * (p * w - q * t), stretch * (p * t + q * w), 2 * (t / w).atan()], -1) + self.offset
+
+    def slopes(self, pose: Float[Tensor, "B n 3"], which: Int[Tensor, "n"]) -> Float[Tensor, "B n 3"]:
+        """Derivative of one angle of each joint by its axis-angle; `which`: its place in what `angles` gives."""
+        w, t, p, q = self._turned(pose).unbind(-1)
+        sine2, cosine2 = p * p + q * q, w * w + t * t
+        stretch, rise = _stretch(sine2, cosine2), 2 * _stretch_slope(sine2, cosine2)
+        ahead, aside = rise * (p * w - q * t), rise * (p * t + q * w)
+        turn, zero = 2 / cosine2.clamp(min=_NEARLY_OPPOSITE), torch.zeros_like(w)
+        rows = [stretch * p, -stretch * q, stretch * w + ahead * p, ahead * q - stretch * t]
+        rows += [stretch * q, stretch * p, stretch * t + aside * p, stretch * w + aside * q]
+        rows += [-turn * t, turn * w, zero, zero]
+        picked = torch.stack(rows, -1).view(*w.shape, 3, 4)[:, torch.arange(len(which)), which]
+        return by_axis_angle(pose, (picked[..., None, :] @ self.frame)[..., 0, :])
+
+    def _turned(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 4"]:
+        return (self.frame * quaternion(pose)[..., None, :]).sum(-1)
+
+    def named(self, angles: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
+        """Flexion, side motion and twist, from what `angles` gives."""
+        return angles.gather(2, self.order.expand(len(angles), -1, -1))
+
+    def ordered(self, named: Float[Tensor, "n 3 k"]) -> Float[Tensor, "n 3 k"]:
+        """What is known of flexion, side motion and twist, in the order of `angles`."""
+        return torch.zeros_like(named).scatter(1, self.order[..., None].expand_as(named), named)
+
+
+def _frame(joint: JointRange) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "3"], list[int]]:
+    """Frame, offset and order of one joint, see AngleTable."""
+    axes, hinge = np.array(joint.axes), joint.kind == "hinge"
+    main, swings = (0, [1, 2]) if hinge else (2, [0, 1])
+    if (np.linalg.det(axes[[*swings, main]]) < 0) != hinge:
+        swings.reverse()
+    order = [*swings, main]
+    turned = np.eye(4)
+    turned[1:, 1:] = axes[[main, *swings]]
+    x, y, z, w = joint.rotation(*joint.centre).inv().as_quat()
+    centred = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    middle = np.radians(joint.bounds[main].mean())
+    c, s = np.cos(middle / 2), np.sin(middle / 2)
+    untwisted = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, c, -s], [0, 0, s, c]])
+    offset = np.radians([*joint.centre, 0.0])[order]
+    offset[2] = middle
+    return untwisted @ turned @ centred, offset, [order.index(i) for i in range(3)]
+
+
+def quaternion(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 4"]:
+    """(w, x, y, z) of an axis-angle vector in radians."""
+    half = v.norm(dim=-1, keepdim=True) / 2
+    return torch.cat([half.cos(), torch.sinc(half / torch.pi) / 2 * v], -1)
+
+
+def by_axis_angle(v: Float[Tensor, "*b 3"], by_quaternion: Float[Tensor, "*b 4"]) -> Float[Tensor, "*b 3"]:
+    """Derivative of a number by v, from its derivative by `quaternion(v)`."""
+    squared = (v * v).sum(-1, keepdim=True)
+    half = squared.sqrt() / 2
+    length = torch.sinc(half / torch.pi) / 2
+    bend = (half.cos() / 2 - length) / (squared + _TINY)  # what cancels near zero is small against `length` there
+    by_w, by_vector = by_quaternion[..., :1], by_quaternion[..., 1:]
+    along = (v * by_vector).sum(-1, keepdim=True)
+    return length * by_vector + (bend * along - length / 2 * by_w) * v
+
+
+def _stretch(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
+    """Swing angle / (sine x cosine of its half), by the squares of these."""
+    sine, cosine = (sine2 + _TINY).sqrt(), cosine2.clamp(min=_NEARLY_OPPOSITE).sqrt()
+    return 2 * torch.atan2(sine, cosine) / (sine * cosine)
+
+
+def _stretch_slope(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
+    """Derivative of `_stretch` by the squared sine, from (1 - x^2) y' = x y + 1 for y = arcsin(x) / sqrt(1 - x^2)."""
+    above = 2 + (2 * sine2 - 1) * _stretch(sine2, cosine2)
+    return above / (2 * (sine2 + _TINY) * cosine2.clamp(min=_NEARLY_OPPOSITE))
