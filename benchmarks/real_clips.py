@@ -8,7 +8,7 @@ from benchmarks.clips import CLIPS, Sample, read
 from benchmarks.measures import measure
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import BodyModel
-from fitting_core.config import PRESETS, FitConfig
+from fitting_core.config import PRESETS, FitConfig, Weights
 from fitting_core.errors import InputError
 from fitting_core.fitting import fit
 from fitting_core.result import FitResult
@@ -25,6 +25,10 @@ class RealClips:
     """Which clips."""
     presets: tuple[str, ...] = (BASELINE, "paper", "tcfit")
     """Which presets; `smplifyx` stops after phase 1, which is all that SMPLify-X does."""
+    pose_priors: tuple[str, ...] = ()
+    """Fit each preset with each of these pose priors (names or files), all else equal; by default with its own."""
+    body_pose_weight: float | None = None
+    """Weight of the pose prior in stages 4 and 5, for `pose_priors`; by default the preset's."""
     default_focal: bool = False
     """Take the default focal length, even where the calibrated one is known."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -39,6 +43,23 @@ def config_of(preset: str) -> FitConfig:
     if preset not in PRESETS:
         raise InputError(f"There is no preset {preset}; expected one of {', '.join(PRESETS)}.")
     return replace(PRESETS[preset], last_phase=1) if preset == BASELINE else PRESETS[preset]
+
+
+def configs(options: RealClips) -> dict[str, FitConfig]:
+    """What is compared, by the name of its rows."""
+    presets = {preset: config_of(preset) for preset in options.presets}
+    if not options.pose_priors:
+        return presets
+    return {
+        f"{preset}, {prior}": replace(config, pose_prior=prior, weights=_weights(config, options.body_pose_weight))
+        for preset, config in presets.items()
+        for prior in options.pose_priors
+    }
+
+
+def _weights(config: FitConfig, body_pose: float | None) -> Weights:
+    row = config.weights.body_pose
+    return replace(config.weights, body_pose=row if body_pose is None else (*row[:3], body_pose, body_pose))
 
 
 def quality_rows(name: str, preset: str, sample: Sample, body: BodyModel, result: FitResult) -> list[Row]:
@@ -68,9 +89,9 @@ def run(options: RealClips) -> None:
     shapes: list[Row] = []
     for name in options.clips:
         sample = read(name, default_focal=options.default_focal)
-        for preset in options.presets:
+        for preset, config in configs(options).items():
             progress(f"{name}, {preset}: {len(sample)} frames")
-            result = fit(sample.clip, body, config_of(preset))
+            result = fit(sample.clip, body, config)
             quality += quality_rows(name, preset, sample, body, result)
             shapes.append(shape_row(name, preset, result))
     tables = {

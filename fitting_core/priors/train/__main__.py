@@ -21,9 +21,10 @@ from fitting_core.errors import InputError
 from fitting_core.priors.network import Activation, Layer, PriorNetwork
 from fitting_core.priors.network_file import write_network
 from fitting_core.priors.registry import SHIPPED
-from fitting_core.priors.train.autoencoder import NetworkSize, PoseAutoencoder, Precision
+from fitting_core.priors.train.autoencoder import NetworkSize, PoseAutoencoder
 from fitting_core.priors.train.contact import Contact
 from fitting_core.priors.train.dataset import balanced, matrices, pool, split
+from fitting_core.priors.train.loss import Precision
 from fitting_core.priors.train.retarget import load
 from fitting_core.priors.train.skeleton import Skeleton
 from fitting_core.priors.train.training import Progress, Schedule, Training
@@ -52,7 +53,8 @@ class Options:
 def main(options: Options) -> None:
     """Load, draw, train, write."""
     device = options.device or ("cuda" if torch.cuda.is_available() else "cpu")
-    skeleton = Skeleton(load_body(find_body(search=FREE_FOLDER)))
+    body = load_body(find_body(search=FREE_FOLDER))
+    skeleton = Skeleton(body)
     clips, held = split(load(options.data))
     rng = np.random.default_rng(options.schedule.seed)
     print(
@@ -61,7 +63,7 @@ def main(options: Options) -> None:
     captured = balanced(clips, skeleton, rng)
     training = Training(
         pool(captured, Contact(skeleton), options.poses, rng),
-        skeleton,
+        body,
         size=options.size,
         precision=options.precision,
         schedule=options.schedule,
@@ -88,10 +90,8 @@ def main(options: Options) -> None:
 def _line(progress: Progress, training: Training, unseen: np.ndarray) -> str:
     """How far training is, and how exactly held-out poses come back."""
     degrees, millimetres = training.errors(matrices(unseen))
-    return (
-        f"{progress.step:6d}  turned {progress.turned:6.1f}  moved {progress.moved:6.1f}  kl {progress.kl:6.1f} nats;  "
-        f"held out {degrees:.2f} degrees, {millimetres:.1f} mm"
-    )
+    parts = "  ".join(f"{name} {value:.1f}" for name, value in progress.parts.items())
+    return f"{progress.step:6d}  {parts} nats;  held out {degrees:.2f} degrees, {millimetres:.1f} mm"
 
 
 def exported(network: PoseAutoencoder) -> PriorNetwork:

@@ -1,4 +1,4 @@
-"""The variational autoencoder of body poses, and what it is trained to minimise."""
+"""The variational autoencoder of body poses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from fitting_core.priors.network import Activation
-from fitting_core.priors.train.skeleton import Skeleton
 
 LATENT = 32
 MODULES: dict[Activation, Callable[[], nn.Module]] = {
@@ -67,34 +66,3 @@ def from_columns(columns: Float[Tensor, "*b 3 2"]) -> Float[Tensor, "*b 3 3"]:
     y = columns[..., 1]
     y = nn.functional.normalize(y - (x * y).sum(-1, keepdim=True) * x, dim=-1)
     return torch.stack([x, y, torch.linalg.cross(x, y)], -1)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Precision:
-    """How exactly a pose is to come back: standard deviations of the likelihood, which set the share of the KL term."""
-
-    angle: float = 0.03
-    """Radians, each joint."""
-    position: float = 0.008
-    """Metres, each joint and end point."""
-
-
-def negative_elbo(
-    network: PoseAutoencoder,
-    skeleton: Skeleton,
-    rotations: Float[Tensor, "B 21 3 3"],
-    precision: Precision,
-    kl_weight: float,
-    random: torch.Generator,
-) -> tuple[Tensor, dict[str, Tensor]]:
-    """Mean negative evidence lower bound in nats (up to a constant), and its parts."""
-    mean, log_variance = network.encode(rotations)
-    noise = torch.randn(mean.shape, generator=random).to(mean)  # on the CPU: the same numbers on every device
-    z = mean + noise * (0.5 * log_variance).exp()
-    back = network.decode(z)
-    # |R - R'|^2 = 8 sin^2(angle / 2), about 2 angle^2: no logarithm, whose slope is infinite at pi.
-    turned = (rotations - back).square().sum((-1, -2, -3)) / (4 * precision.angle**2)
-    moved = (skeleton.points(rotations) - skeleton.points(back)).square().sum((-1, -2)) / (2 * precision.position**2)
-    kl = 0.5 * (mean.square() + log_variance.exp() - 1 - log_variance).sum(1)
-    loss = (turned + moved + kl_weight * kl).mean()
-    return loss, {"turned": turned.mean(), "moved": moved.mean(), "kl": kl.mean()}

@@ -1,5 +1,6 @@
 """Which poses put one part of the body into another, by spheres along its bones."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import torch
@@ -80,12 +81,23 @@ class Contact:
         self.first, self.second = torch.tensor(pairs).T
         self.nearest = radius[self.first] + radius[self.second] - DEPTH
 
-    def overlaps(self, rotations: Float[Tensor, "B 21 3 3"]) -> Bool[Tensor, "B"]:
-        """Whether any two parts overlap by more than DEPTH."""
+    def to(self, device: str) -> "Contact":
+        """The same on a device."""
+        moved = copy(self)
+        moved.skeleton = self.skeleton.to(device)
+        for name in ("joint", "offset", "first", "second", "nearest"):
+            setattr(moved, name, getattr(self, name).to(device))
+        return moved
+
+    def depths(self, rotations: Float[Tensor, "B 21 3 3"]) -> Float[Tensor, "B pairs"]:
+        """Metres by which spheres of two parts overlap beyond DEPTH, 0 where they do not."""
         world, points = self.skeleton.posed(rotations)
         centre = points[:, self.joint] + (world[:, self.joint] @ self.offset.to(points)[..., None])[..., 0]
-        distance = (centre[:, self.first] - centre[:, self.second]).norm(dim=-1)
-        return (distance < self.nearest).any(1)
+        return (self.nearest - (centre[:, self.first] - centre[:, self.second]).norm(dim=-1)).clamp(min=0)
+
+    def overlaps(self, rotations: Float[Tensor, "B 21 3 3"]) -> Bool[Tensor, "B"]:
+        """Whether any two parts overlap by more than DEPTH."""
+        return (self.depths(rotations) > 0).any(1)
 
 
 def _places(skeleton: Skeleton) -> dict[str, Tensor]:

@@ -25,8 +25,10 @@ _OWN, _OTHER = 0.4, 0.65
 """In recombined poses 40 % of the limbs stay, 25 % come from another captured pose, 35 % from synthesis."""
 _NOISE = {
     ("left_wrist", "right_wrist"): 12.0,  # captured wrists never bend
-    **{(f"{side}_{joint}",): 4.0 for side in ("left", "right") for joint in ("hip", "shoulder", "ankle")},
-    ("neck", "head", "spine1", "spine2", "spine3"): 4.0,
+    ("neck", "head"): 8.0,  # captured ones share every turn alike; people push their chin forward
+    ("spine1", "spine2", "spine3"): 6.0,  # the same
+    ("left_collar", "right_collar"): 5.0,  # captured ones follow from the arm's direction; people shrug
+    ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "left_ankle", "right_ankle"): 4.0,
 }
 """Degrees about each axis, by joints; hinges have none."""
 
@@ -54,7 +56,7 @@ def balanced(clips: Sequence[MotionClip], skeleton: Skeleton, rng: np.random.Gen
     pose = np.concatenate([clip.body_pose for clip in clips])
     pose = np.concatenate([pose, mirrored(pose)])
     points = skeleton.points(matrices(pose)).flatten(1).numpy()
-    _, label = kmeans2(points, _CLUSTERS, iter=15, minit="points", rng=rng)
+    _, label = kmeans2(points, _CLUSTERS, iter=15, minit="++", rng=rng)
     size = np.bincount(label, minlength=_CLUSTERS).astype(float)
     weight = size[label] ** -_FLATTENED
     return Poses(pose, weight / weight.sum())

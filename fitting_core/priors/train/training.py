@@ -1,5 +1,6 @@
 """The training loop: seeded, with checkpoints from which it goes on as if it had never stopped."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,10 +11,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core import rotations
+from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
-from fitting_core.priors.train.autoencoder import NetworkSize, PoseAutoencoder, Precision, negative_elbo
-from fitting_core.priors.train.skeleton import Skeleton
+from fitting_core.priors.train.autoencoder import NetworkSize, PoseAutoencoder
+from fitting_core.priors.train.loss import Loss, Precision
 
 _WARM_UP = 1000
 """Steps over which the KL term comes in: with its full weight from the start a third of the latent stayed unused."""
@@ -36,9 +38,8 @@ class Progress:
     """Means over the steps since the last report, in nats per pose."""
 
     step: int
-    turned: float
-    moved: float
-    kl: float
+    parts: dict[str, float]
+    """As `Loss` names them."""
 
 
 class Training:
@@ -47,7 +48,7 @@ class Training:
     def __init__(
         self,
         pool: Float[np.ndarray, "N 63"],
-        skeleton: Skeleton,
+        body: BodyModel,
         *,
         size: NetworkSize,
         precision: Precision,
@@ -56,7 +57,7 @@ class Training:
     ) -> None:
         torch.manual_seed(schedule.seed)
         self.pool = torch.as_tensor(pool, dtype=torch.float32)
-        self.skeleton, self.precision, self.schedule = skeleton.to(device), precision, schedule
+        self.loss, self.precision, self.schedule = Loss(body, precision, device), precision, schedule
         self.device = torch.device(device)
         self.network = PoseAutoencoder(size).to(device)
         weights, biases = (
@@ -78,19 +79,19 @@ class Training:
 
     def run(self, report_every: int = 500) -> Iterator[Progress]:
         """Train to the end of the schedule, with a report now and then."""
-        sums = torch.zeros(3)
+        sums: Counter[str] = Counter()
         while self.step < self.schedule.steps:
             parts = self._one_step()
-            sums += torch.stack([parts["turned"], parts["moved"], parts["kl"]]).detach().cpu()
+            sums.update({name: float(part.detach()) for name, part in parts.items()})
             if self.step % report_every == 0 or self.step == self.schedule.steps:
-                yield Progress(self.step, *(sums / report_every).tolist())
-                sums.zero_()
+                yield Progress(self.step, {name: total / report_every for name, total in sums.items()})
+                sums.clear()
 
     def _one_step(self) -> dict[str, Tensor]:
         chosen = torch.randint(len(self.pool), (self.schedule.batch,), generator=self.random)
         matrices = rotations.exp(self.pool[chosen].to(self.device).view(-1, 21, 3))
         kl_weight = min(1.0, self.step / _WARM_UP)
-        loss, parts = negative_elbo(self.network, self.skeleton, matrices, self.precision, kl_weight, self.random)
+        loss, parts = self.loss(self.network, matrices, kl_weight, self.random)
         self.network.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), _LARGEST_GRADIENT)
@@ -105,7 +106,7 @@ class Training:
         matrices = matrices.to(self.device)
         back = self.network.decode(self.network.encode(matrices)[0])
         angle = rotations.log(matrices.mT @ back).norm(dim=-1)
-        apart = (self.skeleton.points(matrices) - self.skeleton.points(back)).norm(dim=-1)
+        apart = (self.loss.skeleton.points(matrices) - self.loss.skeleton.points(back)).norm(dim=-1)
         return float(angle.mean().rad2deg()), float(1000 * apart.mean())
 
     def _identity(self) -> dict[str, object]:
