@@ -6,7 +6,7 @@ the left side; the right side mirrors x, so that a negative x always means "acro
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 Vector = tuple[float, float, float]
 
@@ -40,6 +40,9 @@ class Arm:
     """One of handshapes.HANDSHAPES."""
 
 
+Limb = TypeVar("Limb", Leg, Arm)
+
+
 @dataclass(frozen=True, kw_only=True)
 class HardPose:
     """One pose. Turns are (pitch forward, yaw to the left, roll to the right) in degrees."""
@@ -60,13 +63,17 @@ class HardPose:
     """Also seen from behind."""
 
 
-_STAND = (Leg((0.10, -0.905, 0.0)),) * 2
+def _both(limb: Limb) -> tuple[Limb, Limb]:
+    return limb, limb
+
+
+_STAND = _both(Leg((0.10, -0.905, 0.0)))
 _HANG = Arm((0.235, -0.445, 0.055), (0.35, -0.1, -1.0))
-_HANGING = (_HANG,) * 2
+_HANGING = _both(_HANG)
 _CHAIR_LEG = Leg((0.13, -0.53, 0.36), (0.1, 0.6, 1.0))
-_CHAIR = (_CHAIR_LEG,) * 2
+_CHAIR = _both(_CHAIR_LEG)
 _ON_THIGH = Arm((0.14, -0.37, 0.24), (0.8, -0.3, -0.6), (-0.2, -0.3, 1.0), (0.0, -1.0, -0.3))
-_ON_THIGHS = (_ON_THIGH,) * 2
+_ON_THIGHS = _both(_ON_THIGH)
 _TAILOR = (
     Leg((-0.12, -0.13, 0.27), (1.0, 0.15, 0.55), None),
     Leg((-0.04, -0.13, 0.38), (1.0, 0.15, 0.55), None),
@@ -80,13 +87,7 @@ _READY: dict[str, Any] = dict(fingers=(-0.75, 0.2, 0.6), palm=(-0.2, -0.6, -0.75
 _ACROSS = Arm((-0.13, -0.215, 0.20), (1.0, -0.9, 0.1), (-1.0, 0.25, 0.0), (0.0, -0.3, -1.0))
 
 
-def _both(leg_or_arm: Any) -> tuple[Any, Any]:
-    return leg_or_arm, leg_or_arm
-
-
-def _standing(
-    name: str, category: str, arms: Sequence[Arm], *, from_behind: bool = False, **turns: Vector
-) -> HardPose:
+def _standing(name: str, category: str, arms: Sequence[Arm], *, from_behind: bool = False, **turns: Vector) -> HardPose:
     return HardPose(
         name=name, category=category, legs=_STAND, arms=(arms[0], arms[1]), from_behind=from_behind, **turns
     )
@@ -128,12 +129,14 @@ _ON_THE_FLOOR = [
     HardPose(name="cross-legged, hands on knees", category="floor", hips=(-14, 0, 0), spine=(18, 0, 0), legs=_TAILOR,
              arms=_both(Arm((0.27, -0.33, 0.19), (0.7, -0.5, -0.6)))),
     HardPose(name="cross-legged, hands in lap", category="floor", hips=(-16, 0, 0), spine=(26, 0, 0), legs=_TAILOR,
-             head=(10, 0, 0), arms=_both(Arm((0.05, -0.38, 0.20), (0.9, -0.4, -0.3), (-0.9, -0.1, 0.5), (0, 0.8, -0.5)))),
+             head=(10, 0, 0),
+             arms=_both(Arm((0.05, -0.38, 0.20), (0.9, -0.4, -0.3), (-0.9, -0.1, 0.5), (0, 0.8, -0.5)))),
     HardPose(name="cross-legged, signing", category="floor", hips=(-12, 0, 0), spine=(14, 0, 0), legs=_TAILOR,
              arms=(Arm((0.15, -0.12, 0.28), fingers=(-0.3, 0.9, 0.4), palm=(-0.9, 0.0, -0.3), shape="flat"),
                    Arm((0.08, -0.20, 0.32), **_READY))),
     HardPose(name="legs stretched, hands on thighs", category="floor", hips=(-10, 0, 0), spine=(22, 0, 0),
-             legs=_both(_STRETCHED), arms=_both(Arm((0.13, -0.33, 0.27), (0.8, -0.4, -0.5), (-0.1, -0.3, 1), (0, -1, -0.3)))),
+             legs=_both(_STRETCHED),
+             arms=_both(Arm((0.13, -0.33, 0.27), (0.8, -0.4, -0.5), (-0.1, -0.3, 1), (0, -1, -0.3)))),
     HardPose(name="legs stretched, leaning back", category="floor", hips=(-32, 0, 0), spine=(10, 0, 0), head=(10, 0, 0),
              legs=_both(_STRETCHED),
              arms=_both(Arm((0.30, -0.41, -0.16), (0.5, 0.0, -1.0), (0.4, -0.5, -0.8), (0.0, -0.9, 0.5)))),
@@ -161,12 +164,14 @@ _KNEELING_AND_SQUATTING = [
              spine=(34, 0, 0), head=(-15, 0, 0),
              arms=_both(Arm((0.16, -0.20, 0.40), (0.8, 0.0, -0.7), (0.0, -0.1, 1.0), (0.0, -1.0, 0.5)))),
     HardPose(name="deep squat", category="squatting", hips=(12, 0, 0), spine=(34, 0, 0), head=(-25, 0, 0),
-             legs=_both(_SQUAT), arms=_both(Arm((0.03, -0.26, 0.34), (0.9, -0.3, -0.2), (-0.8, 0.0, 0.6), (-0.2, -0.6, -0.6)))),
+             legs=_both(_SQUAT),
+             arms=_both(Arm((0.03, -0.26, 0.34), (0.9, -0.3, -0.2), (-0.8, 0.0, 0.6), (-0.2, -0.6, -0.6)))),
     HardPose(name="half squat, arms forward", category="squatting", hips=(28, 0, 0), spine=(8, 0, 0), head=(-20, 0, 0),
              legs=_both(Leg((0.17, -0.58, 0.12), (0.3, 0.2, 1.0), (0.3, 0.0, 1.0))),
              arms=_both(Arm((0.17, 0.05, 0.46), (0.7, -0.8, 0.0), (0.0, 0.1, 1.0), (0.0, -1.0, 0.1)))),
     HardPose(name="lunge", category="squatting", spine=(5, 0, 0),
-             legs=(Leg((0.10, -0.62, 0.46)), Leg((0.11, -0.66, -0.50), (0.1, -0.3, 1.0), (0.1, -0.8, 0.7), (0, -0.7, -0.8))),
+             legs=(Leg((0.10, -0.62, 0.46)),
+                   Leg((0.11, -0.66, -0.50), (0.1, -0.3, 1.0), (0.1, -0.8, 0.7), (0, -0.7, -0.8))),
              arms=_both(Arm((0.25, -0.36, -0.03), (1.0, 0.1, -0.4), (-0.6, -0.4, 0.6), (-0.6, -0.3, -0.6)))),
 ]  # fmt: skip
 _ARMS_HIDDEN = [
@@ -227,8 +232,8 @@ _UPRIGHT = [
              legs=(Leg((0.09, -0.86, 0.26), toes=(0.1, 0.3, 1.0), sole=(0, -1, 0.3)),
                    Leg((0.09, -0.84, -0.30), toes=(0.1, -0.5, 1.0), sole=(0, -1, -0.5))),
              arms=(Arm((0.22, -0.41, -0.13), (0.3, 0.0, -1.0)), Arm((0.20, -0.38, 0.22), (0.4, -0.3, -1.0)))),
-    HardPose(name="bowing, hands at the knees", category="standing", hips=(40, 0, 0), spine=(35, 0, 0), head=(-10, 0, 0),
-             legs=_both(Leg((0.12, -0.87, -0.10))),
+    HardPose(name="bowing, hands at the knees", category="standing", hips=(40, 0, 0), spine=(35, 0, 0),
+             head=(-10, 0, 0), legs=_both(Leg((0.12, -0.87, -0.10))),
              arms=_both(Arm((0.18, -0.26, 0.36), (0.9, 0.2, -0.5), (-0.1, -0.6, 0.8), (0.0, -0.6, -0.8)))),
 ]  # fmt: skip
 _SUPINE, _PRONE = (-90.0, 0.0, 0.0), (90.0, 0.0, 0.0)

@@ -1,7 +1,7 @@
 """Whether a fit of noise-free keypoints returns the pose: authored hard poses and held-out motion capture.
 
 Every pose is a frame on its own, fitted by phase 1: blank frames stand between them, so that no frame restarts from a
-neighbour that happens to be alike. All 137 keypoints are given at confidence 1, whatever hides them; the camera is known.
+neighbour that happens to be alike. All keypoints are given at confidence 1, whatever hides them; the camera is known.
 """
 
 from collections.abc import Sequence
@@ -159,7 +159,9 @@ def errors_of(body: BodyModel, truth: BodyParams, found: BodyParams) -> Errors:
     return Errors(vertex_mm=vertex, aligned_mm=aligned, camera_mm=camera, pixels=off)
 
 
-def from_truth(stages: Stages, truth: BodyParams, frames: Tensor) -> tuple[Float[np.ndarray, "T"], BodyParams, np.ndarray]:
+def from_truth(
+    stages: Stages, truth: BodyParams, frames: Tensor
+) -> tuple[Float[np.ndarray, "T"], BodyParams, np.ndarray]:
     """The objective at the truth, and the minimum of the last stage that is reached from there with its objective."""
     parametrisation = stages.parametrisation
     known = parametrisation.from_params(truth)
