@@ -7,5 +7,6 @@ Run them from the repository's root. They need the development data (see clips.p
     solvers      lm against lbfgs: objective, seconds and evaluations from the same start on the same cost
     length       seconds per frame of each phase against the length of the clip
     profile      where the time of a fit goes
+    recover_poses  whether a fit of noise-free keypoints returns hard poses
     overlays     contact sheets of fits with side views, to look at
 """

@@ -1,7 +1,7 @@
 """Phase 1: every frame on its own, as SMPLify-X does it; then, if wanted, the relay."""
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -11,8 +11,9 @@ from fitting_core import rotations
 from fitting_core.frame_names import spans
 from fitting_core.initialize import guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
 from fitting_core.objective import FrameObjective
+from fitting_core.phases.limb_flips import LimbFlips
 from fitting_core.phases.progress import Step, reported
-from fitting_core.solvers import Solver
+from fitting_core.solvers import Solver, make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
@@ -20,6 +21,13 @@ from fitting_core.state import State
 YAWS = {"four": (0.0, 90.0, 180.0, 270.0), "side_view": (0.0,)}
 _LOWER = 1e-4
 """A relayed start must lower a frame's cost by this share to be taken."""
+_FLIP_ROUNDS = 2
+"""Limbs are mirrored again where that helped: another one may be right now."""
+_FLIP_ITERATIONS = 8
+_FLIPS_KEPT = 3
+_HOPEFUL = 1.5
+"""Mirrored limbs get 8 iterations, and of each frame the best 3 go on that cost at most 1.5 times as much as what is
+there: among 12 trials of each of 91 poses that finds the best one on 97 % (after 4 iterations the best 3: 72 %)."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +58,16 @@ def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFit
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
     camera = yield from run.camera_step(state, guess.depth)
     state, cost = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
-    if stages.config.relay_rounds:
+    if _restarts(stages):
         state, cost = yield from run.relay(state, camera)
     good = usable & cost.isfinite()
     notes = (guess.note(), *_notes(usable, cost))
     return FrameFits(filled(state, good), cost, notes)
+
+
+def _restarts(stages: Stages) -> bool:
+    """Whether frames start again from elsewhere once they were fitted."""
+    return bool(stages.config.relay_rounds) or stages.config.limb_flips
 
 
 def _notes(usable: Tensor, cost: Tensor) -> Iterator[str]:
@@ -108,7 +121,7 @@ class _Frames:
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             objective = self.stages.objective(stage, state, free)
             share = (0.1 * stage, 0.1 * stage + 0.1)
-            last = stage == N_STAGES and not self.stages.config.relay_rounds
+            last = stage == N_STAGES and not _restarts(self.stages)
             looks_closer = self.stages.looks_closer(stage)
             state, cost = yield from self._minimise(
                 objective, state, f"stage {stage}", share, final=last, cold=looks_closer
@@ -146,6 +159,8 @@ class _Frames:
             trial, trial_cost = yield from seat._minimise(objective, start, "seat", (0.6, 0.6))
             better = trial_cost < cost * (1 - _LOWER)
             state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
+        if stages.config.limb_flips:
+            state, cost = yield from self.flip_limbs(objective, state, cost)
         fresh = cost.isfinite()
         for k in range(rounds):
             changed = torch.zeros_like(fresh)
@@ -168,6 +183,36 @@ class _Frames:
         return (
             yield from self._minimise(stages.objective(N_STAGES, state, free), state, "polish", (0.9, 1.0), final=True)
         )
+
+    def flip_limbs(
+        self, objective: FrameObjective, state: State, cost: Tensor
+    ) -> Generator[Step, None, tuple[State, Tensor]]:
+        """Every frame restarts with its limbs mirrored in depth, one at a time, and keeps the lowest cost."""
+        flips, settings = LimbFlips(self.stages), self.stages.config.settings
+        quick = make_solver(self.stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
+        frames, share = self.frames[cost[self.frames].isfinite()], (0.6, 0.6)
+        for _ in range(_FLIP_ROUNDS):
+            if not len(frames):
+                break
+            tried, costs = [], []
+            for label, start in flips.every(state[frames]):
+                run = _Frames(self.stages, quick, frames)
+                trial, trial_cost = yield from run._minimise(objective, state.put(frames, start), label, share)
+                tried.append(trial[frames])
+                costs.append(trial_cost[frames])
+            kept = torch.stack(costs).topk(_FLIPS_KEPT, 0, largest=False)
+            everything, before = State.cat(tried), cost
+            for k in range(_FLIPS_KEPT):
+                hopeful = (kept.values[k] < _HOPEFUL * before[frames]).nonzero()[:, 0]
+                if not len(hopeful):
+                    break
+                target, start = frames[hopeful], everything[kept.indices[k, hopeful] * len(frames) + hopeful]
+                run = _Frames(self.stages, self.solver, target)
+                trial, trial_cost = yield from run._minimise(objective, state.put(target, start), "limbs", share)
+                better = trial_cost < cost * (1 - _LOWER)
+                state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
+            frames = frames[(cost < before)[frames]]
+        return state, cost
 
 
 def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int) -> Tensor:

@@ -1,0 +1,140 @@
+"""Figures in the poses of hard_poses.py, and in any pose, before a camera: parameters and noise-free keypoints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from benchmarks.hard_poses import Arm, HardPose, Leg, Vector
+from fitting_core.body.model import N_HAND_COMPONENTS, N_JOINTS, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.positions import joints_in_space, keypoints_in_space
+from fitting_core.camera import Camera
+from fitting_core.evaluation.handshapes import HANDSHAPES, finger_angles
+from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
+from fitting_core.keypoints import COUNT, Keypoints
+
+CAMERA = Camera(focal=(1150.0, 1150.0), center=(500.0, 500.0), size=(1000, 1000), source="given")
+DISTANCE = 3.5
+"""From the camera to the middle of the body's joints, metres."""
+TILT_DEGREES = 10.0
+"""By which the camera looks down."""
+_SIDES = (("left", 1.0), ("right", -1.0))
+_FACING = np.diag([1.0, -1.0, -1.0])
+_BODY = slice(1, 22)
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """From where a pose is seen."""
+
+    name: str
+    yaw_degrees: float
+    """Of the person, to their left, from facing the camera."""
+
+
+FRONT, BACK = View(name="front", yaw_degrees=0.0), View(name="back", yaw_degrees=170.0)
+VIEWS = (FRONT, View(name="oblique", yaw_degrees=40.0), View(name="side", yaw_degrees=-85.0))
+
+
+def views_of(pose: HardPose) -> Sequence[View]:
+    """From where a pose is seen."""
+    return (*VIEWS, BACK) if pose.from_behind else VIEWS
+
+
+def figure_of(body: BodyModel, pose: HardPose) -> BodyParams:
+    """One frame of a person of mean shape in a pose, in level axes, with the pelvis joint where it rests."""
+    rest = body.joint_regressor @ body.template
+    figure = Figure(rest, body.parents, rest[:1])
+    figure.turn("pelvis", _turn(pose.hips))
+    for joint, share in (("spine1", 0.3), ("spine2", 0.35), ("spine3", 0.35)):
+        figure.turn(joint, _turn(pose.spine, share))
+    for joint, share in (("neck", 0.4), ("head", 0.6)):
+        figure.turn(joint, _turn(pose.head, share))
+    hands = []
+    for (side, sign), leg, arm in zip(_SIDES, pose.legs, pose.arms, strict=True):
+        _place_leg(figure, side, sign, leg)
+        _place_arm(figure, side, sign, arm)
+        hands.append(_hand(body, side, arm.shape))
+    local = Rotation.from_matrix(figure.local[0]).as_rotvec()
+    orient = Rotation.from_matrix(_turn(pose.whole)[0] @ figure.local[0, 0]).as_rotvec()
+    still = BodyParams.neutral(1)
+    return replace(
+        still,
+        global_orient=torch.as_tensor(orient)[None],
+        body_pose=torch.as_tensor(local[_BODY].reshape(1, 63)),
+        left_hand_pose=hands[0],
+        right_hand_pose=hands[1],
+    )
+
+
+def _turn(degrees: Vector, share: float = 1.0) -> Float[np.ndarray, "1 3 3"]:
+    pitch, yaw, roll = degrees
+    return Rotation.from_euler("YXZ", [[share * yaw, share * pitch, share * roll]], degrees=True).as_matrix()
+
+
+def _place_leg(figure: Figure, side: str, sign: float, leg: Leg) -> None:
+    mirror = np.array([sign, 1.0, 1.0])
+    limb = LIMBS[f"{side}_leg"]
+    ankle, knee = figure.root + np.array(leg.ankle) * mirror, np.array([leg.knee]) * mirror
+    if leg.toes is None:
+        figure.reach(limb, ankle, knee, np.eye(3)[None])
+        figure.turn(limb.joints[-1], np.eye(3)[None])
+        return
+    toes, sole = (np.array([v]) * mirror for v in (leg.toes, leg.sole))
+    # A foot at rest has its toes forward and its sole down: a hand's fingers and palm, turned by 90 degrees.
+    at_rest = hand_rotation(np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -1.0, 0.0]]), side)
+    foot = hand_rotation(toes, sole, side) @ np.swapaxes(at_rest, -1, -2)
+    figure.reach(limb, ankle, knee, foot)
+
+
+def _place_arm(figure: Figure, side: str, sign: float, arm: Arm) -> None:
+    mirror = np.array([sign, 1.0, 1.0])
+    chest, _ = figure.world("spine3")
+    shoulders = (figure.world("left_shoulder")[1] + figure.world("right_shoulder")[1]) / 2
+
+    def in_chest(vector: Vector) -> Float[np.ndarray, "1 3"]:
+        return (chest @ (np.array(vector) * mirror)[:, None])[..., 0]
+
+    limb = LIMBS[f"{side}_arm"]
+    wrist, elbow = shoulders + in_chest(arm.wrist), in_chest(arm.elbow)
+    if arm.fingers is None or arm.palm is None:
+        figure.reach(replace(limb, twist_share=0.0), wrist, elbow, chest)
+        figure.turn(limb.joints[-1], np.eye(3)[None])
+        return
+    figure.reach(limb, wrist, elbow, hand_rotation(in_chest(arm.fingers), in_chest(arm.palm), side))
+
+
+def _hand(body: BodyModel, side: str, shape: str) -> Float[torch.Tensor, "1 12"]:
+    """The nearest hand that the principal components can form, so that a fit could return it exactly."""
+    index = 0 if side == "left" else 1
+    angles = finger_angles(HANDSHAPES[shape], side).reshape(45) - body.hand_mean[index]
+    basis = np.asarray(body.hand_components[index, :N_HAND_COMPONENTS], float).T
+    return torch.as_tensor(np.linalg.lstsq(basis, angles, rcond=None)[0])[None]
+
+
+def before_camera(body: BodyModel, figures: BodyParams, yaw_degrees: Float[np.ndarray, "T"]) -> BodyParams:
+    """Figures in level axes, each turned by its yaw about the vertical and set before the camera."""
+    turn = Rotation.from_matrix(_FACING) * Rotation.from_euler("x", TILT_DEGREES, degrees=True)
+    turn = turn * Rotation.from_euler("y", np.asarray(yaw_degrees)[:, None], degrees=True)
+    orient = (turn * Rotation.from_rotvec(figures.global_orient.numpy())).as_rotvec()
+    turned = replace(
+        figures,
+        global_orient=torch.as_tensor(orient),
+        camera_translation=torch.zeros(len(figures), 3, dtype=torch.float64),
+    )
+    joints = joints_in_space(body, turned)
+    assert joints.shape[1] == N_JOINTS
+    place = np.array([0.0, 0.0, DISTANCE]) - joints[:, :22].mean(1)
+    return replace(turned, camera_translation=torch.as_tensor(place))
+
+
+def seen_by(camera: Camera, body: BodyModel, params: BodyParams) -> Keypoints:
+    """All keypoints that the body has, without noise, at confidence 1, whatever hides them."""
+    points, exists = keypoints_in_space(body, params)
+    xy = np.zeros((len(params), COUNT, 2))
+    xy[:, exists] = points[:, exists, :2] / points[:, exists, 2:] * camera.focal + camera.center
+    return Keypoints(xy=xy, confidence=np.tile(exists.astype(float), (len(params), 1)))
