@@ -45,6 +45,8 @@ class Options:
     """Poses to draw and to synthesise before training."""
     device: Annotated[str, arg(metavar="DEVICE", help_behavior_hint="(default: cuda where there is one)")] = ""
     """cpu or cuda."""
+    threads: int = 1
+    """CPU threads of torch. On a busy machine two of them were half as fast as one."""
     size: OmitArgPrefixes[NetworkSize] = field(default_factory=NetworkSize)
     precision: OmitArgPrefixes[Precision] = field(default_factory=Precision)
     schedule: OmitArgPrefixes[Schedule] = field(default_factory=Schedule)
@@ -52,6 +54,7 @@ class Options:
 
 def main(options: Options) -> None:
     """Load, draw, train, write."""
+    torch.set_num_threads(options.threads)
     device = options.device or ("cuda" if torch.cuda.is_available() else "cpu")
     body = load_body(find_body(search=FREE_FOLDER))
     skeleton = Skeleton(body)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.cluster.vq import kmeans2
+from scipy.cluster.vq import kmeans2, vq
 from scipy.spatial.transform import Rotation
 
 from fitting_core import rotations
@@ -19,6 +19,7 @@ from fitting_core.priors.train.synthesis import SYNTHESIS, group_rows
 HELD_OUT = ("cmu05", "cmu13", "cmu14")
 """Subjects of the CMU data that training never sees."""
 _CLUSTERS = 256
+_MOST_CLUSTERED = 5000
 _FLATTENED = 0.8
 """Clusters are drawn with probability size^(1 - this): 0 as captured, 1 all alike."""
 _OWN, _OTHER = 0.4, 0.65
@@ -56,8 +57,10 @@ def balanced(clips: Sequence[MotionClip], skeleton: Skeleton, rng: np.random.Gen
     pose = np.concatenate([clip.body_pose for clip in clips])
     pose = np.concatenate([pose, mirrored(pose)])
     points = skeleton.points(matrices(pose)).flatten(1).numpy()
-    _, label = kmeans2(points, _CLUSTERS, iter=15, minit="++", rng=rng)
-    size = np.bincount(label, minlength=_CLUSTERS).astype(float)
+    some = points[rng.choice(len(points), min(len(points), _MOST_CLUSTERED), replace=False)]
+    centres, _ = kmeans2(some, min(_CLUSTERS, len(some) // 2), iter=15, minit="++", rng=rng)  # "++": spread out
+    label, _ = vq(points, centres)
+    size = np.bincount(label, minlength=len(centres)).astype(float)
     weight = size[label] ** -_FLATTENED
     return Poses(pose, weight / weight.sum())
 
