@@ -24,6 +24,7 @@ _FLATTENED = 0.8
 """Clusters are drawn with probability size^(1 - this): 0 as captured, 1 all alike."""
 _OWN, _OTHER = 0.4, 0.65
 """In recombined poses 40 % of the limbs stay, 25 % come from another captured pose, 35 % from synthesis."""
+_MOST_OF_COLLAR = 1.2
 _NOISE = {
     ("left_wrist", "right_wrist"): 12.0,  # captured wrists never bend
     ("neck", "head"): 8.0,  # captured ones share every turn alike; people push their chin forward
@@ -99,9 +100,24 @@ def _mixed(captured: Poses, count: int, rng: np.random.Generator) -> Float[np.nd
         for group, limb in zip(groups, make(rng, count), strict=True):
             rows = group_rows(group)
             pose[:, rows] = np.where(choice < _OWN, pose[:, rows], np.where(choice < _OTHER, other[:, rows], limb))
+    _loosen_collars(pose, rng)
     for joints, deviation in _NOISE.items():
         rows = [JOINT[name] - 1 for name in joints]
         noise = Rotation.from_rotvec(rng.normal(0, np.radians(deviation), (count * len(rows), 3)))
         turned = Rotation.from_rotvec(pose[:, rows].reshape(-1, 3)) * noise
         pose[:, rows] = turned.as_rotvec().reshape(count, -1, 3)
     return pose.reshape(count, 63)
+
+
+def _loosen_collars(pose: Float[np.ndarray, "n 21 3"], rng: np.random.Generator) -> None:
+    """Give collars any part of their rotation; the upper arms stay as they are against the chest.
+
+    All captured and synthesised collars follow one rule from the arm's direction, but people (and those who pose
+    figures by hand) do not: with that rule alone a hanging arm on an unturned collar could not be encoded at all.
+    """
+    for side in ("left", "right"):
+        collar, shoulder = JOINT[f"{side}_collar"] - 1, JOINT[f"{side}_shoulder"] - 1
+        before = Rotation.from_rotvec(pose[:, collar])
+        pose[:, collar] *= rng.uniform(0, _MOST_OF_COLLAR, (len(pose), 1))
+        after = Rotation.from_rotvec(pose[:, collar])
+        pose[:, shoulder] = (after.inv() * before * Rotation.from_rotvec(pose[:, shoulder])).as_rotvec()
