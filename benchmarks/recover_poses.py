@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from tyro.conf import OmitArgPrefixes
 
+from benchmarks.clips import data_folder
 from benchmarks.figures import BACK, CAMERA, VIEWS, before_camera, figure_of, seen_by, views_of
 from benchmarks.hard_poses import HARD_POSES
 from benchmarks.real_clips import config_of
@@ -28,14 +29,14 @@ from fitting_core.errors import InputError
 from fitting_core.evaluation.metrics import procrustes
 from fitting_core.fitting import fit
 from fitting_core.keypoints import Keypoints
+from fitting_core.priors.train.dataset import split
+from fitting_core.priors.train.retarget import load
 from fitting_core.solvers import make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
 
 RETURNED_MM = 15.0
 """Mean vertex error under which a pose counts as returned."""
-HELD_OUT = ("cmu05", "cmu13", "cmu14")
-"""Subjects that no prior was trained on."""
 _CHUNK = 32
 
 
@@ -51,8 +52,8 @@ class RecoverPoses:
     """The poses of hard_poses.py, each from three or four sides."""
     mocap: int = 100
     """How many held-out poses of motion capture."""
-    mocap_file: Path | None = None
-    """Retargeted poses (npz with body_pose, subject, clip)."""
+    mocap_data: Path | None = None
+    """Folder with the motion capture; by default the development data's."""
     betas: float = 0.0
     """Standard deviation of random shapes; 0 is the mean shape."""
     seed: int = 0
@@ -96,18 +97,19 @@ def authored(body: BodyModel, spread: float, seed: int) -> Posed:
     )
 
 
-def captured(body: BodyModel, file: Path, count: int, spread: float, seed: int) -> Posed:
+def captured(body: BodyModel, folder: Path, count: int, spread: float, seed: int) -> Posed:
     """Held-out poses of motion capture, drawn at random, seen from the four views in turn."""
-    with np.load(file, allow_pickle=False) as poses:
-        held_out = np.flatnonzero(np.isin(poses["subject"], HELD_OUT))
-        chosen = np.sort(np.random.default_rng(seed).choice(held_out, count, replace=False))
-        body_pose, clips = poses["body_pose"][chosen].astype(float), poses["clip"][chosen]
+    _, held = split(load(folder))
+    poses = np.concatenate([clip.body_pose for clip in held])
+    names = [f"{clip.name} #{i}" for clip in held for i in range(len(clip.body_pose))]
+    chosen = np.sort(np.random.default_rng(seed).choice(len(poses), count, replace=False))
+    body_pose = poses[chosen]
     views = [(*VIEWS, BACK)[i % 4] for i in range(count)]
     figures = shaped(replace(BodyParams.neutral(count), body_pose=torch.as_tensor(body_pose)), spread, seed + 1)
     params = before_camera(body, figures, np.array([view.yaw_degrees for view in views]))
     return Posed(
         params=params,
-        names=tuple(f"{clip} #{i}, {view.name}" for clip, i, view in zip(clips, chosen, views, strict=True)),
+        names=tuple(f"{names[i]}, {view.name}" for i, view in zip(chosen, views, strict=True)),
         groups=("motion capture",) * count,
     )
 
@@ -283,9 +285,8 @@ def poses_of(options: RecoverPoses, body: BodyModel) -> Posed:
     """What the options ask for."""
     parts = [authored(body, options.betas, options.seed)] if options.authored else []
     if options.mocap:
-        if options.mocap_file is None:
-            raise InputError("Name the file of retargeted poses with --mocap-file, or give --mocap 0.")
-        parts.append(captured(body, options.mocap_file, options.mocap, options.betas, options.seed))
+        folder = options.mocap_data or data_folder() / "mocap"
+        parts.append(captured(body, folder, options.mocap, options.betas, options.seed))
     if not parts:
         raise InputError("There is nothing to fit: leave --authored on, or give --mocap a number.")
     return Posed(
