@@ -1,21 +1,21 @@
 """Named handshapes fitted to their own keypoints, from the mean hand: how near, and what they look like.
 
-A body raises both hands before it; what a camera of an upper-body clip sees of its 137 keypoints is fitted by stage 5 of
-phase 1 with everything but the hands at its truth ("hands alone"), or by all of phase 1 ("phase 1"). One image leaves
-depth open: errors in space are told with the wrists in the same place, and with the hands moved and turned onto each
-other ("shape").
+A body raises both hands before it; what a camera of an upper-body clip sees of its 137 keypoints is fitted by stage 5
+of phase 1 with everything but the hands at its truth ("hands alone"), or by all of phase 1 ("phase 1"). One image leaves
+depth open, so errors in space are told twice: with the wrists in the same place, and with the hands moved and turned
+onto each other ("shape").
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from scipy.spatial.transform import Rotation
-from torch import Tensor
 from tyro.conf import OmitArgPrefixes, Positional
 
 from benchmarks.real_clips import config_of
@@ -38,7 +38,7 @@ from fitting_core.render import Renderer
 from fitting_core.solvers import make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
-from fitting_core.state import Free, State
+from fitting_core.state import Free
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
 VIEWS = {
@@ -67,8 +67,9 @@ class Handshapes:
     """A picture of truth and fit side by side."""
     shapes: tuple[str, ...] = tuple(HANDSHAPES)
     views: tuple[str, ...] = tuple(VIEWS)
-    mode: str = "phase 1"
-    """"hands alone" or "phase 1"."""
+    mode: Literal["hands alone", "phase 1"] = "hands alone"
+    starts: tuple[float, ...] = (0.0,)
+    """hands alone: the shares of a fist from which hands start; each frame keeps its lowest cost."""
     size: tuple[int, int] = (640, 480)
     """Of the image; the hand is about a seventh of its height long."""
     noise: float = 0.0
@@ -146,22 +147,35 @@ def _truth(body: BodyModel, names: list[tuple[str, str]]) -> BodyParams:
     return in_camera(posed, rest[0], turn, np.array([0.0, middle[1] - _HEIGHT, _DISTANCE]))
 
 
-def fit_hands_alone(body: BodyModel, stages: Stages, truth: BodyParams) -> BodyParams:
-    """Stage 5 from mean hands; everything else stays at its truth."""
-    hands = stages.parametrisation.columns.hand
-    start = replace(
-        truth, left_hand_pose=torch.zeros(len(truth), hands), right_hand_pose=torch.zeros(len(truth), hands)
-    )
-    state = stages.parametrisation.from_params(start)
-    orient = state.orient
+def fit_hands_alone(body: BodyModel, stages: Stages, truth: BodyParams, starts: Sequence[float]) -> BodyParams:
+    """Stage 5 of the hands; everything else stays at its truth."""
+    solver = make_solver(stages.config.solver, stages.config.settings)
     free = Free(body=False, face=False, betas=False, translation=False)
-    objective = stages.objective(N_STAGES, state, free)
-    problem = IndependentFrames(objective, stages.all_frames, cold=True)
-    found = solved(make_solver(stages.config.solver, stages.config.settings), problem, state, final=True).state
-    return stages.parametrisation.to_params(State(orient, found.vector))
+    best, lowest = None, None
+    for share in starts:
+        state = stages.parametrisation.from_params(_with_fists(body, truth, share, stages.config.hand_components))
+        problem = IndependentFrames(stages.objective(N_STAGES, state, free), stages.all_frames, cold=True)
+        found = solved(solver, problem, state, final=True)
+        if best is None or lowest is None:
+            best, lowest = found.state, found.cost
+            continue
+        better = found.cost < lowest
+        best, lowest = best.put(better, found.state[better]), torch.where(better, found.cost, lowest)
+    assert best is not None
+    return stages.parametrisation.to_params(best)
 
 
-def fit_phase_1(body: BodyModel, stages: Stages, truth: BodyParams) -> BodyParams:
+def _with_fists(body: BodyModel, params: BodyParams, share: float, components: int) -> BodyParams:
+    """With both hands on the way from the mean to a fist."""
+    hands = {}
+    for i, side in enumerate(SIDES):
+        offset = finger_angles(HANDSHAPES["fist"], side).reshape(45) - body.hand_mean[i]
+        fist = share * torch.as_tensor(body.hand_components[i, :components] @ offset)
+        hands[f"{side}_hand_pose"] = fist.expand(len(params), -1)
+    return replace(params, **hands)
+
+
+def fit_phase_1(stages: Stages) -> BodyParams:
     """Phase 1 without the relay: neighbouring frames have nothing to do with each other here."""
     run = fit_frames(stages, make_solver(stages.config.solver, stages.config.settings))
     while True:
@@ -169,9 +183,6 @@ def fit_phase_1(body: BodyModel, stages: Stages, truth: BodyParams) -> BodyParam
             next(run)
         except StopIteration as stop:
             return stages.parametrisation.to_params(stop.value.state)
-
-
-MODES = {"hands alone": fit_hands_alone, "phase 1": fit_phase_1}
 
 
 def errors(body: BodyModel, at: Scene, fit: BodyParams) -> Errors:
@@ -184,9 +195,7 @@ def errors(body: BodyModel, at: Scene, fit: BodyParams) -> Errors:
         pixels.append(np.linalg.norm(seen - found, axis=-1).mean(1))
         wrist.append(np.linalg.norm((a - a[:, :1]) - (b - b[:, :1]), axis=-1)[:, 1:].mean(1))
         shape.append([_rigid_distance(x, y) for x, y in zip(a, b, strict=True)])
-    return Errors(
-        pixels=np.stack(pixels, 1), wrist_mm=1000 * np.stack(wrist, 1), shape_mm=1000 * np.stack(shape, 1)
-    )
+    return Errors(pixels=np.stack(pixels, 1), wrist_mm=1000 * np.stack(wrist, 1), shape_mm=1000 * np.stack(shape, 1))
 
 
 def _rigid_distance(a: Float[np.ndarray, "N 3"], b: Float[np.ndarray, "N 3"]) -> float:
@@ -220,9 +229,7 @@ def picture(body: BodyModel, at: Scene, fit: BodyParams, found: Errors, view: st
     for n, i in enumerate(frames):
         hands = []
         for s, (side, (_, points)) in enumerate(SIDES.items()):
-            crops = [
-                _crop(body, v[n], at.space[i, points], side, degrees) for degrees in (0.0, 80.0) for v in vertices
-            ]
+            crops = [_crop(body, v[n], at.space[i, points], side, degrees) for degrees in (0.0, 80.0) for v in vertices]
             told = f"{found.pixels[i, s]:.1f} px {found.wrist_mm[i, s]:.0f} mm (shape {found.shape_mm[i, s]:.1f})"
             hands.append(_captioned(np.concatenate(crops, 1), f"{at.names[i][0]}: truth, fit; turned. {told}"))
         cells.append(np.concatenate(hands, 1))
@@ -252,14 +259,13 @@ def _captioned(image: UInt8[np.ndarray, "H W 3"], text: str) -> UInt8[np.ndarray
 
 def run(options: Handshapes) -> None:
     """Fits, reports, draws."""
-    if options.mode not in MODES:
-        raise InputError(f"There is no mode {options.mode}; expected one of {', '.join(MODES)}.")
     body = options.common.load_body()
     at = scene(body, options)
     config = replace(config_of(options.preset), relay_rounds=0)
     stages = Stages(at.keypoints, at.camera, body, config)
     progress(f"{len(at.names)} frames, {options.mode}")
-    fit = MODES[options.mode](body, stages, at.truth)
+    alone = options.mode == "hands alone"
+    fit = fit_hands_alone(body, stages, at.truth, options.starts) if alone else fit_phase_1(stages)
     found = errors(body, at, fit)
     report(options, {f"{options.mode}: by shape": rows(at, found, 0), f"{options.mode}: by view": rows(at, found, 1)})
     if options.out is not None:

@@ -94,7 +94,8 @@ HANDSHAPES = {
         pinky=(80, 86, 56), aside=(-12, 0, 12, 0), thumb=((5, 59, 4), (15, 38, -2), (12, 29, -2)),
     ),
     "bent": Handshape(
-        index=(75, 12, 6), middle=(78, 12, 6), ring=(78, 12, 6), pinky=(75, 12, 6), thumb=((0, 30, 0), (3, 8, 0), (2, 6, 0)),
+        index=(75, 12, 6), middle=(78, 12, 6), ring=(78, 12, 6), pinky=(75, 12, 6),
+        thumb=((0, 30, 0), (3, 8, 0), (2, 6, 0)),
     ),
     "claw": Handshape(
         index=(12, 65, 40), middle=(12, 70, 40), ring=(12, 70, 40), pinky=(12, 65, 40), spread=8,

@@ -35,7 +35,7 @@ class Recording:
 def read_recording(path: Path) -> Recording:
     """The confident frames of a recording: an npz file with joints in the sensor's coordinates and the palm's axes.
 
-    The sensor's hand model has rigid metacarpals and bends the two outer joints of a finger alike. Its first joint of
+    The sensor's hand model has rigid metacarpals, and bends the two outer joints of a finger alike. Its first joint of
     the thumb is the carpometacarpal one, as in SMPL-X.
 
     Raises:

@@ -1,4 +1,4 @@
-"""`python -m fitting_core.body.free.hand_space RECORDINGS`: learns the hand space from recorded hands and from postures.
+"""`python -m fitting_core.body.free.hand_space RECORDINGS`: learns the hand space from recorded hands and postures.
 
 Principal components of angles would count a fingertip's joint like a knuckle, which moves the tip three times as far.
 Here each posture's error is measured by how far it moves the posture's own joints, J (x - mean - c @ components) with
@@ -115,9 +115,7 @@ def _completed(
     _, vectors = np.linalg.eigh((left * weight[:, None]).T @ left - first.T @ first)
     components = np.concatenate([first, vectors[:, ::-1][:, : SIZE - len(first)].T])
     components *= np.where(components.sum(1, keepdims=True) < 0, -1.0, 1.0)  # plus mostly means flexion
-    values = centred @ components.T
-    values[:, : len(first)] = coefficients @ rows @ first.T * np.sign((first * components[: len(first)]).sum(1))
-    return HandSpace(mean=mean, components=components, deviations=np.sqrt(weight @ values**2))
+    return HandSpace(mean=mean, components=components)
 
 
 def write_hand_space(path: Path, space: HandSpace) -> None:
@@ -154,7 +152,7 @@ def main(arguments: list[str] | None = None) -> int:
     angles = [joint_angles(recording.directions, hand) for recording in recordings]
     space = learn(angles, hand)
     write_hand_space(options.out, space)
-    print(f"{options.out}: {sum(map(len, angles))} recorded hands; deviations {np.round(space.deviations[:12], 2)}")
+    print(f"{options.out}: {sum(map(len, angles))} recorded hands")
     return 0
 
 

@@ -18,14 +18,12 @@ class HandSpace:
     mean: Float[np.ndarray, "45"]
     components: Float[np.ndarray, "45 45"]
     """Orthonormal rows. The first 12 carry hands best, ordered by their variance; then the others, likewise."""
-    deviations: Float[np.ndarray, "45"]
-    """Standard deviations of the coefficients over recorded hands and postures, radians."""
 
 
 def read_hand_space(path: Path = HAND_SPACE) -> HandSpace:
     """The space that ships with the project, or another."""
     with np.load(path, allow_pickle=False) as file:
-        return HandSpace(**{key: file[key].astype(float) for key in ("mean", "components", "deviations")})
+        return HandSpace(**{key: file[key].astype(float) for key in ("mean", "components")})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
