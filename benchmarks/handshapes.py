@@ -1,9 +1,9 @@
 """Named handshapes fitted to their own keypoints, from the mean hand: how near, and what they look like.
 
-A body raises both hands before it; what a camera of an upper-body clip sees of its 137 keypoints is fitted by stage 5
-of phase 1 with everything but the hands at its truth ("hands alone"), or by all of phase 1 ("phase 1"). One image leaves
-depth open, so errors in space are told twice: with the wrists in the same place, and with the hands moved and turned
-onto each other ("shape").
+A body raises both hands before it. What a camera of an upper-body clip sees of its 137 keypoints is fitted by stage 5
+of phase 1 with everything but the hands at its truth ("hands alone"), or by all of phase 1 ("phase 1"). One image
+leaves depth open, so errors in space are told twice: with the wrists in the same place, and with the hands moved and
+turned onto each other ("shape").
 """
 
 from collections.abc import Sequence
@@ -106,11 +106,8 @@ def scene(body: BodyModel, options: Handshapes) -> Scene:
     unknown = {s for s, _ in names} - set(HANDSHAPES) | {v for _, v in names} - set(VIEWS)
     if unknown:
         raise InputError(f"There is no {', '.join(sorted(unknown))}; expected shapes of {list(HANDSHAPES)}.")
-    camera = Camera(
-        focal=(default_focal(options.size),) * 2,
-        center=(options.size[0] / 2, options.size[1] / 2),
-        size=options.size,
-    )
+    focal, (width, height) = default_focal(options.size), options.size
+    camera = Camera(focal=(focal, focal), center=(width / 2, height / 2), size=options.size)
     truth = _truth(body, names)
     space, exists = keypoints_in_space(body, truth)
     space = np.where(exists[:, None], space, [0.0, 0.0, 1.0])
@@ -201,7 +198,7 @@ def errors(body: BodyModel, at: Scene, fit: BodyParams) -> Errors:
 def _rigid_distance(a: Float[np.ndarray, "N 3"], b: Float[np.ndarray, "N 3"]) -> float:
     """Mean distance after the best shift and turn."""
     a, b = a - a.mean(0), b - b.mean(0)
-    rotation, _ = Rotation.align_vectors(a, b)
+    rotation = Rotation.align_vectors(a, b)[0]
     return float(np.linalg.norm(a - rotation.apply(b), axis=-1).mean())
 
 
@@ -247,7 +244,7 @@ def _crop(
     turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
     middle = hand[9]
     seen = (vertices - middle) @ turn.T + [0, 0, 8 * _CROP]
-    camera = Camera(focal=(8.0 * _CELL,) * 2, center=(_CELL / 2, _CELL / 2), size=(_CELL, _CELL))
+    camera = Camera(focal=(8.0 * _CELL, 8.0 * _CELL), center=(_CELL / 2, _CELL / 2), size=(_CELL, _CELL))
     return Renderer(camera).render(seen, body.faces[mine[body.faces].all(1)])
 
 

@@ -19,6 +19,8 @@ _DIRECTION = 0.05
 """Radians (3 degrees): how far a bone may miss its direction for the sake of the other residuals."""
 _TOO_FAR = np.radians(8.0)
 """A bone that misses its direction by more was tracked senselessly, or cannot be expressed."""
+_TOO_TWISTED = np.radians(45.0)
+"""No knuckle twists so far: then a bone lies beside the plane in which its finger bends."""
 _ROUNDS = 25
 
 
@@ -47,8 +49,8 @@ def read_recording(path: Path) -> Recording:
             right, confidence = file["is_right"], file["confidence"]
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise InputError(
-            f"{path} is no hand recording ({error}); expected an npz file with joints_mm, palm_pos_normal_dir, is_right "
-            "and confidence."
+            f"{path} is no hand recording ({error}); expected an npz file with joints_mm, palm_pos_normal_dir, "
+            "is_right and confidence."
         ) from error
     if joints.shape[1:] != (5, 4, 3) or palm.shape != (len(joints), 3, 3):
         raise InputError(f"{path} holds joints of shape {joints.shape}, expected (frames, 5, 4, 3).")
@@ -87,7 +89,8 @@ def joint_angles(directions: Float[np.ndarray, "N 5 3 3"], hand: HandSkeleton) -
     ]
     x = _minimised(torch.as_tensor(_start(directions)).flatten(0, 1).flatten(1), target, *constants)
     miss = _DIRECTION * torch.func.vmap(_residual)(x, target, *constants)[:, :9].reshape(frames, 15, 3).norm(dim=-1)
-    return x.view(frames, 45)[miss.amax(1) < _TOO_FAR].numpy()
+    twist = x.view(frames, len(FINGERS), 9)[..., TWIST].abs().amax(1)
+    return x.view(frames, 45)[(miss.amax(1) < _TOO_FAR) & (twist < _TOO_TWISTED)].numpy()
 
 
 def _tolerance() -> Float[np.ndarray, "5 3 3"]:

@@ -17,13 +17,13 @@ from jaxtyping import Float
 
 from assets import BODIES, HAND_SPACE
 from fitting_core.body.files import load_body
+from fitting_core.body.free.__main__ import write_body
 from fitting_core.body.free.hand_motion import Recording, aligned, joint_angles, read_recording
 from fitting_core.body.free.hand_postures import postures
 from fitting_core.body.free.hand_skeleton import FINGERS, SIZE, HandSkeleton
 from fitting_core.body.free.hands import HandSpace
 from fitting_core.body.model import N_HAND_COMPONENTS, BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
 
 _SEED = 1
 _POSTURES = 3000
@@ -52,9 +52,10 @@ def learn(recorded: list[Float[np.ndarray, "n 45"]], hand: HandSkeleton) -> Hand
     """
     random = np.random.default_rng(_SEED)
     recorded = [angles for angles in recorded if len(angles) >= _FEWEST]
-    mean = np.mean([angles.mean(0) for angles in recorded], axis=0)
-    real = np.concatenate([random.choice(angles, min(_RECORDED, len(angles)), replace=False) for angles in recorded])
     drawn = postures(_POSTURES, random)
+    recorded_mean = np.mean([angles.mean(0) for angles in recorded], axis=0)
+    mean = (1 - _POSTURES_SHARE) * recorded_mean + _POSTURES_SHARE * drawn.mean(0)
+    real = np.concatenate([random.choice(angles, min(_RECORDED, len(angles)), replace=False) for angles in recorded])
     weight = np.repeat([(1 - _POSTURES_SHARE) / len(real), _POSTURES_SHARE / len(drawn)], [len(real), len(drawn)])
     centred = np.concatenate([real, drawn]) - mean
     metric = position_metric(hand, centred + mean)
@@ -118,13 +119,6 @@ def _completed(
     return HandSpace(mean=mean, components=components)
 
 
-def write_hand_space(path: Path, space: HandSpace) -> None:
-    """Writes the space as an npz file, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as draft:
-        np.savez_compressed(draft, **{key: value.astype(np.float32) for key, value in vars(space).items()})
-
-
 def read_recordings(folder: Path) -> list[Recording]:
     """All recordings of a folder, by name, their palms aligned.
 
@@ -151,7 +145,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     angles = [joint_angles(recording.directions, hand) for recording in recordings]
     space = learn(angles, hand)
-    write_hand_space(options.out, space)
+    write_body(options.out, {key: value.astype(np.float32) for key, value in vars(space).items()})
     print(f"{options.out}: {sum(map(len, angles))} recorded hands")
     return 0
 

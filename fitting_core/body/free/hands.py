@@ -33,7 +33,7 @@ class HandBasis:
     components: Float[np.ndarray, "45 45"]
     """Orthonormal rows; the first 12 span what hands do most."""
     mean: Float[np.ndarray, "45"]
-    """A hand at ease, relative to the rest pose's flat one."""
+    """A hand at ease, relative to the rest pose's flat one: the mean of recorded hands and postures."""
 
     def mirrored(self) -> "HandBasis":
         """The basis of the other hand."""
