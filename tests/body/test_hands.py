@@ -24,6 +24,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.positions import keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.evaluation.handshapes import HANDSHAPES
+from fitting_core.priors.pose import PRIORS
+from fitting_core.state import Parametrisation
 
 _OURS = [("thumb", "index", "middle", "ring", "pinky").index(finger) for finger in FINGERS]
 RECORDINGS = (
@@ -216,3 +218,16 @@ def test_recorded_hands_are_reached(hand: HandSkeleton) -> None:
     assert len(angles) > 0.9 * len(recording.directions) > 50
     space = read_hand_space()
     assert nearest(hand, angles[::4], (space.mean, space.components), 12)[:, :, 3].mean() < 3
+
+
+def test_half_fists_are_halfway(body: BodyModel) -> None:
+    parametrisation = Parametrisation(body, PRIORS["relaxed"](), hand_components=12, dtype=torch.float64)
+    mean = parametrisation.neutral(1)
+    half = parametrisation.with_half_fists(mean)
+    length: dict[str, np.ndarray] = {}
+    for name, state in (("mean", mean), ("half", half)):
+        keypoints, _ = keypoints_in_space(body, parametrisation.to_params(state))
+        hands = keypoints[0, kp.HANDS].reshape(2, 21, 3)
+        length[name] = np.linalg.norm(hands[:, 8::4] - hands[:, :1], axis=-1)
+    assert (length["half"] < 0.75 * length["mean"]).all() and (length["half"] > 0.3 * length["mean"]).all()
+    assert np.allclose(length["half"][0], length["half"][1], atol=1e-4)
