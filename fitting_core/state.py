@@ -12,7 +12,6 @@ from fitting_core.body.params import BodyParams, hand_basis
 from fitting_core.body.points import whole_pose
 from fitting_core.priors.pose import PosePrior
 
-
 _HALF_FIST = [[(0, 0, -55), (0, 0, -66), (0, 0, -42)]] * 4 + [[(21, 17, -8), (8, 18, -7), (7, 23, -8)]]
 """Axis-angle in degrees of the left hand's finger joints in SMPL-X's order, the thumb last."""
 
