@@ -7,3 +7,6 @@ FOLDER = Path(__file__).resolve().parent
 
 BODIES = FOLDER / "bodies"
 """The free body: SMPLX_NEUTRAL.npz, SMPLX_MALE.npz and SMPLX_FEMALE.npz, with ATTRIBUTION.md."""
+
+HAND_SPACE = FOLDER / "hands" / "hand_space.npz"
+"""What hands do, learnt from recordings and postures; the free body's builder reads it. With ATTRIBUTION.md."""

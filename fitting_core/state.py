@@ -12,6 +12,9 @@ from fitting_core.body.params import BodyParams, hand_basis
 from fitting_core.body.points import whole_pose
 from fitting_core.priors.pose import PosePrior
 
+_HALF_FIST = [[(0, 0, -55), (0, 0, -66), (0, 0, -42)]] * 4 + [[(21, 17, -8), (8, 18, -7), (7, 23, -8)]]
+"""Axis-angle in degrees of the left hand's finger joints in SMPL-X's order, the thumb last."""
+
 
 @dataclass(frozen=True)
 class Columns:
@@ -156,6 +159,14 @@ class Parametrisation:
             pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4
             pose[:, 3 * (JOINT[f"{side}_knee"] - 1)] = 1.4
         return state.with_columns(self.columns.body, self.prior.encode(pose))
+
+    def with_half_fists(self, state: State) -> State:
+        """The same states with both hands halfway to a fist, as near as the hand space comes to it."""
+        left = torch.tensor(_HALF_FIST).to(self.hand_mean).deg2rad()
+        both = torch.stack([left, left * left.new_tensor([1.0, -1.0, -1.0])])
+        offset = both.view(2, 45) - self.hand_mean
+        values = (self.hand_basis.transpose(1, 2) @ offset[..., None]).flatten()
+        return state.with_columns(self.columns.hands, values.expand(len(state), -1))
 
     def hands(self, state: State) -> Float[Tensor, "B 90"]:
         """Axis-angle of the 15 + 15 finger joints."""

@@ -361,9 +361,9 @@ def test_hand_components_are_orthonormal_and_mirrored(body: Arrays) -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_first_hand_component_makes_a_fist(body: Arrays, side: str) -> None:
+def test_first_hand_component_closes_the_hand(body: Arrays, side: str) -> None:
     key = side[0]
-    angles = body[f"hands_mean{key}"] + 3.0 * body[f"hands_components{key}"][0]
+    angles = body[f"hands_mean{key}"] + 2.2 * body[f"hands_components{key}"][0]
     first = JOINT[f"{side}_index1"]
     pose = {JOINTS[first + k]: tuple(np.degrees(turn)) for k, turn in enumerate(angles.reshape(15, 3))}
     closed = posed(body, pose)

@@ -12,7 +12,7 @@ from fitting_core.body.free.contour import contour_points, contour_skin
 from fitting_core.body.free.correctives import pose_correctives
 from fitting_core.body.free.expressions import expression_directions
 from fitting_core.body.free.geometry import MIRROR, nearest_on_triangles
-from fitting_core.body.free.hands import left_hand_basis
+from fitting_core.body.free.hands import left_hand_basis, read_hand_space
 from fitting_core.body.free.landmarks import eye_height, face_of, landmark_points
 from fitting_core.body.free.makehuman import DataFolder, Rig
 from fitting_core.body.free.regressor import joint_regressor
@@ -110,7 +110,7 @@ def _arrays(
     parents: Int[np.ndarray, "55"],
 ) -> BodyArrays:
     joints = regressor @ space.mean
-    left = left_hand_basis(joints)
+    left = left_hand_basis(joints, read_hand_space())
     right = left.mirrored()
     numbers = np.arange(len(JOINTS))
     no_parent = np.iinfo(np.uint32).max  # as in SMPL-X's files

@@ -1,0 +1,106 @@
+"""How near hand spaces come to hands: recordings that they were not learnt from, and the named handshapes.
+
+`python -m benchmarks.hand_reach`: for each space and number of components, the hand of the space whose joints lie
+nearest to the given hand's is found without any prior; told is how far fingertips remain apart.
+"""
+
+import numpy as np
+import torch
+import tyro
+from jaxtyping import Float
+
+from assets import BODIES
+from benchmarks.clips import data_folder
+from fitting_core.body.files import load_body
+from fitting_core.body.free.hand_motion import joint_angles
+from fitting_core.body.free.hand_skeleton import FINGERS, SIZE, HandSkeleton
+from fitting_core.body.free.hand_space import hand_of, learn, read_recordings
+from fitting_core.evaluation.handshapes import HANDSHAPES, finger_angles
+
+HELD_OUT = ("brian", "grab", "gun", "Waiting-110fps", "HandSplay-110fps")
+"""Recordings for the test. `waiting-short` is a part of one of them."""
+_FRAMES = 60
+"""Of each recording."""
+_STEPS = 30
+
+Space = tuple[Float[np.ndarray, "45"], Float[np.ndarray, "45 45"]]
+"""Mean and components in anatomical angles."""
+
+
+def nearest(
+    hand: HandSkeleton, angles: Float[np.ndarray, "n 45"], space: Space, size: int
+) -> Float[np.ndarray, "n 5 4"]:
+    """Millimetres between the joints and tips of hands and those of the nearest hands of a space."""
+    mean, rows = torch.as_tensor(space[0]), torch.as_tensor(space[1][:size])
+
+    def posed(one: torch.Tensor) -> torch.Tensor:
+        return 1000 * hand.pose(one.view(len(FINGERS), 3, 3)).flatten()
+
+    def residual(c: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+        return torch.cat([posed(mean + c @ rows) - target, 0.02 * c])  # the last part keeps the matrix regular
+
+    target = torch.func.vmap(posed)(torch.as_tensor(angles))
+    r_of, j_of = torch.func.vmap(residual), torch.func.vmap(torch.func.jacfwd(residual))
+    c = (torch.as_tensor(angles) - mean) @ rows.T
+    r, damping = r_of(c, target), torch.ones(len(c), 1, dtype=torch.float64)
+    for _ in range(_STEPS):
+        j = j_of(c, target)
+        trial = c - torch.linalg.solve(j.mT @ j + torch.diag_embed(damping.expand_as(c)), (j.mT @ r[..., None])[..., 0])
+        new = r_of(trial, target)
+        better = (new.square().sum(1) < r.square().sum(1))[:, None]
+        c, r = torch.where(better, trial, c), torch.where(better, new, r)
+        damping = torch.where(better, damping / 4, damping * 8)
+    return r[:, :60].view(-1, 5, 4, 3).norm(dim=-1).numpy()
+
+
+def space_of(body_file: str, hand: HandSkeleton) -> Space:
+    """The left hand's space of a body file, in anatomical angles of the hand."""
+    body = load_body(BODIES / body_file)
+    return _anatomical(body.hand_mean[0], hand), _anatomical(body.hand_components[0], hand)
+
+
+def _anatomical(axis_angle: Float[np.ndarray, "*n 45"], hand: HandSkeleton) -> Float[np.ndarray, "*n 45"]:
+    split = axis_angle.reshape(*axis_angle.shape[:-1], 5, 3, 3)
+    return np.einsum("...fjd,fad->...fja", split, hand.axes).reshape(axis_angle.shape)
+
+
+def named_shapes(hand: HandSkeleton) -> Float[np.ndarray, "n 45"]:
+    """The handshapes of the evaluation as anatomical angles."""
+    return _anatomical(np.stack([finger_angles(s, "left").reshape(SIZE) for s in HANDSHAPES.values()]), hand)
+
+
+def main(bodies: tuple[str, ...] = ("SMPLX_NEUTRAL.npz",), sizes: tuple[int, ...] = (6, 12, 24)) -> None:
+    """Measures and prints.
+
+    Args:
+        bodies: files whose hand spaces are measured; absolute paths, or names in assets/bodies.
+        sizes: numbers of components.
+    """
+    torch.set_num_threads(1)
+    hand = hand_of(load_body(BODIES / "SMPLX_NEUTRAL.npz"))
+    folder = data_folder() / "mocap" / "leap_hands" / "npz"
+    recorded = {r.name: joint_angles(r.directions, hand) for r in read_recordings(folder)}
+    random = np.random.default_rng(0)
+    tested = [random.choice(recorded[n], min(_FRAMES, len(recorded[n])), replace=False) for n in HELD_OUT]
+    rest = [angles for name, angles in recorded.items() if name not in (*HELD_OUT, "waiting-short")]
+    learnt = learn(rest, hand)
+    spaces = {name: space_of(name, hand) for name in bodies}
+    spaces["learnt without the tested"] = (learnt.mean, learnt.components)
+    spaces["recordings alone, PCA"] = _principal(rest, random)
+    sets = {"held-out recordings": np.concatenate(tested), "handshapes": named_shapes(hand)}
+    for size in sizes:
+        for name, space in spaces.items():
+            errors = {what: nearest(hand, angles, space, size)[:, :, 3].mean(1) for what, angles in sets.items()}
+            told = [f"{what} {e.mean():.1f} (largest {e.max():.1f})" for what, e in errors.items()]
+            print(f"{size:2d} components, {name}: fingertips " + ", ".join(told) + " mm")
+            if size == 12:
+                print("   " + ", ".join(f"{s} {e:.1f}" for s, e in zip(HANDSHAPES, errors["handshapes"], strict=True)))
+
+
+def _principal(recorded: list[Float[np.ndarray, "n 45"]], random: np.random.Generator) -> Space:
+    taken = np.concatenate([random.choice(a, min(_FRAMES, len(a)), replace=False) for a in recorded])
+    return taken.mean(0), np.linalg.svd(taken - taken.mean(0))[2]
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
