@@ -129,6 +129,8 @@ class FitConfig:
     """Starting orientations of phase 1: turned by 180 degrees when seen from the side, or four quarter turns."""
     relay_rounds: int = 0
     """Phase 1: rounds in which each frame restarts from its neighbours' solutions and keeps the better."""
+    curled_hands: bool = False
+    """Phase 1: start stage 5 with hands halfway to a fist instead of open."""
     limb_flips: bool = False
     """Phase 1: restart each frame with its arms and legs mirrored in depth, one at a time, and keep the best."""
     camera_frozen: bool = False
@@ -171,6 +173,7 @@ PRESETS: dict[str, FitConfig] = {
         unswap_sides=True,
         yaws="four",
         relay_rounds=3,
+        curled_hands=True,
         limb_flips=True,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
         temporal=Temporal(mode="global", space="camera", stages=(5,), reference_rate=25.0),

@@ -119,7 +119,7 @@ class _Frames:
         cost = state.vector.new_full((len(state),), torch.inf)
         for stage in range(1, N_STAGES + 1):
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
-            if stage == N_STAGES and free.hands:
+            if stage == N_STAGES and free.hands and self.stages.config.curled_hands:
                 # From open hands curled fingers stop halfway, bent towards the camera: shape error 10.4 -> 6.9 mm on
                 # the fits of benchmarks.handshapes.
                 state = self.stages.parametrisation.with_half_fists(state)
