@@ -29,7 +29,7 @@ _NOISE = {
     ("left_wrist", "right_wrist"): (0.0, 8.0, 12.0),  # captured wrists never bend
     ("neck", "head"): (8.0, 0.0, 0.0),  # captured ones share every turn alike; people push their chin forward
     ("spine1", "spine2", "spine3"): (4.0, 0.0, 0.0),  # the same
-    ("left_collar", "right_collar"): (0.0, 4.0, 4.0),  # captured ones follow from the arm's direction; people shrug
+    ("left_collar", "right_collar"): (0.0, 0.0, 4.0),  # captured ones follow from the arm's direction; people shrug
     ("left_hip", "right_hip", "left_shoulder", "right_shoulder"): (4.0, 4.0, 4.0),
     ("left_ankle", "right_ankle"): (4.0, 0.0, 4.0),
 }

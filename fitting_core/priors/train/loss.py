@@ -24,7 +24,7 @@ _DIRECTIONS = 64
 class Precision:
     """Standard deviations of what may remain; they set how much each part counts."""
 
-    angle: float = 0.03
+    angle: float = 0.025
     """Radians, of each joint of a pose that comes back."""
     position: float = 0.008
     """Metres, of each joint and end point of a pose that comes back."""

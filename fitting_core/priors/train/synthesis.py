@@ -55,7 +55,7 @@ def legs(rng: np.random.Generator, count: int) -> tuple[Float[np.ndarray, "n 4 3
 
 _HIP_FLEXION, _HIP_ABDUCTION = _Range(-20, 130, 60, 45), _Range(-25, 55, 8, 20)
 _HIP_TWIST, _KNEE_FLEXION = _Range(-35, 60, 5, 25), _Range(0, 155, 70, 50)
-_ANKLE_FLEXION, _ANKLE_TILT = _Range(-20, 50, 8, 18), _Range(-25, 25, 0, 8)
+_ANKLE_FLEXION, _ANKLE_TILT = _Range(-35, 60, 8, 20), _Range(-25, 25, 0, 8)
 
 
 def _leg_angles(rng: np.random.Generator, count: int) -> Float[np.ndarray, "n 6"]:
@@ -85,19 +85,41 @@ def arms(rng: np.random.Generator, count: int) -> tuple[Float[np.ndarray, "n 4 3
     return _arm(left), _arm(right) * MIRROR
 
 
-_ELBOW, _IN_FRONT = _Range(0, 145, 65, 45), _Range(30, 145, 95, 28)
-_PRONATION, _WRIST_FLEXION, _WRIST_DEVIATION = _Range(-80, 80, 0, 40), _Range(-65, 65, 0, 25), _Range(-25, 25, 0, 10)
+@dataclass(frozen=True, kw_only=True)
+class _Reach:
+    """Where an arm goes: its upper bone's elevation and azimuth (0: sideways, 90: forward), its twist, the elbow."""
+
+    share: float
+    elevation: _Range
+    azimuth: _Range
+    twist: _Range
+    elbow: _Range
+
+
+_REACHES = (
+    # Hands before the body, where people use them and signers sign.
+    _Reach(share=0.5, elevation=_Range(-90, 30, -50, 25), azimuth=_Range(-20, 120, 50, 35),
+           twist=_Range(-60, 90, 25, 35), elbow=_Range(30, 145, 95, 28)),
+    # Anywhere.
+    _Reach(share=0.35, elevation=_Range(-90, 90, -15, 50), azimuth=_Range(-50, 125, 30, 45),
+           twist=_Range(-75, 105, 10, 45), elbow=_Range(0, 145, 65, 45)),
+    # Behind the back.
+    _Reach(share=0.15, elevation=_Range(-80, -35, -57, 12), azimuth=_Range(-120, -40, -80, 20),
+           twist=_Range(40, 110, 85, 18), elbow=_Range(30, 125, 80, 25)),
+)  # fmt: skip
+_PRONATION, _WRIST_FLEXION, _WRIST_DEVIATION = _Range(-80, 80, 0, 40), _Range(-65, 65, 0, 25), _Range(-35, 35, 0, 14)
 
 
 def _arm_angles(rng: np.random.Generator, count: int) -> Float[np.ndarray, "n 7"]:
-    """Elevation and azimuth of the upper arm (0: sideways, 90: forward), its twist, elbow, pronation, wrist."""
-    front = rng.random(count) < 0.55  # hands before the body, where people use them and signers sign
-    elevation = np.where(front, _Range(-90, 30, -50, 25).draw(rng, count), _Range(-90, 90, -15, 50).draw(rng, count))
-    azimuth = np.where(front, _Range(-20, 120, 50, 35).draw(rng, count), _Range(-50, 125, 30, 45).draw(rng, count))
-    twist = np.where(front, _Range(-60, 90, 25, 35).draw(rng, count), _Range(-75, 105, 10, 45).draw(rng, count))
-    elbow = np.where(front, _IN_FRONT.draw(rng, count), _ELBOW.draw(rng, count))
-    rest = [r.draw(rng, count) for r in (_PRONATION, _WRIST_FLEXION, _WRIST_DEVIATION)]
-    return np.stack([elevation, azimuth, twist, elbow, *rest], 1)
+    """Elevation, azimuth, twist, elbow, pronation, wrist flexion, wrist deviation."""
+    which = rng.choice(len(_REACHES), count, p=[r.share for r in _REACHES])
+    each = [
+        np.stack([r.draw(rng, count) for r in (reach.elevation, reach.azimuth, reach.twist, reach.elbow)], 1)
+        for reach in _REACHES
+    ]
+    reach = np.stack(each)[which, np.arange(count)]
+    hand = np.stack([r.draw(rng, count) for r in (_PRONATION, _WRIST_FLEXION, _WRIST_DEVIATION)], 1)
+    return np.concatenate([reach, hand], 1)
 
 
 def _arm(angles: Float[np.ndarray, "n 7"]) -> Float[np.ndarray, "n 4 3"]:

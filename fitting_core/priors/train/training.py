@@ -26,7 +26,7 @@ _LARGEST_GRADIENT = 1000.0
 class Schedule:
     """How long and how fast."""
 
-    steps: int = 12_000
+    steps: int = 20_000
     batch: int = 512
     rate: float = 0.02
     """Largest learning rate (of Muon), reached after 5 % of the steps and then lowered to zero along a cosine."""
