@@ -10,6 +10,7 @@ from fitting_core import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.joint_angles import AngleTable
+from fitting_core.priors.pose import relaxed_pose
 from fitting_core.priors.train.autoencoder import LATENT, PoseAutoencoder
 from fitting_core.priors.train.contact import Contact
 from fitting_core.priors.train.skeleton import N_POSED, Skeleton
@@ -32,6 +33,8 @@ class Precision:
     """Radians beyond a joint's range in random poses."""
     overlap: float = 0.03
     """Metres by which parts of random poses lie in each other."""
+    middle: float = 0.03
+    """Radians, of each joint of the pose in the middle of the latent space against `relaxed_pose`."""
     shape: float = 0.04
     """Of the latent numbers' distribution against a normal one, along any direction."""
 
@@ -42,7 +45,8 @@ class Loss:
     With the bound alone poses came back exactly, but the encoded ones filled a small and bent part of the normal
     distribution: of 32 random poses 14 were folded up. So the latent numbers' distribution is drawn to the normal one
     along random directions (sliced Wasserstein distance: Kolouri et al., Sliced-Wasserstein Autoencoder, 2018), and
-    random poses must keep to the joints' ranges and not collide. Held-out poses come back as exactly as without.
+    random poses must keep to the joints' ranges and not collide. Held-out poses come back as exactly as without. And
+    the middle, where fits start and unseen limbs rest, is somebody who stands at ease: left to itself it was lopsided.
     """
 
     def __init__(self, body: BodyModel, precision: Precision, device: str = "cpu") -> None:
@@ -54,6 +58,7 @@ class Loss:
         self.angles = AngleTable.of(ranges, like)
         bounds = torch.stack([like.new_tensor(r.bounds) for r in ranges.values()]).deg2rad()
         self.low, self.high = self.angles.ordered(bounds).unbind(-1)
+        self.relaxed = rotations.exp(relaxed_pose().view(1, 21, 3)).to(like)
         self.quantiles: dict[int, Tensor] = {}
 
     def __call__(
@@ -75,8 +80,11 @@ class Loss:
         directions = torch.nn.functional.normalize(normal(LATENT, _DIRECTIONS), dim=0)
         shape = self._unlike_normal(z @ directions) / (2 * self.precision.shape**2)
         beyond, overlap = self._implausible(network.decode(normal(_SAMPLES, LATENT)))
-        loss = turned + moved + kl_weight * kl + shape + beyond + overlap
-        return loss, {"turned": turned, "moved": moved, "kl": kl, "shape": shape, "beyond": beyond, "overlap": overlap}
+        off = (network.decode(torch.zeros_like(mean[:1])) - self.relaxed).square().sum()
+        middle = off / (4 * self.precision.middle**2)
+        parts = {"turned": turned, "moved": moved, "kl": kl, "shape": shape, "beyond": beyond, "overlap": overlap}
+        parts["middle"] = middle
+        return sum(parts.values(), (kl_weight - 1) * kl), parts
 
     def _apart(self, matrices: Tensor, back: Tensor) -> tuple[Tensor, Tensor]:
         # |R - R'|^2 = 8 sin^2(angle / 2), about 2 angle^2: no logarithm, whose slope is infinite at pi.
