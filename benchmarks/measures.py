@@ -9,11 +9,16 @@ from jaxtyping import Float
 
 from benchmarks.clips import Sample
 from fitting_core import keypoints as kp
+from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.evaluation import metrics
 from fitting_core.evaluation.demo_clip import keypoints_in_space
+from fitting_core.joint_angles import AngleTable
+from fitting_core.priors.train.contact import Contact
+from fitting_core.priors.train.dataset import matrices
+from fitting_core.priors.train.skeleton import Skeleton
 
 CONFIDENT = 0.3
 """Detections above it count as seen."""
@@ -31,6 +36,8 @@ class Posed:
     sample: Sample
     points: Float[np.ndarray, "T 137 3"]
     joints: Float[np.ndarray, "T 55 3"]
+    body: BodyModel
+    body_pose: Float[torch.Tensor, "T 63"]
     pixel_errors: Float[np.ndarray, "T 137"]
     """Distance to the detections; NaN where nothing confident was detected or the body has no such point."""
 
@@ -43,7 +50,9 @@ class Posed:
         distance = np.linalg.norm(points[..., :2] / depth * camera.focal + camera.center - detected.xy, axis=-1)
         seen = (detected.confidence > CONFIDENT) & known
         joints = Mesh(body, dtype=torch.float64).joints(params).numpy()
-        return Posed(sample=sample, points=points, joints=joints, pixel_errors=np.where(seen, distance, np.nan))
+        errors = np.where(seen, distance, np.nan)
+        pose = params.body_pose.double()
+        return Posed(sample=sample, points=points, joints=joints, body=body, body_pose=pose, pixel_errors=errors)
 
 
 def reprojection(posed: Posed) -> Figures:
@@ -92,7 +101,22 @@ def uprightness(posed: Posed) -> Figures:
     }
 
 
-MEASURES: list[Callable[[Posed], Figures]] = [accuracy, smoothness, reprojection, uprightness]
+def anatomy(posed: Posed) -> Figures:
+    """What no body does: joints of trunk and limbs beyond their ranges, and parts of the body in each other."""
+    ranges = {name: r for name, r in joint_ranges(posed.body).items() if JOINT[name] < _BODY_JOINTS}
+    table = AngleTable.of(ranges, posed.body_pose)
+    angles = table.named(table.angles(posed.body_pose.view(-1, 21, 3)[:, table.joint - 1])).rad2deg().numpy()
+    low, high = np.moveaxis(np.array([r.bounds for r in ranges.values()]), -1, 0)
+    beyond = abs(angles - angles.clip(low, high)).max((1, 2))
+    overlaps = Contact(Skeleton(posed.body)).overlaps(matrices(posed.body_pose.numpy()))
+    return {
+        "worst joint beyond °": float(beyond.mean()),
+        "frames beyond 10° %": float(100 * (beyond > 10).mean()),
+        "frames overlapping %": float(100 * overlaps.double().mean()),
+    }
+
+
+MEASURES: list[Callable[[Posed], Figures]] = [accuracy, smoothness, reprojection, uprightness, anatomy]
 """All of them, in the order of the table's columns."""
 
 

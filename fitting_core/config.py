@@ -105,7 +105,7 @@ class FitConfig:
     temporal: Temporal = field(default_factory=Temporal)
     settings: SolverSettings = field(default_factory=SolverSettings)
     solver: Literal["lm", "lbfgs"] = "lm"
-    pose_prior: str = "axis_angle"
+    pose_prior: str = "tcfit"
     """What is held to be a likely pose: L2 around the T-pose (axis_angle) or around standing at ease (relaxed); a
     latent space learned from motion capture (tcfit; vposer, once `tcfit models add` added it); or the path of VPoser or
     of a pose prior's npz."""
@@ -147,8 +147,6 @@ _SMPLIFYX_WEIGHTS = replace(
 )
 _TCFIT_WEIGHTS = replace(
     _PAPER.weights,
-    # 8, not the paper's 4.78: PA-MPJPE 71.5 -> 68.9 and 80.1 -> 71.8 mm, jitter of signers 13 % lower, hands as near.
-    body_pose=(404.0, 404.0, 57.4, 8.0, 8.0),
     lean=(30.0,) * 5,
     turn=(15.0,) * 5,
     rest=(0.0, 0.0, 0.0, 15.0, 15.0),
@@ -165,7 +163,6 @@ PRESETS: dict[str, FitConfig] = {
     "tcfit": replace(
         _PAPER,
         weights=_TCFIT_WEIGHTS,
-        pose_prior="relaxed",
         hip_weight=1.0,
         robust_pixels_fine=15.0,
         robust_at_height=1000.0,
