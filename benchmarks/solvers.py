@@ -6,6 +6,7 @@ does it, and all together.
 
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Int
@@ -19,6 +20,7 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
+from fitting_core.config import FitConfig
 from fitting_core.initialize import guess_depth, starting_state
 from fitting_core.objective import FrameObjective
 from fitting_core.solvers import SOLVERS, Solver, make_solver
@@ -39,6 +41,10 @@ class Solvers:
     """Ratios are against the first."""
     preset: str = "paper"
     """Whose weights and terms make the cost."""
+    pose_priors: tuple[str, ...] = ()
+    """Compare on each of these pose priors (names or files); by default on the preset's."""
+    one_at_a_time: bool = True
+    """Also solve frame by frame, as SMPLify-X does it."""
     balancing_frames: int = 10
     """Frames with body keypoints only, spread over cam03."""
     signing_frames: int = 6
@@ -104,12 +110,12 @@ def _objective(stages: Stages, stage: int, state: State) -> FrameObjective:
     return stages.objective(stage, state, free)
 
 
-def compared(clip: Clip, body: BodyModel, options: Solvers) -> list[Row]:
+def compared(clip: Clip, body: BodyModel, options: Solvers, config: FitConfig) -> list[Row]:
     """A row for each solver and each way to group the frames."""
-    config = replace(config_of(options.preset), relay_rounds=0)
     stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     origin = camera_start(stages)
-    ways = {"one at a time": list(stages.all_frames[:, None]), "together": [stages.all_frames]}
+    ways = {"one at a time": list(stages.all_frames[:, None])} if options.one_at_a_time else {}
+    ways["together"] = [stages.all_frames]
     rows: list[Row] = []
     for way, groups in ways.items():
         outcomes: list[tuple[str, Figures]] = []
@@ -117,7 +123,12 @@ def compared(clip: Clip, body: BodyModel, options: Solvers) -> list[Row]:
             progress(f"{clip.name}, {len(clip)} frames {way}, {name}")
             outcome = five_stages(stages, make_solver(name, config.settings), origin, groups)
             outcomes.append((name, figures(stages, outcome)))
-        rows += [{"frames": f"{len(clip)} {way}", "solver": n} | f | _ratios(f, outcomes[0]) for n, f in outcomes]
+        rows += [
+            {"frames": f"{len(clip)} {way}", "prior": Path(config.pose_prior).stem, "solver": n}
+            | f
+            | _ratios(f, outcomes[0])
+            for n, f in outcomes
+        ]
     return rows
 
 
@@ -138,16 +149,22 @@ def _ratios(here: Figures, first: tuple[str, Figures]) -> Figures:
     return {f"{what} / {name}": here[what] / there[what] for what in ("mean objective", "s / frame")}
 
 
+def _on_each_prior(clip: Clip, body: BodyModel, options: Solvers) -> list[Row]:
+    config = replace(config_of(options.preset), relay_rounds=0)
+    priors = options.pose_priors or (config.pose_prior,)
+    return [row for prior in priors for row in compared(clip, body, options, replace(config, pose_prior=prior))]
+
+
 def run(options: Solvers) -> None:
     """Compares the solvers on both kinds of frames."""
     body, tables = options.common.load_body(), {}
     balancing = read("cam03").clip
     chosen = spread(np.arange(len(balancing)), options.balancing_frames)
-    tables["Balancing, body keypoints"] = compared(picked(balancing, chosen), body, options)
+    tables["Balancing, body keypoints"] = _on_each_prior(picked(balancing, chosen), body, options)
     if options.signing_frames:
         signing = read("gebaerden").clip
         chosen = spread(with_hands(signing), options.signing_frames)
-        tables["Signing, body, hands and face"] = compared(picked(signing, chosen), body, options)
+        tables["Signing, body, hands and face"] = _on_each_prior(picked(signing, chosen), body, options)
     report(options, tables)
 
 
