@@ -53,6 +53,14 @@ def nearest(
     return r[:, :60].view(-1, 5, 4, 3).norm(dim=-1).numpy()
 
 
+def explained(angles: Float[np.ndarray, "n 45"], space: Space, size: int) -> float:
+    """Share of the variance of joint angles that lies in a space: 1 - squared distance to it / that to their mean."""
+    mean, rows = space[0], space[1][:size]
+    apart = angles - mean
+    left = apart - apart @ rows.T @ rows
+    return float(1 - (left**2).sum() / ((angles - angles.mean(0)) ** 2).sum())
+
+
 def space_of(body_file: str, hand: HandSkeleton) -> Space:
     """The left hand's space of a body file, in anatomical angles of the hand."""
     body = load_body(BODIES / body_file)
@@ -93,6 +101,8 @@ def main(bodies: tuple[str, ...] = ("SMPLX_NEUTRAL.npz",), sizes: tuple[int, ...
             errors = {what: nearest(hand, angles, space, size)[:, :, 3].mean(1) for what, angles in sets.items()}
             told = [f"{what} {e.mean():.1f} (largest {e.max():.1f})" for what, e in errors.items()]
             print(f"{size:2d} components, {name}: fingertips " + ", ".join(told) + " mm")
+            shares = [f"{what} {100 * explained(angles, space, size):.1f} %" for what, angles in sets.items()]
+            print("   variance of the angles explained: " + ", ".join(shares))
             if size == 12:
                 print("   " + ", ".join(f"{s} {e:.1f}" for s, e in zip(HANDSHAPES, errors["handshapes"], strict=True)))
 

@@ -104,7 +104,8 @@ def exported(network: PoseAutoencoder) -> PriorNetwork:
         dense = [m for m in part if isinstance(m, torch.nn.Linear)]
         arrays = [(m.weight.detach().cpu().numpy(), m.bias.detach().cpu().numpy()) for m in dense]
         arrays[-1] = (arrays[-1][0][:outputs], arrays[-1][1][:outputs])
-        kinds: list[Activation] = [network.size.activation] * (len(dense) - 1) + ["linear"]
+        hidden: list[Activation] = [network.size.activation] * (len(dense) - 1)
+        kinds: list[Activation] = [*hidden, "linear"]
         return tuple(Layer(weight, bias, kind) for (weight, bias), kind in zip(arrays, kinds, strict=True))
 
     latent = network.decoder[0].in_features
