@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.free.geometry import MIRROR, MIRROR_ROTATION, unit
+from fitting_core.body.free.geometry import MIRROR, MIRROR_ROTATION
+from fitting_core.body.free.hand_skeleton import axes_of_finger
 from fitting_core.body.model import JOINT, BodyModel
 
 Degrees = tuple[float, float]
@@ -118,8 +119,9 @@ _FINGERS: dict[str, tuple[Degrees, Degrees, Degrees]] = {
     **{f"{finger}2": (_MIDDLE_PHALANX, (-15, 15), (-15, 15)) for finger in ("index", "middle", "ring", "pinky")},
     **{f"{finger}3": (_END_PHALANX, (-15, 15), (-15, 15)) for finger in ("index", "middle", "ring", "pinky")},
     # Cooney: the thumb's base 53 in flexion and extension together, 42 sideways, 17 in rotation, and from a rest pose
-    # that stands between these ends. Hume: middle joint 56, end joint 73, which bends back by 10-30.
-    "thumb1": ((-35, 50), (-22, 48), (-30, 35)),
+    # that stands between these ends; a thumb that holds the little finger (W) takes 57. Hume: middle joint 56, end joint
+    # 73, which bends back by 10-30.
+    "thumb1": ((-35, 58), (-22, 48), (-30, 35)),
     "thumb2": ((-15, 72), (-20, 20), (-20, 20)),
     "thumb3": ((-30, 92), (-12, 12), (-12, 12)),
 }
@@ -149,20 +151,10 @@ def _left_fingers(joints: Float[np.ndarray, "55 3"], named: str) -> dict[str, Jo
     """Ranges of a left hand whose joints have these names."""
     ranges = {}
     for name, (flexion, side, twist) in _FINGERS.items():
-        axes = _finger_axes(joints, named, name[:-1])
-        if axes is not None:
-            ranges[f"{named}_{name}"] = JointRange(kind="hinge", axes=axes, flexion=flexion, side=side, twist=twist)
+        finger = name[:-1]
+        if np.allclose(joints[JOINT[f"{named}_{finger}1"]], joints[JOINT[f"{named}_{finger}3"]], atol=1e-6):
+            continue
+        x, y, z = axes_of_finger(joints, finger, named=named).tolist()
+        axes = (tuple(x), tuple(y), tuple(z))
+        ranges[f"{named}_{name}"] = JointRange(kind="hinge", axes=axes, flexion=flexion, side=side, twist=twist)
     return ranges
-
-
-def _finger_axes(joints: Float[np.ndarray, "55 3"], named: str, finger: str) -> tuple[Axis, Axis, Axis] | None:
-    """Axes of flexion, side motion and twist of a finger of a left hand, the palm down, that points along +x."""
-    first, third, ring = (joints[JOINT[f"{named}_{name}"]] for name in (f"{finger}1", f"{finger}3", "ring1"))
-    if np.linalg.norm(third - first) < 1e-6:
-        return None
-    along, palm = unit(third - first), np.array([0, -1.0, 0])
-    if finger == "thumb":  # it flexes across the palm, towards a place below the ring finger's knuckle
-        palm = unit(ring + 0.035 * palm - first)
-    flexion = unit(np.cross(along, palm))
-    side = np.cross(flexion, along) * (1.0 if finger == "thumb" else -1.0)
-    return tuple(flexion.tolist()), tuple(side.tolist()), tuple(along.tolist())

@@ -57,22 +57,29 @@ class HandSkeleton:
 
 
 def finger_axes(joints: Float[np.ndarray, "55 3"]) -> Float[np.ndarray, "5 3 3"]:
-    """Axes of each left finger as rows: turning about them by positive angles flexes, spreads, twists.
+    """Axes of each left finger, see `axes_of_finger`, in the order of FINGERS."""
+    return np.stack([axes_of_finger(joints, finger) for finger in FINGERS])
+
+
+def axes_of_finger(joints: Float[np.ndarray, "55 3"], finger: str, *, named: str = "left") -> Float[np.ndarray, "3 3"]:
+    """Axes of a finger of a left hand as rows: turning about them by positive angles flexes, spreads, twists.
 
     Positive spreading turns about the upward axis, so it takes the left index finger away from the thumb.
+
+    Args:
+        joints: Of the rest pose: palm down, fingers along +x.
+        finger: One of FINGERS.
+        named: The side that the joints are named after: "right" for a right hand's mirror image.
     """
-    axes = []
-    for finger in FINGERS:
-        first, _, third = (joints[JOINT[f"left_{finger}{k}"]] for k in (1, 2, 3))
-        along = unit(third - first)
-        palm = np.array([0, -1.0, 0])
-        if finger == "thumb":  # it flexes across the palm
-            palm = unit(joints[JOINT["left_ring1"]] + _OPPOSED - first)
-        flex = unit(np.cross(along, palm))
-        spread = unit(np.cross(flex, along))
-        upward = finger == "thumb" or spread[1] > 0
-        axes.append(np.stack([flex, spread if upward else -spread, along]))
-    return np.stack(axes)
+    first, third, ring = (joints[JOINT[f"{named}_{name}"]] for name in (f"{finger}1", f"{finger}3", "ring1"))
+    along = unit(third - first)
+    palm = np.array([0, -1.0, 0])
+    if finger == "thumb":  # it flexes across the palm
+        palm = unit(ring + _OPPOSED - first)
+    flex = unit(np.cross(along, palm))
+    spread = unit(np.cross(flex, along))
+    upward = finger == "thumb" or spread[1] > 0
+    return np.stack([flex, spread if upward else -spread, along])
 
 
 def axis_angle_of(angles: Float[np.ndarray, "*n 45"], axes: Float[np.ndarray, "5 3 3"]) -> Float[np.ndarray, "*n 45"]:

@@ -11,11 +11,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.body.free.geometry import MIRROR_ROTATION
 from fitting_core.body.model import JOINT
 from fitting_core.priors.train.retarget import collar_rotation
 
-MIRROR = np.array([1.0, -1.0, -1.0])
-"""From an axis-angle of the left side to that of the right one."""
 GROUPS: dict[str, tuple[str, ...]] = {
     "spine": ("spine1", "spine2", "spine3"),
     "head": ("neck", "head"),
@@ -50,7 +49,7 @@ def legs(rng: np.random.Generator, count: int) -> tuple[Float[np.ndarray, "n 4 3
     left, right = _leg_angles(rng, count), _leg_angles(rng, count)
     alike = rng.random(count) < 0.5
     right = np.where(alike[:, None], left + rng.normal(0, np.radians(8), left.shape), right)
-    return _leg(left), _leg(right) * MIRROR
+    return _leg(left), _leg(right) * MIRROR_ROTATION
 
 
 _HIP_FLEXION, _HIP_ABDUCTION = _Range(-20, 130, 60, 45), _Range(-25, 55, 8, 20)
@@ -82,7 +81,7 @@ def arms(rng: np.random.Generator, count: int) -> tuple[Float[np.ndarray, "n 4 3
     left, right = _arm_angles(rng, count), _arm_angles(rng, count)
     alike = rng.random(count) < 0.35
     right = np.where(alike[:, None], left + rng.normal(0, np.radians(10), left.shape), right)
-    return _arm(left), _arm(right) * MIRROR
+    return _arm(left), _arm(right) * MIRROR_ROTATION
 
 
 @dataclass(frozen=True, kw_only=True)
