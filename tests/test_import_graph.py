@@ -38,7 +38,7 @@ OUTER = {
     "video": ["video", *DATA_TYPES],
     "encode": ["encode", *DATA_TYPES],
     "priors.sheets": ["render", "io.atomic", *DATA_TYPES],
-    "priors.train": ["priors", "io.atomic", *DATA_TYPES],
+    "priors.train": ["priors", "io.atomic", "joint_angles", *DATA_TYPES],
 }
 """What stands beside the fitter uses data types only; packages stand for all their modules but those in LAYERS."""
 
