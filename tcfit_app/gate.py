@@ -111,11 +111,16 @@ def _same(found: str, expected: str) -> bool:
 
 
 def _page(status: HTTPStatus, text: str, headers: dict[str, str] | None = None) -> Response:
-    body = f"<!doctype html><html lang='en'><meta charset='utf-8'><title>tcfit</title><p>{text}</p></html>\n".encode()
+    body = f"<!doctype html><html lang='en'>{_HEAD}<p>{text}</p></html>\n".encode()
     fields = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body)), "Connection": "close"}
     return Response(status, status.phrase, Headers({**fields, **(headers or {})}), body)
 
 
+_HEAD = (
+    "<meta charset='utf-8'><meta name='viewport' content='width=device-width'><title>tcfit</title><style>"
+    "html{color-scheme:light dark;font:1.1em/1.5 system-ui,sans-serif}body{max-width:36em;margin:20vh auto;padding:1em}"
+    "</style>"
+)
 _UNKNOWN = (
     "This review opens through the link that tcfit printed where it was started. Each link works in one browser, "
     "once, and until tcfit is stopped; after each use a fresh one is printed."

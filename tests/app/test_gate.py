@@ -348,7 +348,7 @@ def test_what_is_no_small_get_is_cut_off(server: ReviewServer, request_bytes: by
 
 
 def test_slow_requests_are_cut_off_and_hold_up_nobody(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(gated_viser, "REQUEST_SECONDS", 1.0)
+    monkeypatch.setattr(gated_viser, "REQUEST_SECONDS", 2.0)
     with serve() as server, ExitStack() as clients:
         address = ("127.0.0.1", server.address.port)
         slow = [clients.enter_context(socket.create_connection(address, timeout=10)) for _ in range(20)]
@@ -356,13 +356,13 @@ def test_slow_requests_are_cut_off_and_hold_up_nobody(monkeypatch: pytest.Monkey
         for client in slow[1:]:
             client.sendall(b"GET / HTTP/1.1\r\nHost: ")
         assert get(server, entrance(server)).status == 200
-        assert time.monotonic() - start < 0.9, "the slow ones held up the other"
+        assert time.monotonic() - start < 1.8, "the slow ones held up the other"
         dripping = slow[-1]
         with pytest.raises(ConnectionError):
-            while time.monotonic() - start < 8:
+            while time.monotonic() - start < 12:
                 dripping.sendall(b"1")
                 time.sleep(0.1)
-        assert time.monotonic() - start < 4
+        assert time.monotonic() - start < 8
         for client in slow[:-1]:
             assert client.recv(1) == b""
 
@@ -386,7 +386,8 @@ def test_neither_token_nor_cookie_gets_into_logs(
         assert secret not in text
 
 
-def test_the_end_closes_everything_at_once():
+def test_the_end_closes_everything_at_once(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(gated_viser, "GOODBYE_SECONDS", 5.0)
     before = set(threading.enumerate())
     with ExitStack() as stack:
         with serve() as server:
@@ -395,7 +396,7 @@ def test_the_end_closes_everything_at_once():
             client = open_websocket(server, Cookie=admit(server))
             client.recv(timeout=10)
             start = time.monotonic()
-        assert time.monotonic() - start < 0.9
+        assert time.monotonic() - start < 3
         assert idle.recv(1) == b""
         with pytest.raises(ConnectionClosed) as closed:
             while True:
@@ -417,7 +418,7 @@ def test_the_end_does_not_wait_for_a_browser_that_is_silent():
         client.sendall(handshake(cookie=cookie))
         assert client.recv(12) == b"HTTP/1.1 101"
         start = time.monotonic()
-    assert time.monotonic() - start < gated_viser.GOODBYE_SECONDS + 1
+    assert time.monotonic() - start < gated_viser.GOODBYE_SECONDS + 3
     client.close()
 
 
