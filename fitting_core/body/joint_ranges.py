@@ -119,8 +119,8 @@ _FINGERS: dict[str, tuple[Degrees, Degrees, Degrees]] = {
     **{f"{finger}2": (_MIDDLE_PHALANX, (-15, 15), (-15, 15)) for finger in ("index", "middle", "ring", "pinky")},
     **{f"{finger}3": (_END_PHALANX, (-15, 15), (-15, 15)) for finger in ("index", "middle", "ring", "pinky")},
     # Cooney: the thumb's base 53 in flexion and extension together, 42 sideways, 17 in rotation, and from a rest pose
-    # that stands between these ends; a thumb that holds the little finger (W) takes 57. Hume: middle joint 56, end joint
-    # 73, which bends back by 10-30.
+    # that stands between these ends; a thumb that holds the little finger (W) takes 57. Hume: middle joint 56, end
+    # joint 73, which bends back by 10-30.
     "thumb1": ((-35, 58), (-22, 48), (-30, 35)),
     "thumb2": ((-15, 72), (-20, 20), (-20, 20)),
     "thumb3": ((-30, 92), (-12, 12), (-12, 12)),
