@@ -5,7 +5,7 @@ A project is a folder:
 | file | |
 |---|---|
 | project.sqlite | clip, log of edits, runs with their settings, review marks (`storage/database.py` has the tables) |
-| detections.npz | the keypoints as they were detected, xy (T, 137, 2) in pixels and confidence (T, 137); never changed |
+| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels and confidence (T, 137); never changed |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
 | media/ | the video or images, if they were copied; else the database knows where they are |
 | project.lock | held by the one process that writes |
@@ -15,37 +15,32 @@ as if it had been closed after the last such return.
 """
 
 import glob
-import hashlib
 import os
 import shutil
 import sqlite3
 import threading
-import zipfile
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
 import msgspec
-import numpy as np
 
-from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.corrected import Corrected
 from tcfit_app.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
 from tcfit_app.edits import Edit
-from tcfit_app.storage import database, media, runs
+from tcfit_app.storage import database, media
+from tcfit_app.storage.clip import read_clip, write_clip
 from tcfit_app.storage.database import Database
-from tcfit_app.storage.durable import durable, sweep, sync, writing
+from tcfit_app.storage.durable import accessing, sweep, sync
 from tcfit_app.storage.lock import Lock, ProjectLocked
 from tcfit_app.storage.marks import Marks
-from tcfit_app.storage.media import Media, MediaLink
-from tcfit_app.storage.names import name_of_file
+from tcfit_app.storage.media import Media
 from tcfit_app.storage.runs import Runs
 
-DETECTIONS = "detections.npz"
 _DRAFT = ".partial"
 
 
@@ -55,14 +50,14 @@ class Project:
     def __init__(self, folder: Path, store: Database, held: Lock | None) -> None:
         """Use `create` or `open`."""
         self.folder = folder
-        stored, link = _read_clip(folder, store)
+        stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
         """Where the video or images were when the project was opened, and what is wrong with them."""
         self.runs, self.marks = Runs(folder, store), Marks(store, len(stored))
         self._stored, self._database, self._lock = stored, store, held
         self._guard = threading.RLock()
         if held:
-            with writing(folder):
+            with accessing(folder):
                 sweep(folder)
             self.runs.recover()
         self._log = [_entry(row, store.path) for row in store.rows("SELECT * FROM edits ORDER BY id")]
@@ -83,8 +78,9 @@ class Project:
         Raises:
             InputError: The folder holds something, or cannot be written; the source cannot be read.
         """
-        _check_free(folder)
-        with writing(folder):
+        folder = folder.resolve()
+        with accessing(folder):
+            _check_free(folder)
             folder.parent.mkdir(parents=True, exist_ok=True)
             _sweep_drafts(folder)
             draft = folder.with_name(f".{folder.name}.{os.getpid()}{_DRAFT}")
@@ -92,7 +88,7 @@ class Project:
             try:
                 held = Lock(draft)
                 try:
-                    _write(draft, folder, clip, copy_media)
+                    write_clip(draft, folder, clip, copy_media=copy_media)
                 finally:
                     held.release()
                 _check_free(folder)
@@ -115,12 +111,10 @@ class Project:
             ProjectLocked: Another one is writing; read-only it can be opened.
             InputError: It is no project, is damaged, comes from a newer tcfit, or cannot be written.
         """
-        if not (folder / database.NAME).is_file():
-            raise InputError(f"{folder}: is no project of tcfit: it has no {database.NAME}. `tcfit new` makes one.")
-        held = None
-        if not read_only:
-            with writing(folder):
-                held = Lock(folder)
+        with accessing(folder):
+            if not (folder / database.NAME).is_file():
+                raise InputError(f"{folder}: is no project of tcfit: it has no {database.NAME}. `tcfit new` makes one.")
+            held = None if read_only else Lock(folder)
         store = None
         try:
             store = Database(folder / database.NAME, read_only=read_only)
@@ -220,9 +214,8 @@ class Project:
             time = datetime.now(UTC)
             with self._database.transaction() as connection:
                 values = (time.isoformat(), author, text)
-                number = connection.execute(
-                    "INSERT INTO edits (time, author, action) VALUES (?, ?, ?)", values
-                ).lastrowid
+                added = connection.execute("INSERT INTO edits (time, author, action) VALUES (?, ?, ?)", values)
+            number = added.lastrowid
             assert number is not None
             entry = LogEntry(id=number, time=time, author=author, action=action)
             self._history.add(entry)
@@ -262,76 +255,6 @@ def _sweep_drafts(folder: Path) -> None:
             continue
         held.release()
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _write(draft: Path, folder: Path, clip: Clip, copy_media: bool) -> None:
-    """Write all of a new project into `draft`, which is to become `folder`."""
-    (draft / runs.FOLDER).mkdir()
-    with durable(draft / DETECTIONS) as file:
-        np.savez_compressed(file, allow_pickle=False, xy=clip.keypoints.xy, confidence=clip.keypoints.confidence)
-    link = None
-    if clip.source:
-        link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
-    Database.create(draft / database.NAME)
-    store = Database(draft / database.NAME, read_only=False)
-    try:
-        with store.transaction() as connection:
-            connection.execute(
-                "INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?)",
-                (
-                    name_of_file(clip.name),
-                    datetime.now(UTC).isoformat(),
-                    clip.frame_rate,
-                    clip.first_frame,
-                    msgspec.json.encode(clip.camera).decode(),
-                    msgspec.json.encode(clip.notes).decode(),
-                    msgspec.json.encode(link).decode() if link else None,
-                    _sha256(draft / DETECTIONS),
-                ),
-            )
-    finally:
-        store.close()
-    sync(draft)
-
-
-def _read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
-    """The clip with its detections and without a source, and the link to that."""
-    rows = store.rows("SELECT * FROM clip")
-    if not rows:
-        raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
-    row = rows[0]
-    keypoints = _read_detections(folder / DETECTIONS, row["detections_sha256"])
-    try:
-        link = None if row["media"] is None else msgspec.json.decode(row["media"], type=MediaLink)
-        clip = Clip(
-            keypoints=keypoints,
-            camera=msgspec.json.decode(row["camera"], type=Camera),
-            frame_rate=row["frame_rate"],
-            name=row["name"],
-            first_frame=row["first_frame"],
-            notes=msgspec.json.decode(row["notes"], type=tuple[str, ...]),
-        )
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{store.path}: the clip in it cannot be read ({error}); it is damaged.") from error
-    return clip, link
-
-
-def _read_detections(path: Path, expected: str) -> Keypoints:
-    advice = "It must stay as it was made: take it from a backup"
-    try:
-        if _sha256(path) != expected:
-            raise InputError(f"{path}: was changed since the project was made. {advice}.")
-        with np.load(path, allow_pickle=False) as archive:
-            xy, confidence = archive["xy"], archive["confidence"]
-    except (OSError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
-    for array in (xy, confidence):
-        array.setflags(write=False)
-    return Keypoints(xy=xy, confidence=confidence)
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _entry(row: sqlite3.Row, path: Path) -> LogEntry:

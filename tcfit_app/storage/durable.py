@@ -40,12 +40,12 @@ def sweep(folder: Path) -> None:
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
+def accessing(path: Path) -> Iterator[None]:
     """What the system refuses becomes an InputError that names the file or folder."""
     try:
         yield
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}). Free space or allow writing there; what was "
-            "stored before is still there."
+            f"{path}: cannot be read or written ({error.strerror or error}). Free space, or allow reading and writing "
+            "there; what was stored before is still there."
         ) from error

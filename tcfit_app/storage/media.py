@@ -10,7 +10,7 @@ import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.frame_names import natural_key
-from tcfit_app.storage.durable import sync, writing
+from tcfit_app.storage.durable import accessing, sync
 
 FOLDER = "media"
 _BLOCK = 1 << 20
@@ -58,7 +58,7 @@ def copy(source: Path, project: Path) -> MediaLink:
     """
     source = _named(source)
     target = project / FOLDER / source.name
-    with writing(target):
+    with accessing(target):
         target.parent.mkdir()
         if source.is_dir():
             target.mkdir()

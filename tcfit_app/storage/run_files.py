@@ -2,7 +2,7 @@
 
 | key | shape | |
 |---|---|---|
-| phase1_betas, phase1_body_pose, ... | (T, ...) | BodyParams of each finished phase, in the type in which they were found |
+| phase1_betas, phase1_body_pose, ... | (T, ...) | BodyParams of each finished phase |
 | phase1_frame_cost | (T,) | cost of each frame |
 | phase1_objective | (n,) | mean cost by term; their names stand in about |
 | observed | (T, 55) | as in FitResult |
@@ -25,7 +25,7 @@ from fitting_core.camera import Camera
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.result import FitResult, PhaseResult
-from tcfit_app.storage.durable import durable, writing
+from tcfit_app.storage.durable import accessing, durable
 
 FORMAT = "tcfit run 1"
 _NAMES = tuple(f.name for f in fields(BodyParams))
@@ -63,7 +63,7 @@ def write_run(path: Path, fit: FitResult) -> None:
         prefix = f"phase{p.phase}_"
         arrays |= {prefix + name: getattr(p.params, name).detach().cpu().numpy() for name in _NAMES}
         arrays |= {f"{prefix}frame_cost": p.frame_cost, f"{prefix}objective": np.array([*p.objective.values()], float)}
-    with writing(path), durable(path) as draft:
+    with accessing(path), durable(path) as draft:
         np.savez(draft, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -101,7 +101,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
 
 def _phase(arrays: dict[str, np.ndarray], about: _Phase) -> PhaseResult:
     prefix = f"phase{about.phase}_"
-    frames, components = arrays[f"{prefix}{_HANDS[0]}"].shape
+    frames, components = map(int, arrays[f"{prefix}{_HANDS[0]}"].shape)
     widths = _WIDTHS | dict.fromkeys(_HANDS, components)
     params = {n: torch.from_numpy(_shaped(arrays, prefix + n, (frames, widths[n]))) for n in _NAMES}
     costs = _shaped(arrays, f"{prefix}objective", (len(about.terms),))

@@ -18,7 +18,7 @@ from fitting_core.config_file import as_plain
 from fitting_core.errors import InputError
 from fitting_core.result import FitResult
 from tcfit_app.storage.database import Database
-from tcfit_app.storage.durable import sweep, sync, writing
+from tcfit_app.storage.durable import accessing, sweep, sync
 from tcfit_app.storage.names import checked_name
 from tcfit_app.storage.run_files import read_run, write_run
 
@@ -84,7 +84,7 @@ class Runs:
                 "UPDATE runs SET state = 'interrupted', ended = ? WHERE state = 'running'", (_now().isoformat(),)
             )
         known = {self._path(row["id"]).name for row in self._database.rows("SELECT id FROM runs")}
-        with writing(self._folder):
+        with accessing(self._folder):
             self._folder.mkdir(exist_ok=True)
             sweep(self._folder)
             for file in [f for f in self._folder.iterdir() if f.is_file() and f.name not in known]:
@@ -213,8 +213,8 @@ class Runs:
         Raises:
             InputError: The project cannot be written.
         """
-        gone = [run.id for run in self.list(deleted=True)]
-        with self._database.transaction() as connection, writing(self._folder):
+        gone = [run.id for run in self.all(deleted=True)]
+        with self._database.transaction() as connection, accessing(self._folder):
             # Files first: a row without a file only tells that there is nothing to show.
             for run in gone:
                 self._path(run).unlink(missing_ok=True)
@@ -222,7 +222,7 @@ class Runs:
             connection.executemany("DELETE FROM runs WHERE id = ?", [(run,) for run in gone])
         return gone
 
-    def list(self, *, deleted: bool = False) -> list[Run]:
+    def all(self, *, deleted: bool = False) -> list[Run]:
         """All runs, oldest first; or all deleted ones."""
         state = "NOT NULL" if deleted else "NULL"
         return [
