@@ -42,10 +42,12 @@ def ended(child: int, source: int) -> tuple[int, list[str]]:
 
 
 def killed_after(seconds: float, work: Callable[[Callable[[str], None]], None]) -> list[str]:
-    """What a process had reported when SIGKILL hit it, that long after its first line."""
+    """What a process had reported when SIGKILL hit it: that long after its first line, or earlier by its own hand."""
     child, source = start(work)
     first = os.read(source, 1)
-    time.sleep(seconds)
+    until = time.monotonic() + seconds
+    while time.monotonic() < until and os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+        time.sleep(0.001)
     os.kill(child, signal.SIGKILL)
     status, lines = ended(child, source)
     assert os.WIFSIGNALED(status), lines

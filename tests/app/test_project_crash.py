@@ -7,13 +7,15 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
-from tcfit_app.edit_log import Redo, Undo, apply
+from tcfit_app.edit_log import EditHistory, Redo, Undo, apply
 from tcfit_app.project import Project
+from tcfit_app.storage.runs import Runs
 from tests.app.processes import killed_after, needs_fork, succeeded
 from tests.app.project_samples import (
     BODY,
@@ -106,6 +108,56 @@ def test_what_was_saved_survives_a_kill(tmp_path: Path):
 @pytest.mark.slow
 def test_what_was_saved_survives_fifty_kills(tmp_path: Path):
     _kill_often(tmp_path / "walk.tcfit", rounds=50, seed=2)
+
+
+def _die(*_: object, **__: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _half_written(draft: Path, **_: object) -> None:
+    draft.write_bytes(b"half")
+    _die()
+
+
+DEATHS = {
+    "while the result is written": (np, "savez", _half_written, 2),
+    "between file and database": (Runs, "_end", _die, 3),
+}
+
+
+@pytest.mark.parametrize(("owner", "name", "death", "phase"), DEATHS.values(), ids=DEATHS)
+def test_a_run_keeps_what_it_had_stored(owner: Any, name: str, death: Any, phase: int, tmp_path: Path):
+    folder = tmp_path / "walk.tcfit"
+    Project.create(folder, sample_clip()).close()
+
+    def work(report: Report) -> None:
+        project = Project.open(folder)
+        run = project.runs.start(CONFIG, body=BODY, edits_seen=0)
+        project.runs.store(run.id, sample_fit(4, last_phase=2))
+        setattr(owner, name, death)
+        report("stored")
+        project.runs.finish(run.id, sample_fit(4))
+
+    assert killed_after(10, work) == ["stored"]
+    _check(folder, [], 0)
+    with Project.open(folder) as project:
+        assert project.runs.get(1).state == "interrupted"
+        assert_same_fit(project.runs.load(1), sample_fit(4, last_phase=phase))
+
+
+def test_an_edit_is_stored_before_it_shows(tmp_path: Path):
+    folder = tmp_path / "walk.tcfit"
+    Project.create(folder, sample_clip()).close()
+
+    def work(report: Report) -> None:
+        project = Project.open(folder)
+        EditHistory.add = _die
+        report("opened")
+        project.append(random_edit(1))
+
+    assert killed_after(10, work) == ["opened"]
+    with Project.open(folder) as project:
+        assert [entry.action for entry in project.log] == [random_edit(1)]
 
 
 def test_a_project_is_there_whole_or_not_at_all(tmp_path: Path):
