@@ -25,7 +25,7 @@ from tcfit_app.edits import (
     SetConfidence,
     SwapSides,
 )
-from tests.app.project_samples import FRAMES, edits, same_keypoints, sample_keypoints
+from tests.app.project_samples import edits, same_keypoints, sample_keypoints
 
 NOW: Any = None
 """No test here looks at times."""
@@ -201,7 +201,3 @@ def test_every_kind_is_drawn_in_these_tests():
 def test_other_texts_are_no_edits(text: str):
     with pytest.raises(InputError, match="cannot be read"):
         decode(text)
-
-
-def test_the_samples_have_a_clip_of_the_right_length(detected: Keypoints):
-    assert len(detected) == FRAMES
