@@ -1,7 +1,6 @@
 """`tcfit fit`: read a clip, fit it, write the result."""
 
 import dataclasses
-import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,9 +16,9 @@ from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import PhaseFinished
 from fitting_core.fitting import fit_events
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result, write_result
 from fitting_core.result import FitResult
+from tcfit_app.clip_input import clip_of, described, notes_of
 from tcfit_app.options import BodyOptions, FitOptions, fit_config
 from tcfit_app.overlay_video import write_comparison
 from tcfit_app.progress import Progress
@@ -49,7 +48,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     check_out(options.out, overwrite=options.overwrite)
     prepare_torch(config, options.threads)
     body = load_body(body_file(options.body))
-    clip = _read_clip(options)
+    clip = clip_of(options)
     _tell(_inputs(clip, body))
     fit, summary = _fit_and_write(clip, body, config, options.out, command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
@@ -58,21 +57,6 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
         written.append(OVERLAY_NAME)
     print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {options.out}"]))
     return Outcome(fit=fit, body=body, summary=summary)
-
-
-def _read_clip(options: FitOptions) -> Clip:
-    """The clip; what the library calls `frame_rate` its messages call --frame-rate here."""
-    details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
-    names = re.compile(r"\b(" + "|".join(name for name in details if "_" in name) + r")\b")
-
-    def translated(text: str) -> str:
-        return names.sub(lambda name: "--" + name[0].replace("_", "-"), text)
-
-    try:
-        clip = read_clip(options.video, options.keypoints, **details)
-    except InputError as error:
-        raise InputError(translated(str(error))) from error
-    return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
@@ -166,16 +150,9 @@ def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
 
 
 def _inputs(clip: Clip, body: BodyModel) -> list[str]:
-    """What is fitted, for the user: most of what goes wrong goes wrong here."""
-    camera, source = clip.camera, body.source.name if body.source else body.kind
-    frames = f"{len(clip)} frames from {clip.first_frame} on at {clip.frame_rate:g} per second"
-    return [
-        f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
-        f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
-        *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
-        f"Body {source} ({body.gender})",
-        *(f"Note: {note}" for note in clip.notes),
-    ]
+    """What is fitted, for the user."""
+    source = body.source.name if body.source else body.kind
+    return [*described(clip), f"Body {source} ({body.gender})", *notes_of(clip)]
 
 
 def report(summary: dict[str, Any]) -> list[str]:

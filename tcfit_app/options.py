@@ -138,6 +138,25 @@ class FitOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NewOptions:
+    """Make a project of a clip, in which its keypoints are corrected and its fits kept.
+
+    A project is a folder. The video stays where it is unless --copy-video is given.
+    """
+
+    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
+    """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
+    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    """OpenPose JSON: a folder with a file for each frame, or one file."""
+    out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
+    """The project's folder, which may not exist yet."""
+    copy_video: bool = False
+    """Copy the video or images into the project, so that it can be given to others."""
+    clip: ClipOptions = field(default_factory=ClipOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
 class DemoOptions:
     """Make the demo clip (once), fit it, and compare the fit with the truth."""
 

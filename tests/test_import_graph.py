@@ -41,6 +41,8 @@ OUTER = {
     "priors.train": ["priors", "io.atomic", "joint_angles", *DATA_TYPES],
 }
 """What stands beside the fitter uses data types only; packages stand for all their modules but those in LAYERS."""
+APP_LAYERS = [["corrected", "edits", "edit_log"], ["storage"], ["project"]]
+"""Of the app: what a project keeps knows of no command, server or view."""
 
 
 def imported(tree: ast.AST) -> Iterator[str]:
@@ -120,6 +122,17 @@ def test_beside_the_fitter_only_data_types_are_used(package: str):
     assert members
     for module in members:
         others = {name for name in own_imports(module) if not inside(name, OUTER[package])}
+        assert not others, f"{module} must not import {sorted(others)}"
+
+
+@pytest.mark.parametrize("level", range(len(APP_LAYERS)))
+def test_layers_of_a_project(level: int):
+    allowed = [entry for layer in APP_LAYERS[: level + 1] for entry in layer]
+    members = [m for m in MODULES if inside(m.removeprefix("tcfit_app."), APP_LAYERS[level])]
+    assert members
+    for module in members:
+        used = {n.removeprefix("tcfit_app.") for n in imports_of(module) if n in MODULES and n.startswith("tcfit_app.")}
+        others = {name for name in used if not inside(name, allowed)}
         assert not others, f"{module} must not import {sorted(others)}"
 
 

@@ -36,7 +36,9 @@ def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "tcfit_app", *arguments], capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("arguments", [[], ["fit"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["fit"], ["new"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"]]
+)
 def test_help_loads_no_heavy_package(arguments: list[str]):
     code = f"""
 import sys
@@ -129,7 +131,7 @@ def test_refused(
         (["fit"], "--out"),
         (["fit", "--out", "o", "--center", "3"], "--center"),
         (["fit", "--out", "o", "--frame-rate", "fast"], "--frame-rate"),
-        (["fti"], "fit, demo, models"),
+        (["fti"], "fit, new, demo, models"),
         ([], "Missing subcommand"),
     ],
 )

@@ -1,0 +1,44 @@
+"""The clip that a command line asks for, and what to tell its user: most that goes wrong goes wrong here."""
+
+import dataclasses
+import re
+
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.io.clip_reader import read_clip
+from tcfit_app.options import FitOptions, NewOptions
+
+
+def clip_of(options: FitOptions | NewOptions) -> Clip:
+    """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here.
+
+    Raises:
+        InputError: Files or options cannot be used.
+    """
+    details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
+    names = re.compile(r"\b(" + "|".join(name for name in details if "_" in name) + r")\b")
+
+    def translated(text: str) -> str:
+        return names.sub(lambda name: "--" + name[0].replace("_", "-"), text)
+
+    try:
+        clip = read_clip(options.video, options.keypoints, **details)
+    except InputError as error:
+        raise InputError(translated(str(error))) from error
+    return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
+
+
+def described(clip: Clip) -> list[str]:
+    """Length and camera, as lines for the user."""
+    camera = clip.camera
+    frames = f"{len(clip)} frames from {clip.first_frame} on at {clip.frame_rate:g} per second"
+    return [
+        f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
+        f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
+        *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
+    ]
+
+
+def notes_of(clip: Clip) -> list[str]:
+    """How the clip was read, as lines for the user."""
+    return [f"Note: {note}" for note in clip.notes]

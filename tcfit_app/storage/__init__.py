@@ -1,0 +1,1 @@
+"""What a project keeps on the disk, and how it survives crashes."""

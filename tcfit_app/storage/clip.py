@@ -1,0 +1,105 @@
+"""The clip of a project: its row in the database, its detections, and its video."""
+
+import hashlib
+import zipfile
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.keypoints import Keypoints
+from tcfit_app.storage import database, media
+from tcfit_app.storage.database import Database
+from tcfit_app.storage.durable import durable, sync
+from tcfit_app.storage.media import MediaLink
+from tcfit_app.storage.names import name_of_file
+
+DETECTIONS = "detections.npz"
+
+
+def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> None:
+    """Write a new project's database, detections and media.
+
+    Args:
+        draft: Where to.
+        folder: What that folder is going to be called.
+        clip: With its detections.
+        copy_media: Copy the clip's source; else it is linked.
+
+    Raises:
+        InputError: The source cannot be read, or the database not be written.
+        OSError: Another file cannot be written.
+    """
+    with durable(draft / DETECTIONS) as file:
+        np.savez_compressed(file, allow_pickle=False, xy=clip.keypoints.xy, confidence=clip.keypoints.confidence)
+    link = None
+    if clip.source:
+        link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
+    Database.create(draft / database.NAME)
+    store = Database(draft / database.NAME, read_only=False)
+    try:
+        with store.transaction() as connection:
+            connection.execute(
+                "INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    name_of_file(clip.name),
+                    datetime.now(UTC).isoformat(),
+                    clip.frame_rate,
+                    clip.first_frame,
+                    msgspec.json.encode(clip.camera).decode(),
+                    msgspec.json.encode(clip.notes).decode(),
+                    msgspec.json.encode(link).decode() if link else None,
+                    _sha256(draft / DETECTIONS),
+                ),
+            )
+    finally:
+        store.close()
+    sync(draft)
+
+
+def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
+    """The clip with its detections and without a source, and the link to that.
+
+    Raises:
+        InputError: One of them is missing or damaged.
+    """
+    rows = store.rows("SELECT * FROM clip")
+    if not rows:
+        raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
+    row = rows[0]
+    keypoints = _read_detections(folder / DETECTIONS, row["detections_sha256"])
+    try:
+        link = None if row["media"] is None else msgspec.json.decode(row["media"], type=MediaLink)
+        clip = Clip(
+            keypoints=keypoints,
+            camera=msgspec.json.decode(row["camera"], type=Camera),
+            frame_rate=row["frame_rate"],
+            name=row["name"],
+            first_frame=row["first_frame"],
+            notes=msgspec.json.decode(row["notes"], type=tuple[str, ...]),
+        )
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{store.path}: the clip in it cannot be read ({error}); it is damaged.") from error
+    return clip, link
+
+
+def _read_detections(path: Path, expected: str) -> Keypoints:
+    advice = "It must stay as it was made: take it from a backup"
+    try:
+        if _sha256(path) != expected:
+            raise InputError(f"{path}: was changed since the project was made. {advice}.")
+        with np.load(path, allow_pickle=False) as archive:
+            xy, confidence = archive["xy"], archive["confidence"]
+    except (OSError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
+    for array in (xy, confidence):
+        array.setflags(write=False)
+    return Keypoints(xy=xy, confidence=confidence)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,202 @@
+"""project.sqlite: its tables, their versions, and transactions that are on the disk when they end."""
+
+import os
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from fitting_core.errors import InputError
+
+NAME = "project.sqlite"
+_APPLICATION = int.from_bytes(b"tcft")
+"""In the file's header: tells a project from other SQLite databases."""
+
+
+def _first_tables(connection: sqlite3.Connection) -> None:
+    connection.execute("""
+        CREATE TABLE clip (
+            id INTEGER PRIMARY KEY CHECK (id = 1), name TEXT NOT NULL, created TEXT NOT NULL,
+            frame_rate REAL NOT NULL, first_frame INTEGER NOT NULL, camera TEXT NOT NULL, notes TEXT NOT NULL,
+            media TEXT, detections_sha256 TEXT NOT NULL
+        )""")
+    connection.execute("""
+        CREATE TABLE edits (
+            id INTEGER PRIMARY KEY AUTOINCREMENT, time TEXT NOT NULL, author TEXT NOT NULL, action TEXT NOT NULL
+        )""")
+    for change in ("UPDATE", "DELETE"):
+        connection.execute(f"""
+            CREATE TRIGGER edits_no_{change.lower()} BEFORE {change} ON edits
+            BEGIN SELECT RAISE(ABORT, 'the log of edits is only ever added to'); END""")
+    connection.execute("""
+        CREATE TABLE runs (
+            id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, state TEXT NOT NULL, config TEXT NOT NULL,
+            body TEXT NOT NULL, parent INTEGER, first_frame INTEGER, last_frame INTEGER, edits_seen INTEGER NOT NULL,
+            started TEXT NOT NULL, ended TEXT, summary TEXT, message TEXT NOT NULL DEFAULT '', deleted TEXT
+        )""")
+
+
+def _review_marks(connection: sqlite3.Connection) -> None:
+    connection.execute("""
+        CREATE TABLE marks (
+            frame INTEGER PRIMARY KEY, state TEXT NOT NULL, reason TEXT NOT NULL, time TEXT NOT NULL,
+            author TEXT NOT NULL
+        )""")
+
+
+MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_tables, _review_marks)
+"""MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
+
+_DAMAGED = "is damaged ({}). Take it from a backup; the fits in runs and detections.npz can be read without it"
+_UNWRITABLE = "cannot be written ({}). Free space or allow writing there; what was stored before is still there"
+_REASONS = {
+    "SQLITE_CORRUPT": _DAMAGED,
+    "SQLITE_ERROR": _DAMAGED,
+    "SQLITE_NOTADB": _DAMAGED,
+    "SQLITE_FULL": _UNWRITABLE,
+    "SQLITE_IOERR": _UNWRITABLE,
+    "SQLITE_READONLY": _UNWRITABLE,
+    "SQLITE_PERM": _UNWRITABLE,
+    "SQLITE_CANTOPEN": "cannot be opened ({}). Allow reading it, and writing in its folder",
+    "SQLITE_BUSY": "is used by another program ({}). Close that one and try again",
+}
+"""By SQLite's primary result code: what is wrong, and what to do. ERROR is a table or column that is not there."""
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """SQLite's errors that come from files and not from us become InputErrors."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = "_".join((getattr(error, "sqlite_errorname", None) or "").split("_")[:2])
+        # Without a code: sqlite3's own, of which a text that is no UTF-8 is operational, and the rest is our mistake.
+        reason = _REASONS.get(code) or (_DAMAGED if not code and isinstance(error, sqlite3.OperationalError) else "")
+        if not reason:
+            raise
+        raise InputError(f"{path}: {reason.format(error)}.") from error
+
+
+class Database:
+    """A connection that several threads may use.
+
+    What `transaction` has ended without an error stays, even if the computer loses power (WAL, synchronous = FULL).
+    """
+
+    def __init__(self, path: Path, *, read_only: bool) -> None:
+        """Open a project's database, and bring it to the present version.
+
+        Raises:
+            InputError: It cannot be opened, is damaged, none of tcfit's, or from a newer tcfit.
+        """
+        self.path, self.read_only = path, read_only
+        with _explained(path):
+            self._connection = _connect(path, "ro" if read_only else "rw")
+        try:
+            with _explained(path):
+                self._check()
+                if not read_only:
+                    self._migrate()
+        except BaseException:
+            self._connection.close()
+            raise
+        self._lock = threading.RLock()
+
+    @staticmethod
+    def create(path: Path) -> None:
+        """Make a database with empty tables. Raises InputError if it cannot be written."""
+        with _explained(path):
+            connection = _connect(path, "rwc")
+            try:
+                connection.execute(f"PRAGMA application_id = {_APPLICATION}")
+                _upgrade(connection, 0)
+            finally:
+                connection.close()
+
+    def _check(self) -> None:
+        application, version = (self._pragma(name) for name in ("application_id", "user_version"))
+        if application != _APPLICATION:
+            raise InputError(f"{self.path}: is a database of another program; expected one that `tcfit new` made.")
+        known = len(MIGRATIONS)
+        if version > known:
+            raise InputError(
+                f"{self.path}: is of version {version}, and this tcfit knows versions up to {known}. A newer tcfit has "
+                "written it: update tcfit."
+            )
+        if version < known and self.read_only:
+            raise InputError(
+                f"{self.path}: is of version {version}, from an older tcfit, and cannot be brought to version {known} "
+                "read-only. Open it once for writing."
+            )
+        if (problem := self._pragma("quick_check")) != "ok":
+            raise InputError(f"{self.path}: {_DAMAGED.format(problem)}.")
+
+    def _migrate(self) -> None:
+        _upgrade(self._connection, self._pragma("user_version"))
+
+    def _pragma(self, name: str) -> Any:
+        return self._connection.execute(f"PRAGMA {name}").fetchone()[0]
+
+    @contextmanager
+    def transaction(self) -> Iterator[sqlite3.Connection]:
+        """All changes of the block, or none; they are on the disk when it has ended.
+
+        Raises:
+            InputError: The project is open read-only, or its file cannot be written.
+        """
+        if self.read_only:
+            raise InputError(f"{self.path.parent}: is open read-only; nothing can be changed.")
+        with self._lock, _explained(self.path), _transaction(self._connection):
+            yield self._connection
+
+    def rows(self, query: str, *values: Any) -> list[sqlite3.Row]:
+        """What a query finds. Raises InputError if the file is damaged."""
+        with self._lock, _explained(self.path):
+            return self._connection.execute(query, values).fetchall()
+
+    def close(self) -> None:
+        """Put everything into the one file and let it go."""
+        with self._lock:
+            self._connection.close()
+
+
+def _connect(path: Path, mode: Literal["ro", "rw", "rwc"]) -> sqlite3.Connection:
+    options = f"mode={mode}"
+    if mode == "ro" and not os.access(path.parent, os.W_OK) and not path.with_name(f"{path.name}-wal").exists():
+        options = "immutable=1"  # Even for reading SQLite wants a file beside this one, unless nobody else can write.
+    uri = f"{path.resolve().as_uri()}?{options}"
+    connection = sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False)
+    connection.row_factory = sqlite3.Row
+    try:
+        connection.execute("PRAGMA trusted_schema = OFF")  # A project may come from somebody else.
+        if mode != "ro":
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = FULL")
+            connection.execute("PRAGMA fullfsync = ON")  # macOS: its plain fsync leaves data in the drive's cache.
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _upgrade(connection: sqlite3.Connection, version: int) -> None:
+    for number, migration in enumerate(MIGRATIONS[version:], version + 1):
+        with _transaction(connection):
+            migration(connection)
+            connection.execute(f"PRAGMA user_version = {number}")
+
+
+@contextmanager
+def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        connection.execute("COMMIT")
+    except BaseException:
+        # After some errors, a full disk for example, SQLite has rolled back by itself.
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise

@@ -1,0 +1,67 @@
+"""One writer for a project: a lock that the system takes back when its process ends, however it ends."""
+
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from fitting_core.errors import InputError
+
+NAME = "project.lock"
+
+
+class ProjectLocked(InputError):
+    """Another process, or another place in this one, writes to the project; it can still be opened read-only."""
+
+
+class Lock:
+    """Held from its creation to `release`, or to the end of the process."""
+
+    def __init__(self, folder: Path) -> None:
+        """Take the lock of a project.
+
+        Raises:
+            ProjectLocked: Somebody has it.
+            OSError: The folder cannot be written.
+        """
+        path = folder / NAME
+        # The file stays when the lock is released: a new one under the same name could be locked twice.
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(self._descriptor)
+        except OSError as error:
+            holder = _holder(self._descriptor)
+            os.close(self._descriptor)
+            raise ProjectLocked(
+                f"{folder}: is open in another tcfit{holder}. Close that one, or open the project read-only."
+            ) from error
+        with suppress(OSError):  # On a full disk the message above names no process.
+            os.ftruncate(self._descriptor, 0)
+            os.write(self._descriptor, f"{os.getpid()}\n".encode())
+
+    def release(self) -> None:
+        """Let others write."""
+        os.close(self._descriptor)
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(descriptor: int) -> None:
+        # A byte behind the number of the process, which must stay readable.
+        os.lseek(descriptor, 1 << 20, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _holder(descriptor: int) -> str:
+    """The process that holds the lock, as it has written it down, in words."""
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    number = os.read(descriptor, 20).strip().decode("ascii", "replace")
+    return f" (process {number})" if number.isdigit() else ""

@@ -1,0 +1,22 @@
+"""What things may be called. Names are shown and never become paths."""
+
+from fitting_core.errors import InputError
+
+_LONGEST = 200
+
+
+def checked_name(name: str) -> str:
+    """A name that a user gave, without blanks around it.
+
+    Raises:
+        InputError: It is empty, too long, or would not show on one line.
+    """
+    stripped = name.strip()
+    if not stripped or len(stripped) > _LONGEST or not stripped.isprintable():
+        raise InputError(f"{name[:50]!r} cannot be a name; expected one line of 1 to {_LONGEST} characters.")
+    return stripped
+
+
+def name_of_file(stem: str) -> str:
+    """A name made from a file's, which can hold anything."""
+    return "".join(c if c.isprintable() else "?" for c in stem).strip()[:_LONGEST] or "?"
