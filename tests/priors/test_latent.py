@@ -149,7 +149,7 @@ def test_rotations_against_the_pelvis_are_those_of_the_skeleton(free_body: BodyM
     local = torch.cat([torch.eye(3, dtype=torch.float64).expand(3, 1, 3, 3), matrices], 1)
     world, _ = pose_joints(Tree.of(free_body.parents[:22]), local, torch.zeros(3, 22, 3, dtype=torch.float64))
     torch.testing.assert_close(latent.in_pelvis(matrices), world[:, 1:])
-    assert latent.PARENTS == tuple(free_body.parents[1:22] - 1)
+    assert tuple(free_body.parents[1:22] - 1) == latent.PARENTS
 
 
 def test_encoding_treats_every_frame_alone():
