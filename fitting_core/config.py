@@ -133,6 +133,8 @@ class FitConfig:
     """Phase 1: start stage 5 with hands halfway to a fist instead of open."""
     limb_flips: bool = False
     """Phase 1: restart each frame with its arms and legs mirrored in depth, one at a time, and keep the best."""
+    sharper_keypoints: bool = False
+    """Weigh the data term more where the keypoints turn out to be sharper than a detector's (see phases/sharpening)."""
     camera_frozen: bool = False
     """Phase 1: keep the translation of the camera step, as SMPLify-X does."""
     last_phase: Literal[1, 2, 3] = 3
@@ -175,6 +177,7 @@ PRESETS: dict[str, FitConfig] = {
         relay_rounds=3,
         curled_hands=True,
         limb_flips=True,
+        sharper_keypoints=True,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
         temporal=Temporal(mode="global", space="camera", stages=(5,), reference_rate=25.0),
     ),

@@ -127,6 +127,10 @@ class Stages:
         used = ((weight > 0).any(0) & self._known).nonzero()[:, 0]
         return _Selection(used, weight[:, used])
 
+    def data_keypoints(self, stage: int) -> Int[Tensor, "N"]:
+        """Which keypoints a stage's data term looks at."""
+        return self._select(self._joint_weights(stage).expand(len(self.keypoints), -1)).indices
+
     def _view(self, indices: Tensor, state: State | None) -> View:
         key = tuple(indices.tolist())
         if key not in self._compiled:

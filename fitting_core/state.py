@@ -150,6 +150,14 @@ class Parametrisation:
         other.columns = Columns(prior.size, self.columns.hand)
         return other
 
+    def received(self, state: State) -> State:
+        """A state of the parametrisation that this one came from by `with_prior`: what the prior has beyond is 0."""
+        body = slice(3, state.vector.shape[1] - (self.columns.total - self.columns.body.stop))
+        beyond = self.columns.body.stop - body.stop
+        rest = state.vector[:, body.stop :]
+        vector = [state.vector[:, : body.stop], state.vector.new_zeros(len(state), beyond), rest]
+        return State(state.orient, torch.cat(vector, 1))
+
     def neutral(self, frames: int) -> State:
         """The prior's neutral pose, mean hands and shape, unit orientation, at the origin."""
         vector = torch.zeros(frames, self.columns.total, dtype=self.dtype, device=self.device)

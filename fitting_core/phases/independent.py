@@ -13,6 +13,7 @@ from fitting_core.initialize import guess_depth, seen_from_side, starting_state,
 from fitting_core.objective import FrameObjective
 from fitting_core.phases.limb_flips import LimbFlips
 from fitting_core.phases.progress import Step, reported
+from fitting_core.phases.sharpening import LEVELS, residuals, thorough, warrants
 from fitting_core.solvers import Solver, make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
@@ -37,6 +38,8 @@ class FrameFits:
     state: State
     cost: Float[Tensor, "T"]
     notes: tuple[str, ...]
+    stages: Stages
+    """What the state and all further phases belong to: as it was given, or sharpened."""
 
 
 def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFits]:
@@ -54,15 +57,17 @@ def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFit
     guess = guess_depth(stages)
     state = starting_state(stages, guess.depth, 0.0)
     if not bool(usable.any()):
-        return FrameFits(state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",))
+        return FrameFits(state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",), stages)
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
     camera = yield from run.camera_step(state, guess.depth)
     state, cost = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
     if _restarts(stages):
         state, cost = yield from run.relay(state, camera)
+    if stages.config.sharper_keypoints:
+        stages, state, cost = yield from run.sharpen(state, cost)
     good = usable & cost.isfinite()
-    notes = (guess.note(), *_notes(usable, cost))
-    return FrameFits(filled(state, good), cost, notes)
+    notes = (guess.note(), *_notes(usable, cost), *_sharpness_note(stages))
+    return FrameFits(filled(state, good), cost, notes, stages)
 
 
 def _restarts(stages: Stages) -> bool:
@@ -77,6 +82,11 @@ def _notes(usable: Tensor, cost: Tensor) -> Iterator[str]:
         yield f"frames with fewer than 4 confident body keypoints, filled from their neighbours: {spans(empty)}"
     if failed:
         yield f"frames whose fit failed (no finite cost), filled from their neighbours: {spans(failed)}"
+
+
+def _sharpness_note(stages: Stages) -> Iterator[str]:
+    if stages.sharpness > 1:
+        yield f"the keypoints are sharper than a detector's: the data term weighs {stages.sharpness:.0f} times as much"
 
 
 class _Frames:
@@ -187,6 +197,26 @@ class _Frames:
         return (
             yield from self._minimise(stages.objective(N_STAGES, state, free), state, "polish", (0.9, 1.0), final=True)
         )
+
+    def sharpen(self, state: State, cost: Tensor) -> Generator[Step, None, tuple[Stages, State, Tensor]]:
+        """Raises the weight of the data term as far as the residual warrants (see sharpening.py).
+
+        What is stuck in a wrong minimum then shows: its residual stays behind. Such frames try mirrored limbs.
+        """
+        stages, config = self.stages, self.stages.config
+        solver = make_solver(config.solver, thorough(config.settings))
+        residual = residuals(stages, state)
+        for level in LEVELS:
+            if not warrants(residual, level):
+                break
+            sharp = stages.sharpened(level)
+            if sharp.parametrisation is not stages.parametrisation:
+                state = sharp.parametrisation.received(state)
+            stages, run = sharp, _Frames(sharp, solver, self.frames)
+            objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
+            state, cost = yield from run._minimise(objective, state, f"sharper x{level:.0f}", (1.0, 1.0), final=True)
+            residual = residuals(stages, state)
+        return stages, state, cost
 
     def flip_limbs(
         self, objective: FrameObjective, state: State, cost: Tensor

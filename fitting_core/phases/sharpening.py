@@ -1,0 +1,58 @@
+"""How sharp a clip's keypoints are, as a fit's residual tells.
+
+The weights of the priors belong to what a detector sees: keypoints some pixels off. The data term of keypoints with a
+smaller noise weighs more, by the ratio of the variances. That noise is not known, but a fit that comes within a pixel
+of all keypoints, held by priors as strong as that, says that it is smaller: a higher weight then says how small. Real
+detections end at the first step; keypoints of a synthetic clip, or of markers, do not.
+"""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core import keypoints as kp
+from fitting_core.config import SolverSettings
+from fitting_core.estimate import Estimate
+from fitting_core.stages import IMAGE_SCALE, N_STAGES, Stages
+from fitting_core.state import State
+
+NOISE = 3.0
+"""Pixels of an image 1000 high: noise that the weights as they are belong to. Detections on real clips: 2 to 6."""
+LEVELS = (10.0, 100.0, 1e3, 1e4, 1e5)
+"""Factors of the data term, tried in turn: noise of 0.95 px, 0.3, 0.09, 0.03, 0.009."""
+
+
+def residuals(stages: Stages, state: State) -> Float[Tensor, "T"]:
+    """Pixels by which a typical keypoint of each frame is missed, in an image 1000 high; nan where none is seen.
+
+    The median over body, hands and face, each on its own, and the largest of them: a face alone is soon reproduced.
+    """
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
+    data, points = objective.terms[0], stages.data_keypoints(N_STAGES)
+    off = data.errors(Estimate(objective.view, state, stages.all_frames)).norm(dim=-1)  # pyright: ignore
+    off = off * (IMAGE_SCALE / stages.camera.size[1])
+    off = torch.where(stages.seen[:, points], off, torch.nan)
+    groups = [(points >= g.start) & (points < g.stop) for g in (kp.BODY, kp.HANDS, kp.FACE)]
+    medians = [off[:, g].nanmedian(1).values for g in groups if bool(g.any())]
+    return torch.stack(medians).nan_to_num(-1).amax(0).where(stages.seen[:, points].any(1), torch.nan)
+
+
+def warrants(residual: Float[Tensor, "T"], level: float) -> bool:
+    """Whether a typical frame comes so close to its keypoints that the data term may weigh `level` times as much."""
+    return bool(residual.nanmedian() < NOISE / level**0.5)
+
+
+def sharpness(stages: Stages, state: State) -> float:
+    """The highest factor that a solution's residual warrants; 1 where it is a detector's."""
+    residual = residuals(stages, state)
+    return max((level for level in LEVELS if warrants(residual, level)), default=1.0)
+
+
+def thorough(settings: SolverSettings) -> SolverSettings:
+    """Settings for sharp keypoints: the way to the minimum leads along a narrow valley.
+
+    Mean vertex error of 29 poses at a factor of 1000: 20.2 mm with 60 steps to 1e-6, 12.2 mm with 300 to 1e-9.
+    """
+    return replace(settings, iterations=300, final_tolerance=1e-9, sequence_tolerance=1e-8)
