@@ -18,7 +18,7 @@ from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step
 from fitting_core.phases.shared_shape import fit_shape
-from fitting_core.phases.sharpening import LEVELS, sharpness, thorough
+from fitting_core.phases.sharpening import LEVELS, sharp_settings, sharpness
 from fitting_core.reliability import SEEN
 from fitting_core.result import FitResult, PhaseResult
 from fitting_core.solvers import make_solver
@@ -70,7 +70,7 @@ def rerun_events(
         exact = stages.sharpened(LEVELS[0])
         factor = sharpness(exact, exact.parametrisation.from_params(params))
         if factor > 1:
-            stages, settings = stages.sharpened(factor), thorough(settings)
+            stages, settings = stages.sharpened(factor), sharp_settings(settings, factor)
     consistency = Consistency(stages, make_solver(config.solver, settings))
     yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
     state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
@@ -113,7 +113,7 @@ class _Fit:
         self.good = fits.cost.isfinite()
         self.stages = fits.stages
         if self.stages.sharpness > 1:
-            self.solver = make_solver(self.config.solver, thorough(self.config.settings))
+            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, self.stages.sharpness))
         yield self._finish(1, fits.state, start, fits.notes)
         return fits.state
 

@@ -13,7 +13,7 @@ from fitting_core.initialize import guess_depth, seen_from_side, starting_state,
 from fitting_core.objective import FrameObjective
 from fitting_core.phases.limb_flips import LimbFlips
 from fitting_core.phases.progress import Step, reported
-from fitting_core.phases.sharpening import LEVELS, residuals, thorough, warrants
+from fitting_core.phases.sharpening import LEVELS, astray, residuals, sharp_settings, warrants
 from fitting_core.solvers import Solver, make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
@@ -201,22 +201,52 @@ class _Frames:
     def sharpen(self, state: State, cost: Tensor) -> Generator[Step, None, tuple[Stages, State, Tensor]]:
         """Raises the weight of the data term as far as the residual warrants (see sharpening.py).
 
-        What is stuck in a wrong minimum then shows: its residual stays behind. Such frames try mirrored limbs.
+        What is stuck in a wrong minimum then shows: its residual stays behind. Such frames try mirrored limbs at the
+        first level, and at the second all starting orientations again.
         """
-        stages, config = self.stages, self.stages.config
-        solver = make_solver(config.solver, thorough(config.settings))
-        residual = residuals(stages, state)
+        stages = self.stages
         for level in LEVELS:
-            if not warrants(residual, level):
+            if not warrants(residuals(stages, state)[self.frames], level):
                 break
             sharp = stages.sharpened(level)
-            if sharp.parametrisation is not stages.parametrisation:
+            if stages is self.stages:
                 state = sharp.parametrisation.received(state)
-            stages, run = sharp, _Frames(sharp, solver, self.frames)
-            objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
-            state, cost = yield from run._minimise(objective, state, f"sharper x{level:.0f}", (1.0, 1.0), final=True)
-            residual = residuals(stages, state)
+            stages = sharp
+            state, cost = yield from self._at(stages, state)
+            if level == LEVELS[1]:
+                state, cost = yield from self._start_again(stages, state, cost)
         return stages, state, cost
+
+    def _at(self, stages: Stages, state: State) -> Generator[Step, None, tuple[State, Tensor]]:
+        """These frames minimised with sharpened keypoints; at the first level those that are astray mirror limbs."""
+        settings = sharp_settings(stages.config.settings, stages.sharpness)
+        run = _Frames(stages, make_solver(stages.config.solver, settings), self.frames)
+        objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
+        label = f"keypoints x{stages.sharpness:.0f}"
+        state, cost = yield from run._minimise(objective, state, label, (1.0, 1.0), final=True)
+        stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
+        if stages.sharpness == LEVELS[0] and len(stuck):
+            state, flipped = yield from _Frames(stages, run.solver, stuck).flip_limbs(objective, state, cost)
+            cost = torch.minimum(cost, flipped)
+        return state, cost
+
+    def _start_again(
+        self, stages: Stages, state: State, cost: Tensor
+    ) -> Generator[Step, None, tuple[State, Tensor]]:
+        """Frames that are astray at the second level go all the way from every starting orientation."""
+        depth = guess_depth(self.stages).depth
+        for yaw in YAWS["four"]:
+            stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
+            if not len(stuck):
+                break
+            run = _Frames(self.stages, self.solver, stuck)
+            trial, _ = yield from run.five_stages(starting_state(self.stages, depth, yaw))
+            trial = stages.parametrisation.received(trial)
+            for level in LEVELS[:2]:
+                trial, trial_cost = yield from run._at(self.stages.sharpened(level), trial)
+            better = trial_cost < cost * (1 - _LOWER)
+            state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
+        return state, cost
 
     def flip_limbs(
         self, objective: FrameObjective, state: State, cost: Tensor

@@ -9,7 +9,7 @@ detections end at the first step; keypoints of a synthetic clip, or of markers, 
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core import keypoints as kp
@@ -18,10 +18,14 @@ from fitting_core.estimate import Estimate
 from fitting_core.stages import IMAGE_SCALE, N_STAGES, Stages
 from fitting_core.state import State
 
-NOISE = 3.0
+NOISE = 5.0
 """Pixels of an image 1000 high: noise that the weights as they are belong to. Detections on real clips: 2 to 6."""
 LEVELS = (10.0, 100.0, 1e3, 1e4, 1e5)
 """Factors of the data term, tried in turn: noise of 0.95 px, 0.3, 0.09, 0.03, 0.009."""
+
+_ASTRAY = 2.0
+"""Times the clip's median residual."""
+_NARROW = 1e3
 
 
 def residuals(stages: Stages, state: State) -> Float[Tensor, "T"]:
@@ -44,15 +48,23 @@ def warrants(residual: Float[Tensor, "T"], level: float) -> bool:
     return bool(residual.nanmedian() < NOISE / level**0.5)
 
 
+def astray(residual: Float[Tensor, "T"], level: float) -> Bool[Tensor, "T"]:
+    """Frames that stay away from their keypoints, where most of the clip comes close."""
+    limit = torch.minimum(_ASTRAY * residual.nanmedian(), residual.new_tensor(NOISE / level**0.5))
+    return residual > limit
+
+
 def sharpness(stages: Stages, state: State) -> float:
     """The highest factor that a solution's residual warrants; 1 where it is a detector's."""
     residual = residuals(stages, state)
     return max((level for level in LEVELS if warrants(residual, level)), default=1.0)
 
 
-def thorough(settings: SolverSettings) -> SolverSettings:
+def sharp_settings(settings: SolverSettings, level: float) -> SolverSettings:
     """Settings for sharp keypoints: the way to the minimum leads along a narrow valley.
 
     Mean vertex error of 29 poses at a factor of 1000: 20.2 mm with 60 steps to 1e-6, 12.2 mm with 300 to 1e-9.
     """
+    if level < _NARROW:
+        return settings
     return replace(settings, iterations=300, final_tolerance=1e-9, sequence_tolerance=1e-8)
