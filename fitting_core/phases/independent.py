@@ -225,7 +225,9 @@ class _Frames:
         label = f"keypoints x{stages.sharpness:.0f}"
         state, cost = yield from run._minimise(objective, state, label, (1.0, 1.0), final=True)
         stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
-        if stages.sharpness == LEVELS[0] and len(stuck):
+        if stages.sharpness == LEVELS[1]:
+            stuck = self.frames
+        if stages.sharpness <= LEVELS[3] and len(stuck):
             state, flipped = yield from _Frames(stages, run.solver, stuck).flip_limbs(objective, state, cost)
             cost = torch.minimum(cost, flipped)
         return state, cost
