@@ -23,6 +23,12 @@ NOISE = 5.0
 LEVELS = (10.0, 100.0, 1e3, 1e4, 1e5)
 """Factors of the data term, tried in turn: noise of 0.95 px, 0.3, 0.09, 0.03, 0.009."""
 
+START_AGAIN = 100.0
+"""Level at which frames that are astray start again from every orientation."""
+MIRRORED_UP_TO = 1e4
+"""Highest level at which frames that are astray mirror their limbs; at START_AGAIN all do."""
+_REDUNDANT = 1.8
+_JOINT_ANGLES = 63
 _ASTRAY = 2.0
 """Times the clip's median residual."""
 _NARROW = 1e3
@@ -43,6 +49,18 @@ def residuals(stages: Stages, state: State) -> Float[Tensor, "T"]:
     return torch.stack(medians).nan_to_num(-1).amax(0).where(stages.seen[:, points].any(1), torch.nan)
 
 
+def tells_noise(stages: Stages) -> bool:
+    """Whether a typical frame shows so many keypoints that a residual tells their noise.
+
+    Two coordinates for each; few of them, such as a body's alone, are reproduced whatever their noise (4 px came out as
+    1).
+    """
+    columns = stages.parametrisation.columns
+    unknowns = columns.total - max(0, columns.pose - _JOINT_ANGLES)
+    seen = stages.seen[:, stages.data_keypoints(N_STAGES)].sum(1)
+    return bool(2 * seen[seen > 0].float().median() >= _REDUNDANT * unknowns) if bool(seen.any()) else False
+
+
 def warrants(residual: Float[Tensor, "T"], level: float) -> bool:
     """Whether a typical frame comes so close to its keypoints that the data term may weigh `level` times as much."""
     return bool(residual.nanmedian() < NOISE / level**0.5)
@@ -56,6 +74,8 @@ def astray(residual: Float[Tensor, "T"], level: float) -> Bool[Tensor, "T"]:
 
 def sharpness(stages: Stages, state: State) -> float:
     """The highest factor that a solution's residual warrants; 1 where it is a detector's."""
+    if not tells_noise(stages):
+        return 1.0
     residual = residuals(stages, state)
     return max((level for level in LEVELS if warrants(residual, level)), default=1.0)
 
