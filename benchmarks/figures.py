@@ -16,12 +16,15 @@ from fitting_core.camera import Camera
 from fitting_core.evaluation.handshapes import HANDSHAPES, finger_angles
 from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.priors.train.retarget import collar_rotation
 
 CAMERA = Camera(focal=(1150.0, 1150.0), center=(500.0, 500.0), size=(1000, 1000), source="given")
 DISTANCE = 3.5
 """From the camera to the middle of the body's joints, metres."""
 TILT_DEGREES = 10.0
 """By which the camera looks down."""
+_COLLAR_ROUNDS = 4
+"""The collar follows the upper arm, whose direction follows from where the collar holds it."""
 _SIDES = (("left", 1.0), ("right", -1.0))
 _FACING = np.diag([1.0, -1.0, -1.0])
 _BODY = slice(1, 22)
@@ -55,9 +58,10 @@ def figure_of(body: BodyModel, pose: HardPose) -> BodyParams:
     for joint, share in (("neck", 0.4), ("head", 0.6)):
         figure.turn(joint, _turn(pose.head, share))
     hands = []
+    shoulders = (figure.world("left_shoulder")[1] + figure.world("right_shoulder")[1]) / 2
     for (side, sign), leg, arm in zip(_SIDES, pose.legs, pose.arms, strict=True):
         _place_leg(figure, side, sign, leg)
-        _place_arm(figure, side, sign, arm)
+        _place_arm(figure, side, sign, arm, shoulders)
         hands.append(_hand(body, side, arm.shape))
     local = Rotation.from_matrix(figure.local[0]).as_rotvec()
     orient = Rotation.from_matrix(_turn(pose.whole)[0] @ figure.local[0, 0]).as_rotvec()
@@ -91,21 +95,29 @@ def _place_leg(figure: Figure, side: str, sign: float, leg: Leg) -> None:
     figure.reach(limb, ankle, knee, foot)
 
 
-def _place_arm(figure: Figure, side: str, sign: float, arm: Arm) -> None:
+def _place_arm(figure: Figure, side: str, sign: float, arm: Arm, shoulders: Float[np.ndarray, "1 3"]) -> None:
+    """Sets collar, shoulder, elbow and wrist; `shoulders` is the middle between them with collars at rest."""
     mirror = np.array([sign, 1.0, 1.0])
     chest, _ = figure.world("spine3")
-    shoulders = (figure.world("left_shoulder")[1] + figure.world("right_shoulder")[1]) / 2
 
     def in_chest(vector: Vector) -> Float[np.ndarray, "1 3"]:
         return (chest @ (np.array(vector) * mirror)[:, None])[..., 0]
 
-    limb = LIMBS[f"{side}_arm"]
+    limb, end = LIMBS[f"{side}_arm"], chest
     wrist, elbow = shoulders + in_chest(arm.wrist), in_chest(arm.elbow)
+    resting = arm.fingers is None or arm.palm is None
     if arm.fingers is None or arm.palm is None:
-        figure.reach(replace(limb, twist_share=0.0), wrist, elbow, chest)
+        limb = replace(limb, twist_share=0.0)
+    else:
+        end = hand_rotation(in_chest(arm.fingers), in_chest(arm.palm), side)
+    for _ in range(_COLLAR_ROUNDS):
+        figure.reach(limb, wrist, elbow, end)
+        upper = figure.world(limb.joints[1])[1] - figure.world(limb.joints[0])[1]
+        along = (upper / np.linalg.norm(upper))[:, None] @ chest
+        figure.turn(f"{side}_collar", collar_rotation(along[:, 0], side))
+    figure.reach(limb, wrist, elbow, end)
+    if resting:
         figure.turn(limb.joints[-1], np.eye(3)[None])
-        return
-    figure.reach(limb, wrist, elbow, hand_rotation(in_chest(arm.fingers), in_chest(arm.palm), side))
 
 
 def _hand(body: BodyModel, side: str, shape: str) -> Float[torch.Tensor, "1 12"]:

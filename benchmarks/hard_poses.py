@@ -68,7 +68,7 @@ def _both(limb: Limb) -> tuple[Limb, Limb]:
 
 
 _STAND = _both(Leg((0.10, -0.905, 0.0)))
-_HANG = Arm((0.235, -0.445, 0.055), (0.35, -0.1, -1.0))
+_HANG = Arm((0.215, -0.505, 0.045), (0.35, -0.1, -1.0))
 _HANGING = _both(_HANG)
 _CHAIR_LEG = Leg((0.13, -0.53, 0.36), (0.1, 0.6, 1.0))
 _CHAIR = _both(_CHAIR_LEG)
@@ -168,7 +168,7 @@ _KNEELING_AND_SQUATTING = [
              arms=_both(Arm((0.03, -0.26, 0.34), (0.9, -0.3, -0.2), (-0.8, 0.0, 0.6), (-0.2, -0.6, -0.6)))),
     HardPose(name="half squat, arms forward", category="squatting", hips=(28, 0, 0), spine=(8, 0, 0), head=(-20, 0, 0),
              legs=_both(Leg((0.17, -0.58, 0.12), (0.3, 0.2, 1.0), (0.3, 0.0, 1.0))),
-             arms=_both(Arm((0.17, 0.05, 0.46), (0.7, -0.8, 0.0), (0.0, 0.1, 1.0), (0.0, -1.0, 0.1)))),
+             arms=_both(Arm((0.17, 0.05, 0.51), (0.7, -0.8, 0.0), (0.0, 0.1, 1.0), (0.0, -1.0, 0.1)))),
     HardPose(name="lunge", category="squatting", spine=(5, 0, 0),
              legs=(Leg((0.10, -0.62, 0.46)),
                    Leg((0.11, -0.66, -0.50), (0.1, -0.3, 1.0), (0.1, -0.8, 0.7), (0, -0.7, -0.8))),
@@ -180,7 +180,7 @@ _ARMS_HIDDEN = [
     _standing("one arm behind the back", "arms behind", from_behind=True,
               arms=(Arm((-0.02, -0.28, -0.17), (1.0, -0.2, -0.4), (-1.0, 0.2, 0.0), (0.0, 0.0, -1.0)), _HANG)),
     _standing("hands on the back of the hips", "arms behind", from_behind=True, spine=(-6, 0, 0),
-              arms=_both(Arm((0.15, -0.38, -0.11), (0.9, 0.1, -0.9), (-0.3, -1.0, 0.0), (0.0, 0.1, 1.0)))),
+              arms=_both(Arm((0.15, -0.38, -0.11), (0.9, 0.1, -0.9), (-0.8, -0.7, 0.0), (0.0, 0.1, 1.0)))),
     _standing("hands behind the head", "arms behind", from_behind=True,
               arms=_both(Arm((0.09, 0.19, -0.03), (1.0, 0.2, 0.1), (-1.0, 0.1, -0.2), (0.0, 0.3, 1.0)))),
     _standing("arms crossed", "arms crossed", arms=(_ACROSS, replace(_ACROSS, wrist=(-0.12, -0.25, 0.23)))),
@@ -205,12 +205,12 @@ _HANDS_HIGH = [
     _standing("hand over the mouth", "hands at the face", head=(5, 0, 0),
               arms=(Arm((0.08, 0.07, 0.20), (0.8, -1.0, 0.2), (-0.9, 0.4, -0.1), (0.0, 0.0, -1.0), "flat"), _HANG)),
     _standing("arms straight up", "overhead", from_behind=True,
-              arms=_both(Arm((0.22, 0.48, 0.02), (0.9, 0.0, -0.4)))),
+              arms=_both(Arm((0.20, 0.55, 0.02), (0.9, 0.0, -0.4)))),
     _standing("hands clasped overhead", "overhead",
-              arms=_both(Arm((0.05, 0.40, 0.06), (1.0, -0.2, 0.1), (-0.6, 1.0, 0.0), (0.0, -0.2, -1.0)))),
+              arms=_both(Arm((0.05, 0.42, 0.06), (1.0, -0.2, 0.1), (-0.5, 1.0, 0.0), (-1.0, -0.5, -0.3)))),
     _standing("one arm up, waving", "overhead",
               arms=(Arm((0.36, 0.30, 0.10), (1.0, -0.6, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), "spread"), _HANG)),
-    _standing("arms forward", "overhead", arms=_both(Arm((0.17, 0.0, 0.47), (0.7, -0.8, 0.0)))),
+    _standing("arms forward", "overhead", arms=_both(Arm((0.17, 0.0, 0.53), (0.7, -0.8, 0.0)))),
 ]  # fmt: skip
 _SIGNING = [
     _standing("signing: hands up, palms in", "signing",
@@ -231,7 +231,7 @@ _UPRIGHT = [
     HardPose(name="walking", category="standing", from_behind=True, spine=(3, 6, 0),
              legs=(Leg((0.09, -0.86, 0.26), toes=(0.1, 0.3, 1.0), sole=(0, -1, 0.3)),
                    Leg((0.09, -0.84, -0.30), toes=(0.1, -0.5, 1.0), sole=(0, -1, -0.5))),
-             arms=(Arm((0.22, -0.41, -0.13), (0.3, 0.0, -1.0)), Arm((0.20, -0.38, 0.22), (0.4, -0.3, -1.0)))),
+             arms=(Arm((0.20, -0.48, -0.14), (0.3, 0.0, -1.0)), Arm((0.19, -0.44, 0.24), (0.4, -0.3, -1.0)))),
     HardPose(name="bowing, hands at the knees", category="standing", hips=(40, 0, 0), spine=(35, 0, 0),
              head=(-10, 0, 0), legs=_both(Leg((0.12, -0.87, -0.10))),
              arms=_both(Arm((0.18, -0.26, 0.36), (0.9, 0.2, -0.5), (-0.1, -0.6, 0.8), (0.0, -0.6, -0.8)))),

@@ -29,8 +29,10 @@ from fitting_core.errors import InputError
 from fitting_core.evaluation.metrics import procrustes
 from fitting_core.fitting import fit
 from fitting_core.keypoints import Keypoints
+from fitting_core.priors.sheets import Cell, beside, body_picture, fitted_views, write_sheet
 from fitting_core.priors.train.dataset import split
 from fitting_core.priors.train.retarget import load
+from fitting_core.render import DEFAULT_COLOR
 from fitting_core.solvers import make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
@@ -38,6 +40,8 @@ from fitting_core.stages import N_STAGES, Stages
 RETURNED_MM = 15.0
 """Mean vertex error under which a pose counts as returned."""
 _CHUNK = 32
+_WORST, _CELL, _TRUTH = 24, (150, 200), (0.55, 0.55, 0.55)
+"""Of a sheet: how many fits, pixels of one view, colour of the truth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +63,10 @@ class RecoverPoses:
     seed: int = 0
     from_truth: bool = True
     """Also minimise the last stage from the truth: what a fit without local minima would find."""
+    every: int = 1
+    """Take every n-th pose only."""
+    sheet: Path | None = None
+    """Write a picture (PNG) of the worst fits: truth and fit from the camera, truth and fit from the side."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
@@ -72,6 +80,11 @@ class Posed:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def every(self, step: int) -> "Posed":
+        """Each `step`-th pose."""
+        chosen = torch.arange(0, len(self), step)
+        return Posed(params=self.params[chosen], names=self.names[::step], groups=self.groups[::step])
 
 
 def joined(parts: Sequence[BodyParams]) -> BodyParams:
@@ -289,11 +302,29 @@ def poses_of(options: RecoverPoses, body: BodyModel) -> Posed:
         parts.append(captured(body, folder, options.mocap, options.betas, options.seed))
     if not parts:
         raise InputError("There is nothing to fit: leave --authored on, or give --mocap a number.")
-    return Posed(
+    everything = Posed(
         params=joined([p.params for p in parts]),
         names=tuple(name for p in parts for name in p.names),
         groups=tuple(group for p in parts for group in p.groups),
     )
+    return everything.every(options.every)
+
+
+def worst_cells(body: BodyModel, poses: Posed, recovery: Recovery) -> list[Cell]:
+    """The worst fits, truth in grey: both from the camera, then both from the side, with the pelvis in one place."""
+    mesh, cells = Mesh(body), []
+    for i in np.argsort(-recovery.errors.vertex_mm)[:_WORST]:
+        one = torch.tensor([i])
+        seen = [mesh(p[one])[0].numpy() - mesh.joints(p[one])[0, 0].numpy() for p in (poses.params, recovery.params)]
+        truth, found = (vertices * (1, -1, -1) for vertices in seen)  # camera space to a sheet's y up, z to the eye
+        views = fitted_views(np.concatenate([truth, found]), (0.0, 90.0), size=_CELL)
+        pictures = [
+            body_picture(vertices, body.faces, view, color=color)
+            for view in views
+            for vertices, color in ((truth, _TRUTH), (found, DEFAULT_COLOR))
+        ]
+        cells.append(Cell(picture=beside(pictures), caption=f"{poses.names[i]}: {recovery.errors.vertex_mm[i]:.0f} mm"))
+    return cells
 
 
 def run(options: RecoverPoses) -> None:
@@ -305,6 +336,9 @@ def run(options: RecoverPoses) -> None:
         progress(f"{preset}: {len(poses)} poses")
         config = independent(config_of(preset), options.prior)
         recovery = recover(body, poses, config, with_truth=options.from_truth)
+        if options.sheet:
+            path = options.sheet.with_stem(f"{options.sheet.stem}-{preset}") if options.presets[1:] else options.sheet
+            write_sheet(path, worst_cells(body, poses, recovery), columns=3)
         rows, each = tables(poses, recovery)
         found[f"{preset}, {config.pose_prior}: by category ({recovery.seconds / len(poses):.2f} s a pose)"] = rows
         found[f"{preset}, {config.pose_prior}: each pose, the worst first"] = each

@@ -18,6 +18,7 @@ from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step
 from fitting_core.phases.shared_shape import fit_shape
+from fitting_core.phases.sharpening import LEVELS, sharp_settings, sharpness
 from fitting_core.reliability import SEEN
 from fitting_core.result import FitResult, PhaseResult
 from fitting_core.solvers import make_solver
@@ -63,7 +64,14 @@ def rerun_events(
             f"has frames 0 to {len(clip) - 1}."
         )
     stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    consistency = Consistency(stages, make_solver(config.solver, config.settings))
+    settings = config.settings
+    if config.sharper_keypoints:
+        # Sharpened first: a latent prior alone would not bring `params` back as they are.
+        exact = stages.sharpened(LEVELS[0])
+        factor = sharpness(exact, exact.parametrisation.from_params(params))
+        if factor > 1:
+            stages, settings = stages.sharpened(factor), sharp_settings(settings, factor)
+    consistency = Consistency(stages, make_solver(config.solver, settings))
     yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
     state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
     fresh = stages.parametrisation.to_params(state)
@@ -85,7 +93,6 @@ class _Fit:
                 f"above {SEEN}. Check the keypoint files, or --person."
             )
         self.solver = make_solver(config.solver, config.settings)
-        self.consistency = Consistency(self.stages, self.solver)
         self.phases: list[PhaseResult] = []
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
@@ -104,6 +111,9 @@ class _Fit:
         start = time.perf_counter()
         fits = yield from _events(fit_frames(self.stages, self.solver), 1)
         self.good = fits.cost.isfinite()
+        self.stages = fits.stages
+        if self.stages.sharpness > 1:
+            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, self.stages.sharpness))
         yield self._finish(1, fits.state, start, fits.notes)
         return fits.state
 
@@ -121,6 +131,7 @@ class _Fit:
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
         yield PhaseStarted(phase=3, title=TITLES[3])
         start = time.perf_counter()
+        self.consistency = Consistency(self.stages, self.solver)
         mode = {"global": self.consistency.all_at_once, "sliding_window": self.consistency.sliding_window}
         state = yield from _events(mode[self.config.temporal.mode](state), 3)
         yield self._finish(3, state, start, tuple(self.consistency.notes))

@@ -1,5 +1,6 @@
 """From a clip, a body and a configuration to the objective of each stage."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +20,8 @@ from fitting_core.config import FitConfig
 from fitting_core.estimate import View
 from fitting_core.keypoints import Keypoints
 from fitting_core.objective import FrameObjective
-from fitting_core.priors.pose import make_prior
+from fitting_core.priors.loosened import Loosened
+from fitting_core.priors.pose import AxisAnglePrior, make_prior
 from fitting_core.reliability import SEEN, cut_off, unswapped
 from fitting_core.state import Free, Parametrisation, State
 from fitting_core.term_table import stage_terms, upright
@@ -30,6 +32,8 @@ IMAGE_SCALE = 1000.0
 DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 N_STAGES = 5
+LOOSENED = 0.05
+"""Radians by which a joint's pose differs from what a latent prior decodes, about each axis."""
 
 _TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
 _HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "left_ear")]
@@ -58,6 +62,8 @@ class Stages:
     def __init__(
         self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
     ) -> None:
+        self.sharpness = 1.0
+        """Factor of the data term; see `sharpened`."""
         self.swaps: dict[str, np.ndarray] = {}
         """Frames in which the sides of a pair of limbs were swapped back, by the limbs' name."""
         if config.unswap_sides:
@@ -86,6 +92,19 @@ class Stages:
         self.hips_seen = self.seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
         self.leg_seen = torch.stack([self.seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
 
+    def sharpened(self, factor: float) -> "Stages":
+        """The same for keypoints whose noise has a variance smaller by this factor: the data term weighs so much more.
+
+        Next to such keypoints it counts that a latent prior cannot express every pose, so it is loosened.
+        """
+        other = copy(self)
+        other.sharpness = factor
+        prior = self.parametrisation.prior
+        if factor > 1 and not isinstance(prior, AxisAnglePrior | Loosened):
+            other.parametrisation = self.parametrisation.with_prior(Loosened(prior, LOOSENED))
+            other._compiled = {}
+        return other
+
     def tensor(self, a: np.ndarray) -> Tensor:
         """The array in the fit's type and on its device."""
         return torch.as_tensor(a, dtype=self.dtype, device=self.device)
@@ -104,9 +123,13 @@ class Stages:
         return weights
 
     def _select(self, joint_weights: Float[Tensor, "T 137"]) -> _Selection:
-        weight = self.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1])
+        weight = self.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1]) * self.sharpness**0.5
         used = ((weight > 0).any(0) & self._known).nonzero()[:, 0]
         return _Selection(used, weight[:, used])
+
+    def data_keypoints(self, stage: int) -> Int[Tensor, "N"]:
+        """Which keypoints a stage's data term looks at."""
+        return self._select(self._joint_weights(stage).expand(len(self.keypoints), -1)).indices
 
     def _view(self, indices: Tensor, state: State | None) -> View:
         key = tuple(indices.tolist())

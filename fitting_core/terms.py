@@ -87,7 +87,8 @@ class Data:
     """Pixels at which the Geman-McClure function stops to pull."""
     name: str = "data"
 
-    def _errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
+    def errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
+        """Pixels from the keypoints; 0 where one-sided ones are kept."""
         error = e.pixels - self.xy[e.frames]
         return torch.where(error * self.side[e.frames] > 0, 0.0, error)
 
@@ -97,12 +98,12 @@ class Data:
 
     def residual(self, e: Estimate) -> Tensor:
         """Robustified, weighted pixels."""
-        r = self._errors(e)
+        r = self.errors(e)
         return (self.weight[e.frames][..., None] * self.rho * r / (r * r + self.rho**2).sqrt()).flatten(1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
         """IRLS: exact gradient; Triggs' correction was no better and left outliers where they were."""
-        r = self._errors(e)
+        r = self.errors(e)
         scale = self.weight[e.frames][..., None] * self.rho**2 / (r * r + self.rho**2)
         weighted, left = scale * r, scale[..., None] * e.projection
         pull = (left.transpose(-1, -2) @ weighted[..., None])[..., 0]

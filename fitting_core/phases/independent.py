@@ -13,6 +13,16 @@ from fitting_core.initialize import guess_depth, seen_from_side, starting_state,
 from fitting_core.objective import FrameObjective
 from fitting_core.phases.limb_flips import LimbFlips
 from fitting_core.phases.progress import Step, reported
+from fitting_core.phases.sharpening import (
+    LEVELS,
+    MIRRORED_UP_TO,
+    START_AGAIN,
+    astray,
+    residuals,
+    sharp_settings,
+    tells_noise,
+    warrants,
+)
 from fitting_core.solvers import Solver, make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
@@ -37,6 +47,8 @@ class FrameFits:
     state: State
     cost: Float[Tensor, "T"]
     notes: tuple[str, ...]
+    stages: Stages
+    """What the state and all further phases belong to: as it was given, or sharpened."""
 
 
 def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFits]:
@@ -54,15 +66,19 @@ def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFit
     guess = guess_depth(stages)
     state = starting_state(stages, guess.depth, 0.0)
     if not bool(usable.any()):
-        return FrameFits(state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",))
+        return FrameFits(
+            state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",), stages
+        )
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
     camera = yield from run.camera_step(state, guess.depth)
     state, cost = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
     if _restarts(stages):
         state, cost = yield from run.relay(state, camera)
+    if stages.config.sharper_keypoints:
+        stages, state, cost = yield from run.sharpen(state, cost)
     good = usable & cost.isfinite()
-    notes = (guess.note(), *_notes(usable, cost))
-    return FrameFits(filled(state, good), cost, notes)
+    notes = (guess.note(), *_notes(usable, cost), *_sharpness_note(stages))
+    return FrameFits(filled(state, good), cost, notes, stages)
 
 
 def _restarts(stages: Stages) -> bool:
@@ -77,6 +93,11 @@ def _notes(usable: Tensor, cost: Tensor) -> Iterator[str]:
         yield f"frames with fewer than 4 confident body keypoints, filled from their neighbours: {spans(empty)}"
     if failed:
         yield f"frames whose fit failed (no finite cost), filled from their neighbours: {spans(failed)}"
+
+
+def _sharpness_note(stages: Stages) -> Iterator[str]:
+    if stages.sharpness > 1:
+        yield f"the keypoints are sharper than a detector's: the data term weighs {stages.sharpness:.0f} times as much"
 
 
 class _Frames:
@@ -187,6 +208,58 @@ class _Frames:
         return (
             yield from self._minimise(stages.objective(N_STAGES, state, free), state, "polish", (0.9, 1.0), final=True)
         )
+
+    def sharpen(self, state: State, cost: Tensor) -> Generator[Step, None, tuple[Stages, State, Tensor]]:
+        """Raises the weight of the data term as far as the residual warrants (see sharpening.py).
+
+        What is stuck in a wrong minimum then shows: its residual stays behind. Such frames try mirrored limbs, and at
+        one level all starting orientations again.
+        """
+        stages = self.stages
+        if not tells_noise(stages):
+            return stages, state, cost
+        for level in LEVELS:
+            if not warrants(residuals(stages, state)[self.frames], level):
+                break
+            sharp = stages.sharpened(level)
+            if stages is self.stages:
+                state = sharp.parametrisation.received(state)
+            stages = sharp
+            state, cost = yield from self._at(stages, state)
+            if level == START_AGAIN:
+                state, cost = yield from self._start_again(stages, state, cost)
+        return stages, state, cost
+
+    def _at(self, stages: Stages, state: State) -> Generator[Step, None, tuple[State, Tensor]]:
+        """These frames minimised with sharpened keypoints; those that are astray mirror limbs."""
+        settings = sharp_settings(stages.config.settings, stages.sharpness)
+        run = _Frames(stages, make_solver(stages.config.solver, settings), self.frames)
+        objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
+        label = f"keypoints x{stages.sharpness:.0f}"
+        state, cost = yield from run._minimise(objective, state, label, (1.0, 1.0), final=True)
+        stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
+        if stages.sharpness == START_AGAIN:
+            stuck = self.frames
+        if stages.sharpness <= MIRRORED_UP_TO and len(stuck):
+            state, flipped = yield from _Frames(stages, run.solver, stuck).flip_limbs(objective, state, cost)
+            cost = torch.minimum(cost, flipped)
+        return state, cost
+
+    def _start_again(self, stages: Stages, state: State, cost: Tensor) -> Generator[Step, None, tuple[State, Tensor]]:
+        """Frames that are astray go all the way from every starting orientation, until one leads to their keypoints."""
+        depth = guess_depth(self.stages).depth
+        for yaw in YAWS["four"]:
+            stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
+            if not len(stuck):
+                break
+            run = _Frames(self.stages, self.solver, stuck)
+            trial, _ = yield from run.five_stages(starting_state(self.stages, depth, yaw))
+            trial = stages.parametrisation.received(trial)
+            for level in LEVELS[: LEVELS.index(START_AGAIN) + 1]:
+                trial, trial_cost = yield from run._at(self.stages.sharpened(level), trial)
+            better = trial_cost < cost * (1 - _LOWER)
+            state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
+        return state, cost
 
     def flip_limbs(
         self, objective: FrameObjective, state: State, cost: Tensor

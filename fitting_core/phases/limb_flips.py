@@ -79,6 +79,14 @@ class LimbFlips:
             end = turned[1] @ world[:, middle].transpose(1, 2) @ end
         return self._with_world(state, (first, middle, last), world, (*turned, end))
 
+    def with_mirrored_hand(self, state: State, limb: Limb) -> State:
+        """The states with a limb's hand mirrored in depth about its wrist; the limb stays."""
+        estimate = self.positions.estimate(state)
+        joints, world = estimate.in_camera, estimate.posed.world
+        first, middle, last = (JOINT[name] for name in limb.joints)
+        hand = _mirrored_hand(world[:, last], _unit(joints[:, last]))
+        return self._with_world(state, (first, middle, last), world, (world[:, first], world[:, middle], hand))
+
     def _with_world(
         self, state: State, chain: tuple[int, int, int], world: Tensor, turned: tuple[Tensor, Tensor, Tensor]
     ) -> State:
@@ -91,10 +99,12 @@ class LimbFlips:
         return state.with_columns(self.parametrisation.columns.body, self.parametrisation.prior.encode(pose))
 
     def every(self, state: State) -> Iterator[tuple[str, State]]:
-        """All flips of all limbs, one at a time, by the limb's name."""
+        """All flips of all limbs and hands, one at a time, by the limb's name."""
         for name, limb in LIMBS.items():
             for upper, lower in FLIPS:
                 yield name, self.flipped(state, limb, upper=upper, lower=lower)
+            if limb.hand:
+                yield f"{name}'s hand", self.with_mirrored_hand(state, limb)
 
 
 def _hinged(
