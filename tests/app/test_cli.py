@@ -79,9 +79,9 @@ def test_preset_then_file_then_command_line(tmp_path: Path):
     path.write_text('preset = "paper"\nhip_weight = 0.25\n[temporal]\nweight = 5\nwindow_size = 11\n')
     assert _config() == PRESETS["tcfit"] and _config("--preset", "smplifyx") == PRESETS["smplifyx"]
     by_file = _config("--config", str(path))
-    assert (by_file.pose_prior, by_file.hip_weight, by_file.temporal.weight) == ("axis_angle", 0.25, 5.0)
+    assert (by_file.yaws, by_file.hip_weight, by_file.temporal.weight) == ("side_view", 0.25, 5.0)
     over = _config("--config", str(path), "--preset", "tcfit", "--window-size", "3", "--set", "temporal.weight=7")
-    assert (over.pose_prior, over.hip_weight) == ("relaxed", 0.25)
+    assert (over.yaws, over.hip_weight) == ("four", 0.25)
     assert (over.temporal.weight, over.temporal.window_size) == (7.0, 3)
 
 
