@@ -46,7 +46,7 @@ def params() -> BodyParams:
 @pytest.fixture(scope="module")
 def stages(params) -> Stages:
     clip = clip_of(params)
-    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig())
+    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,9 @@ def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
 
 def test_float32_sees_the_same(objective, state, stages, params):
     clip = clip_of(params)
-    single = Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(precision="float32"))
+    single = Stages(
+        clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle", precision="float32")
+    )
     start = single.parametrisation.from_params(params)
     term = Collision(0.7, single.colliding_body)
     cost = FrameObjective([term], single.objective(5, start, objective.free).view, objective.free).costs(

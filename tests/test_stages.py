@@ -60,7 +60,7 @@ def test_weights_are_those_of_the_table(tiny_body: BodyModel, detections: Keypoi
     config = replace(PRESETS[preset], weights=replace(PRESETS[preset].weights, collision=(0,) * 5))
     found, _ = weights_of(stages_of(tiny_body, detections, config), stage)
     row = {name: values[stage - 1] for name, values in TABLE.items()}
-    for name, count in {"body_pose": 63, "hand_pose": 24, "shape": 10, "expression": 10}.items():
+    for name, count in {"body_pose": 32, "hand_pose": 24, "shape": 10, "expression": 10}.items():
         assert found[name] == pytest.approx([row[name]] * count)
     assert found["jaw"] == pytest.approx(JAW[preset][stage - 1])
     assert found["bending"] == pytest.approx(row["bending"])

@@ -56,7 +56,8 @@ def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
     told = [s.final for s in steps if s.final is not None]
     assert [list(frames) for frames, _ in told] == [[0], [1], [2], [3, 4, 5]]
     for frames, final in told:
-        assert torch.equal(final.body_pose, params.body_pose[list(frames)])
+        # Decoded among other frames the last digits differ.
+        torch.testing.assert_close(final.body_pose, params.body_pose[list(frames)], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("size", [FRAMES, FRAMES + 5])

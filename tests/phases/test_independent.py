@@ -24,7 +24,10 @@ from fitting_core.state import State
 from tests.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, noisy, stages_of
 
 QUICK = FitConfig(
-    weights=replace(Weights(), collision=(0.0,) * 5), hip_weight=1.0, settings=SolverSettings(iterations=12)
+    pose_prior="axis_angle",
+    weights=replace(Weights(), collision=(0.0,) * 5),
+    hip_weight=1.0,
+    settings=SolverSettings(iterations=12),
 )
 
 

@@ -18,6 +18,7 @@ from fitting_core.state import State
 from tests.scenes import arms_in_motion, finished, hidden, keypoints_of, stages_of
 
 CONFIG = FitConfig(
+    pose_prior="axis_angle",  # holds every pose exactly
     weights=replace(Weights(), collision=(0.0,) * 5, limits=(100.0,) * 5),
     hip_weight=1.0,
     settings=SolverSettings(iterations=20),

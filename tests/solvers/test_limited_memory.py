@@ -18,7 +18,7 @@ from fitting_core.temporal import Coupling, JointPositions, Sequence
 from tests.posed_clips import clip_of, motion, shipped_body
 
 FRAMES = 5
-WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5))
+WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5), pose_prior="axis_angle")
 """For speed; tests/test_collision_term.py has both solvers on the collision term."""
 TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iterations=200)
 
@@ -26,7 +26,7 @@ TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iteratio
 @pytest.fixture(scope="module")
 def stages() -> Stages:
     clip = clip_of(motion(FRAMES), noise=1.0)
-    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig())
+    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
 
 
 @pytest.fixture(scope="module")
