@@ -109,7 +109,7 @@ def test_data_is_the_robust_distance_in_thousandths_of_the_height(point, stage, 
     confidence[0, i] = 0.5
     moved = kp.Keypoints(xy=xy, confidence=confidence)
     camera = replace(CAMERA, size=(1000, 2000))
-    values = evaluate_objective(shipped_body(), params, camera, moved, "paper", stage=stage)
+    values = evaluate_objective(shipped_body(), params, camera, moved, PLAIN, stage=stage)
     rho = 100.0
     robust = sum(rho**2 * r**2 / (r**2 + rho**2) for r in (30.0, 400.0))
     expected = (0.5 * weight * 1000 / 2000) ** 2 * robust
@@ -122,12 +122,12 @@ def test_temporal_term_is_the_squared_distance_from_the_mean_of_three_frames():
     """The middle frame 3 cm nearer: (2 J_i - J_{i-1} - J_{i+1}) / 3 is 2 cm on each of 55 joints."""
     params = with_column(still(), "camera_translation", 1, 2, still().camera_translation[0, 2] - 0.03)
     expected = 100.0**2 * 55 * 0.02**2
-    in_camera = replace(PRESETS["paper"], temporal=Temporal(space="camera"))
+    in_camera = replace(PLAIN, temporal=Temporal(space="camera"))
     values = values_of(params, in_camera, clip=clip_of(still()))
     assert values.temporal == pytest.approx(expected)
     assert values.total == pytest.approx(float(values.frame_total.sum()) + expected)
     assert values.terms["temporal"] == values.temporal
-    assert values_of(params, "paper").temporal == pytest.approx(0, abs=1e-12)
+    assert values_of(params).temporal == pytest.approx(0, abs=1e-12)
 
 
 def test_collision_is_the_intrusion_penalty():
