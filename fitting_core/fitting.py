@@ -81,6 +81,27 @@ def rerun_events(
     return BodyParams(**merged)
 
 
+def shape_events(
+    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams
+) -> Generator[FitEvent, None, BodyParams]:
+    """Phase 2 again from `params` on, and phase 3 under the new shape if `config.last_phase` has one; all frames."""
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    usable = stages.usable().nonzero()[:, 0]
+    if not len(usable):
+        raise InputError(f"No frame of {clip.name} shows a person: there is nothing to find a shape from.")
+    solver, parametrisation = make_solver(config.solver, config.settings), stages.parametrisation
+    state, betas = parametrisation.from_params(params), parametrisation.columns.betas
+    yield PhaseStarted(phase=2, title=TITLES[2])
+    sampled, _ = yield from _events(fit_shape(stages, solver, state, usable), 2)
+    state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
+    if config.last_phase >= 3:
+        yield PhaseStarted(phase=3, title=TITLES[3])
+        consistency = Consistency(stages, solver)
+        mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
+        state = yield from _events(mode[config.temporal.mode](state), 3)
+    return parametrisation.to_params(state)
+
+
 class _Fit:
     """One fit: what is constant over its phases, and the phases finished so far."""
 
