@@ -32,6 +32,7 @@ from fitting_core.errors import InputError
 from fitting_core.events import FitEvent
 from fitting_core.fitting import rerun_events
 from fitting_core.keypoints import Keypoints
+from fitting_core.phases.sharpening import sharpened_for
 from fitting_core.reliability import cut_off
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import State
@@ -113,7 +114,8 @@ class LiveCorrection:
     def __init__(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> None:
         self.correction = correction
         clip, config = correction.edited(xy), correction.following
-        self._stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
+        stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
+        self._stages = sharpened_for(stages, correction.params)
         self._row = _frame(self._stages.keypoints, correction.frame)
         self._places = [_place(self._row, k, position) for k, position in zip(correction.keypoints, xy, strict=True)]
         around, near = self._around()
