@@ -7,8 +7,8 @@ a few numbers of the data term, and a step of Levenberg-Marquardt goes on from w
 Milliseconds of CPU time on one thread, window of 7 (5) frames of 100, medians of benchmarks/live.py:
 
     keypoints               begin   move      release   plain re-run
-    body                    80      17 (17)   330       350
-    body, hands and face    230     31 (26)   430       500
+    body                    107     20 (18)   494       542
+    body, hands and face    196     32 (23)   633       546
 
 On two cores shared with five other programs the wall's clock showed up to twice that. A move makes some 3200 calls into
 torch, for five frames as for seven: much less time needs fewer calls (a compiled step), not fewer numbers.
