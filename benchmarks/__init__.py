@@ -8,5 +8,6 @@ Run them from the repository's root. They need the development data (see clips.p
     length       seconds per frame of each phase against the length of the clip
     profile      where the time of a fit goes
     recover_poses  whether a fit of noise-free keypoints returns hard poses
+    live         what a move of a live correction costs, against a plain re-run
     overlays     contact sheets of fits with side views, to look at
 """

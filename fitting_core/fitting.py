@@ -18,7 +18,7 @@ from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step
 from fitting_core.phases.shared_shape import fit_shape
-from fitting_core.phases.sharpening import LEVELS, sharp_settings, sharpness
+from fitting_core.phases.sharpening import sharp_settings, sharpened_for
 from fitting_core.reliability import SEEN
 from fitting_core.result import FitResult, PhaseResult
 from fitting_core.solvers import make_solver
@@ -63,14 +63,8 @@ def rerun_events(
             f"Frames {frames.start} to {frames.stop - 1} cannot be fitted again: the clip "
             f"has frames 0 to {len(clip) - 1}."
         )
-    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    settings = config.settings
-    if config.sharper_keypoints:
-        # Sharpened first: a latent prior alone would not bring `params` back as they are.
-        exact = stages.sharpened(LEVELS[0])
-        factor = sharpness(exact, exact.parametrisation.from_params(params))
-        if factor > 1:
-            stages, settings = stages.sharpened(factor), sharp_settings(settings, factor)
+    stages = sharpened_for(Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate), params)
+    settings = sharp_settings(config.settings, stages.sharpness)
     consistency = Consistency(stages, make_solver(config.solver, settings))
     yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
     state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
@@ -79,6 +73,28 @@ def rerun_events(
     inside[frames.start : frames.stop] = True
     merged = {n: torch.where(inside[:, None], getattr(fresh, n), t.double()) for n, t in vars(params).items()}
     return BodyParams(**merged)
+
+
+def shape_events(
+    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams
+) -> Generator[FitEvent, None, BodyParams]:
+    """Phase 2 again from `params` on, and phase 3 under the new shape if `config.last_phase` has one; all frames."""
+    stages = sharpened_for(Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate), params)
+    usable = stages.usable().nonzero()[:, 0]
+    if not len(usable):
+        raise InputError(f"No frame of {clip.name} shows a person: there is nothing to find a shape from.")
+    solver = make_solver(config.solver, sharp_settings(config.settings, stages.sharpness))
+    parametrisation = stages.parametrisation
+    state, betas = parametrisation.from_params(params), parametrisation.columns.betas
+    yield PhaseStarted(phase=2, title=TITLES[2])
+    sampled, _ = yield from _events(fit_shape(stages, solver, state, usable), 2)
+    state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
+    if config.last_phase >= 3:
+        yield PhaseStarted(phase=3, title=TITLES[3])
+        consistency = Consistency(stages, solver)
+        mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
+        state = yield from _events(mode[config.temporal.mode](state), 3)
+    return parametrisation.to_params(state)
 
 
 class _Fit:

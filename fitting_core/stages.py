@@ -2,7 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -203,11 +203,7 @@ class Stages:
 
     @cached_property
     def _observed(self) -> Bool[np.ndarray, "T 55"]:
-        known = [i for i, p in enumerate(self.keypoint_points) if p is not None]
-        points = BodyPoints(self.body, [p for p in self.keypoint_points if p is not None])
-        hangs = np.zeros((kp.COUNT, N_JOINTS), int)
-        hangs[np.array(known)[points.entry_point.numpy()], points.entry_joint.numpy()] = 1
-        return (self.seen.cpu().numpy().astype(int) @ hangs) > 0
+        return (self.seen.cpu().numpy().astype(int) @ _turning(self.body)) > 0
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.
@@ -232,3 +228,13 @@ class Stages:
     def usable(self) -> Tensor:
         """Frames with enough confident keypoints to say where the person is, (T,) bool."""
         return self.seen[:, kp.BODY].sum(1) >= 4
+
+
+@lru_cache(maxsize=4)
+def _turning(body: BodyModel) -> Int[np.ndarray, "137 55"]:
+    """1 where a joint turns a keypoint. Remembered: to compile all keypoints takes 0.3 s, which a drag would wait."""
+    known = {i: p for i, p in enumerate(keypoint_points(body)) if p is not None}
+    points = BodyPoints(body, list(known.values()))
+    hangs = np.zeros((kp.COUNT, N_JOINTS), int)
+    hangs[np.array(list(known))[points.entry_point.numpy()], points.entry_joint.numpy()] = 1
+    return hangs

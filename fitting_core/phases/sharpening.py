@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core import keypoints as kp
+from fitting_core.body.params import BodyParams
 from fitting_core.config import SolverSettings
 from fitting_core.estimate import Estimate
 from fitting_core.stages import IMAGE_SCALE, N_STAGES, Stages
@@ -78,6 +79,16 @@ def sharpness(stages: Stages, state: State) -> float:
         return 1.0
     residual = residuals(stages, state)
     return max((level for level in LEVELS if warrants(residual, level)), default=1.0)
+
+
+def sharpened_for(stages: Stages, params: BodyParams) -> Stages:
+    """The stages that a finished result belongs to: sharpened as its residual warrants, if the configuration asks."""
+    if not stages.config.sharper_keypoints:
+        return stages
+    # Sharpened first: a latent prior alone would not bring `params` back as they are.
+    exact = stages.sharpened(LEVELS[0])
+    factor = sharpness(exact, exact.parametrisation.from_params(params)) if tells_noise(exact) else 1.0
+    return stages.sharpened(factor) if factor > 1 else stages
 
 
 def sharp_settings(settings: SolverSettings, level: float) -> SolverSettings:

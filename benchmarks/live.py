@@ -1,0 +1,165 @@
+"""What a live correction costs: a drag of one keypoint, re-solved at every move, against a plain re-run at every move.
+
+Both start from the same fit and see the same moves. A re-run converges and prepares everything anew; a re-solve is one
+step from where the last one left off. Wall time is what the user feels, CPU time what other programs do not disturb.
+Needs the development data (see clips.py).
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import torch
+from tyro.conf import OmitArgPrefixes
+
+from benchmarks.clips import mirrored, read
+from benchmarks.profile import SECTIONS
+from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.sections import Stopwatch
+from fitting_core import keypoints as kp
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config import PRESETS, FitConfig
+from fitting_core.fitting import fit, rerun_events
+from tcfit_app.live import REACH, Correction, LiveCorrection
+
+
+@dataclass(frozen=True, kw_only=True)
+class Live:
+    """What to drag."""
+
+    clips: tuple[str, ...] = ("cam03", "gebaerden")
+    """Which clips: body keypoints only, and with hands and face."""
+    frames: int = 100
+    """Of each clip."""
+    keypoint: str = "right_elbow"
+    """Which keypoint is dragged, in the middle frame."""
+    pixels: float = 40.0
+    """How far, at an image height of 1000 pixels."""
+    moves: int = 40
+    """In how many moves."""
+    reruns: int = 5
+    """How many of the moves a plain re-run follows too."""
+    reaches: tuple[int, ...] = (REACH, 2)
+    """Frames that follow on each side."""
+    common: OmitArgPrefixes[Common] = field(default_factory=Common)
+
+
+def quick(config: FitConfig) -> FitConfig:
+    """The same without the restarts of phase 1: what the drag starts from need not be the best."""
+    return replace(config, relay_rounds=0, limb_flips=False, yaws="side_view")
+
+
+def timed(work: Callable[[], object]) -> tuple[float, float]:
+    """Milliseconds that it takes, on the wall's clock and of the processor."""
+    wall, cpu = time.perf_counter(), time.thread_time()
+    work()
+    return 1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu)
+
+
+def _row(clip: str, reach: int, what: str, times: list[tuple[float, float]]) -> Row:
+    wall, cpu = np.array(times).T
+    return {
+        "clip": clip,
+        "window": f"{2 * reach + 1}",
+        "what": what,
+        "median ms": float(np.median(wall)),
+        "p95 ms": float(np.percentile(wall, 95)),
+        "CPU median ms": float(np.median(cpu)),
+        "times": float(len(times)),
+    }
+
+
+def _finished(events) -> BodyParams:
+    while True:
+        try:
+            next(events)
+        except StopIteration as stop:
+            return stop.value
+
+
+def drag_rows(name: str, correction: Correction, targets: list[np.ndarray], reruns: int) -> tuple[list[Row], Row]:
+    """Times of one drag's parts, and how far apart its ways end."""
+    c, reach = correction, correction.reach
+    live: list[LiveCorrection] = []
+    begins = [timed(lambda: live.append(LiveCorrection(c, targets[0]))) for _ in range(3)]
+    drag = live[-1]
+
+    def follow(xy: np.ndarray) -> None:
+        drag.move(xy)
+        drag.resolve()
+
+    moves = [timed(lambda xy=xy: follow(xy)) for xy in targets]
+    on_the_way = drag.params
+    ends: list[BodyParams] = []
+    release = [timed(lambda: ends.append(_finished(drag.release())))]
+    plain = [
+        timed(
+            lambda xy=xy: ends.append(_finished(rerun_events(c.edited(xy), c.body, c.converging, c.params, c.frames)))
+        )
+        for xy in targets[:: -max(1, len(targets) // reruns)]
+    ]
+    kinds = {"begin": begins, "move": moves, "release": release, "plain re-run": plain}
+    apart: Row = {"clip": name, "window": f"{2 * reach + 1}"} | {
+        title: _millimetres(c.body, a, b)
+        for title, a, b in (
+            ("moved mm", c.params, ends[0]),
+            ("last move to release mm", on_the_way, ends[0]),
+            ("release to plain re-run mm", ends[0], ends[1]),
+        )
+    }
+    return [_row(name, reach, what, times) for what, times in kinds.items()], apart
+
+
+def _millimetres(body: BodyModel, a: BodyParams, b: BodyParams) -> float:
+    """Between two results: the body joint and frame that differ most."""
+    mesh = Mesh(body, dtype=torch.float64)
+    return 1e3 * float((mesh.joints(a)[:, :22] - mesh.joints(b)[:, :22]).norm(dim=-1).max())
+
+
+def section_rows(name: str, correction: Correction, targets: list[np.ndarray]) -> list[Row]:
+    """Where the CPU time of a move goes."""
+    drag, watch = LiveCorrection(correction, targets[0]), Stopwatch(time.thread_time)
+    with watch.attached(SECTIONS):
+        for xy in targets:
+            with watch.section("rest"):
+                drag.move(xy)
+                drag.resolve()
+    spent = {title: 1e3 * s.seconds / len(targets) for title, s in watch.spent.items()}
+    largest = sorted(spent.items(), key=lambda item: -item[1])
+    return [{"clip": name, "section": title, "CPU ms a move": ms} for title, ms in largest if ms > 0.3]
+
+
+def run(options: Live) -> None:
+    """Drags in each clip."""
+    body, config = options.common.load_body(), PRESETS["tcfit"]
+    times: list[Row] = []
+    apart: list[Row] = []
+    sections: dict[str, list[Row]] = {}
+    for name in options.clips:
+        whole = read(name).clip
+        clip: Clip = mirrored(whole, min(len(whole), options.frames), options.frames)
+        progress(f"{name}: fit of {len(clip)} frames")
+        params = fit(clip, body, quick(config)).last.params
+        frame, keypoint = len(clip) // 2, kp.INDEX[options.keypoint]
+        shares = np.linspace(0, 1, options.moves)[:, None, None]
+        way = np.array([[1.0, 0.5]]) * options.pixels * clip.camera.size[1] / 1000
+        targets = list(clip.keypoints.xy[frame, [keypoint]] + shares * way)
+        for reach in options.reaches:
+            progress(f"{name}: drag, window of {2 * reach + 1}")
+            c = Correction(
+                clip=clip, body=body, config=config, params=params, frame=frame, keypoints=(keypoint,), reach=reach
+            )
+            rows, distance = drag_rows(name, c, targets, options.reruns)
+            times += rows
+            apart.append(distance)
+            if reach == options.reaches[0]:
+                sections[f"{name}: a move, window of {2 * reach + 1}"] = section_rows(name, c, targets)
+    report(options, {"Live correction": times, "How far apart": apart} | sections)
+
+
+if __name__ == "__main__":
+    start(Live, run)

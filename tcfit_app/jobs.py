@@ -1,0 +1,128 @@
+"""What the worker can be told to do, each as a generator of the fitter's events."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config import FitConfig
+from fitting_core.events import FitEvent, Iteration, WindowFinished
+from fitting_core.fitting import fit_events, rerun_events, shape_events
+from fitting_core.frame_names import spans
+from fitting_core.result import FitResult
+from tcfit_app.outbox import Outcome
+
+TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
+"""Of the seconds of a fit by phase (preset tcfit, global phase 3): what a remaining time is guessed from."""
+
+
+class Job(Protocol):
+    """Work of one worker thread."""
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        ...
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Phases that it runs, in order."""
+        ...
+
+    def run(self) -> Generator[FitEvent, None, Outcome]:
+        """Does it; closing the generator cancels."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitEverything:
+    """All phases of a fit."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"Fit {self.clip.name}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Up to the configured last one."""
+        return tuple(range(1, self.config.last_phase + 1))
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """See `fitting.fit_events`."""
+        return fit_events(self.clip, self.body, self.config)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RerunFrames:
+    """Phase 3 again on some ranges of frames, one after the other, from a result on."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+    params: BodyParams
+    windows: tuple[range, ...]
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"Re-run frames {spans(sorted({i for window in self.windows for i in window}))}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Phase 3 alone."""
+        return (3,)
+
+    def run(self) -> Generator[FitEvent, None, BodyParams]:
+        """See `fitting.rerun_events`; each window is told when it is finished."""
+        params = self.params
+        for i, window in enumerate(self.windows):
+            events = rerun_events(self.clip, self.body, self.config, params, window)
+            params = yield from _as_part(events, i, len(self.windows))
+            inside = {name: values[window.start : window.stop] for name, values in vars(params).items()}
+            yield WindowFinished(frames=window, params=BodyParams(**inside))
+        return params
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitShape:
+    """Only the shape again, and phase 3 under it if the configuration has one."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+    params: BodyParams
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return "Re-run shape"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Phases 2 and 3."""
+        return (2, 3) if self.config.last_phase >= 3 else (2,)
+
+    def run(self) -> Generator[FitEvent, None, BodyParams]:
+        """See `fitting.shape_events`."""
+        return shape_events(self.clip, self.body, self.config, self.params)
+
+
+def _as_part(
+    events: Generator[FitEvent, None, BodyParams], part: int, parts: int
+) -> Generator[FitEvent, None, BodyParams]:
+    """The same events, as one of equal parts of a phase."""
+    while True:
+        try:
+            event = next(events)
+        except StopIteration as stop:
+            return stop.value
+        if isinstance(event, Iteration):
+            event = replace(event, share=(part + event.share) / parts)
+        yield event
