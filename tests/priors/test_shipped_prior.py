@@ -57,7 +57,7 @@ def test_random_poses_are_those_of_people(free_body: BodyModel, samples: torch.T
     bounds = torch.as_tensor(np.array([r.bounds for r in ranges.values()]))
     beyond = (angles - angles.clamp(bounds[..., 0], bounds[..., 1])).abs().amax((1, 2))
     assert (beyond > 15).double().mean() < 0.01
-    # 12 % when it was trained, mostly a hand on a thigh; of captured held-out poses 4 %.
+    # 12 % when it was trained, most often a forearm with the torso; of captured held-out poses 4 %.
     assert Contact(Skeleton(free_body)).overlaps(matrices(samples.numpy())).double().mean() < 0.15
     spread = samples.view(-1, 21, 3)[:, JOINT["left_shoulder"] - 1].std(0)
     assert (spread > 0.2).all()  # not the same person's same pose
