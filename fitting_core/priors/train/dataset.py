@@ -34,8 +34,8 @@ _NOISE = {
     ("left_ankle", "right_ankle"): (4.0, 0.0, 4.0),
 }
 """Degrees about x, y and z in recombined poses, by joints. Only where people differ: each freedom takes a share of the
-32 numbers. With 4 to 12 degrees about all axes of these joints held-out poses came back to 2.0 degrees
-after 6000 steps, with these to 1.1 after 8000."""
+32 numbers. With 4 to 12 degrees about all axes of these joints held-out poses came back to 2.0
+degrees after 6000 steps, with these to 1.1 after 8000."""
 
 
 @dataclass(frozen=True)

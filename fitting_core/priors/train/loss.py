@@ -43,7 +43,7 @@ class Loss:
     """Negative evidence lower bound, and two things that make random poses those of people.
 
     With the bound alone poses came back exactly, but the encoded ones filled a small and bent part of the normal
-    distribution: of 32 random poses about 14 were folded up. So the latent numbers' distribution is drawn to the normal one
+    distribution: of 32 random poses about 14 were folded up. So the distribution of the latent numbers is drawn to it
     along random directions (sliced Wasserstein distance: Kolouri et al., Sliced-Wasserstein Autoencoder, 2018), and
     random poses must keep to the joints' ranges and not collide. Held-out poses come back as exactly as without. And
     the middle, where fits start and unseen limbs rest, is somebody who stands at ease: left to itself it was lopsided.

@@ -63,8 +63,8 @@ class Training:
         weights, biases = (
             [p for p in self.network.parameters() if (p.ndim == 2) is square] for square in (True, False)
         )
-        # Muon, not Adam alone: held-out poses to 1.2 degrees and 4 mm after 1500 steps, with Adam (at 2e-3, the only rate
-        # tried) to 5.1 and 16.
+        # Muon, not Adam alone: held-out poses to 1.2 degrees and 4 mm after 1500 steps, with Adam (at 2e-3,
+        # the only rate tried) to 5.1 and 16.
         self.optimizers = [
             torch.optim.Muon(weights, lr=schedule.rate, weight_decay=0.0, adjust_lr_fn="original"),
             torch.optim.Adam(biases, lr=0.1 * schedule.rate),
