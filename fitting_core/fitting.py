@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Generator
+from dataclasses import replace
 from typing import TypeVar
 
 import torch
@@ -161,20 +162,8 @@ class _Fit:
         *,
         sample: tuple[State, Tensor] | None = None,
     ) -> PhaseFinished:
-        objective = self.stages.objective(N_STAGES, state, self.stages.free(N_STAGES, betas=phase < 3))
-        every = objective.costs(state, self.stages.all_frames)
-        counted = every if sample is None else objective.costs(*sample)
-        terms = {name: float(cost.mean()) for name, cost in counted.items()}
-        if phase == 3:
-            terms["temporal"] = self.consistency.temporal_cost(state) / len(state)
-        terms["total"] = sum(terms.values())
-        result = PhaseResult(
-            phase=phase,
-            params=self.stages.parametrisation.to_params(state),
-            objective=terms,
-            frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
-            seconds=time.perf_counter() - start,
-            notes=notes,
+        result = _phase_result(
+            self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
         self.phases.append(result)
         return PhaseFinished(phase=phase, result=result, so_far=self._result())
@@ -188,6 +177,52 @@ class _Fit:
             pose_prior=self.stages.parametrisation.prior.title,
             warnings=(*self.clip.notes, *_swap_notes(self.stages), *(note for p in self.phases for note in p.notes)),
         )
+
+
+def evaluated(
+    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, *, phase: int = 3, seconds: float = 0.0
+) -> PhaseResult:
+    """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
+
+    Args:
+        clip: keypoints and camera, against which the costs are taken.
+        body: the body model.
+        config: its weights are those of the costs.
+        params: all frames; they are kept as they are.
+        phase: 3 counts E_T too.
+        seconds: what making them took.
+    """
+    stages = sharpened_for(Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate), params)
+    result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
+    return replace(result, params=params)
+
+
+def _phase_result(
+    stages: Stages,
+    phase: int,
+    state: State,
+    *,
+    seconds: float,
+    notes: tuple[str, ...] = (),
+    sample: tuple[State, Tensor] | None = None,
+) -> PhaseResult:
+    """Figures of a state of all frames; the objective is the mean over these, or over a sample of them."""
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=phase < 3))
+    every = objective.costs(state, stages.all_frames)
+    counted = every if sample is None else objective.costs(*sample)
+    terms = {name: float(cost.mean()) for name, cost in counted.items()}
+    if phase == 3:
+        consistency = Consistency(stages, make_solver(stages.config.solver, stages.config.settings))
+        terms["temporal"] = consistency.temporal_cost(state) / len(state)
+    terms["total"] = sum(terms.values())
+    return PhaseResult(
+        phase=phase,
+        params=stages.parametrisation.to_params(state),
+        objective=terms,
+        frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
+        seconds=seconds,
+        notes=notes,
+    )
 
 
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:

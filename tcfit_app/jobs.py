@@ -1,5 +1,6 @@
 """What the worker can be told to do, each as a generator of the fitter's events."""
 
+import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -8,11 +9,11 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
+from fitting_core.errors import InputError
 from fitting_core.events import FitEvent, Iteration, WindowFinished
-from fitting_core.fitting import fit_events, rerun_events, shape_events
+from fitting_core.fitting import evaluated, fit_events, rerun_events, shape_events
 from fitting_core.frame_names import spans
-from fitting_core.result import FitResult
-from tcfit_app.outbox import Outcome
+from fitting_core.result import FitResult, PhaseResult
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
 """Of the seconds of a fit by phase (preset tcfit, global phase 3): what a remaining time is guessed from."""
@@ -31,8 +32,8 @@ class Job(Protocol):
         """Phases that it runs, in order."""
         ...
 
-    def run(self) -> Generator[FitEvent, None, Outcome]:
-        """Does it; closing the generator cancels."""
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """Does it and returns all phases; closing the generator cancels."""
         ...
 
 
@@ -61,12 +62,12 @@ class FitEverything:
 
 @dataclass(frozen=True, kw_only=True)
 class RerunFrames:
-    """Phase 3 again on some ranges of frames, one after the other, from a result on."""
+    """Phase 3 again on some ranges of frames, one after the other, from a fit on."""
 
     clip: Clip
     body: BodyModel
     config: FitConfig
-    params: BodyParams
+    start: FitResult
     windows: tuple[range, ...]
 
     @property
@@ -79,15 +80,16 @@ class RerunFrames:
         """Phase 3 alone."""
         return (3,)
 
-    def run(self) -> Generator[FitEvent, None, BodyParams]:
+    def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.rerun_events`; each window is told when it is finished."""
-        params = self.params
+        begin, params = time.perf_counter(), self.start.last.params
         for i, window in enumerate(self.windows):
             events = rerun_events(self.clip, self.body, self.config, params, window)
             params = yield from _as_part(events, i, len(self.windows))
-            inside = {name: values[window.start : window.stop] for name, values in vars(params).items()}
-            yield WindowFinished(frames=window, params=BodyParams(**inside))
-        return params
+            yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
+        phase = evaluated(self.clip, self.body, self.config, params, seconds=time.perf_counter() - begin)
+        note = f"{self.title}: window of phase 3, the rest as in the run before"
+        return with_phases(self.start, (replace(phase, notes=(note,)),), self.config)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +99,7 @@ class FitShape:
     clip: Clip
     body: BodyModel
     config: FitConfig
-    params: BodyParams
+    start: FitResult
 
     @property
     def title(self) -> str:
@@ -109,9 +111,26 @@ class FitShape:
         """Phases 2 and 3."""
         return (2, 3) if self.config.last_phase >= 3 else (2,)
 
-    def run(self) -> Generator[FitEvent, None, BodyParams]:
-        """See `fitting.shape_events`."""
-        return shape_events(self.clip, self.body, self.config, self.params)
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """See `fitting.shape_events`; starts from the first phase's poses."""
+        begin, first = time.perf_counter(), self.start.phase(1)
+        if first is None:
+            raise InputError("There is no first phase to find a shape from: run everything.")
+        params = yield from shape_events(self.clip, self.body, self.config, first.params)
+        found = replace(first.params, betas=params.betas)
+        phases = {2: found, 3: params}
+        seconds = time.perf_counter() - begin
+        made = (
+            evaluated(self.clip, self.body, self.config, phases[k], phase=k, seconds=seconds * (k == self.phases[-1]))
+            for k in self.phases
+        )
+        return with_phases(self.start, tuple(made), self.config)
+
+
+def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:
+    """A fit with its later phases in place of what it had from the first of them on."""
+    kept = tuple(p for p in fit.phases if p.phase < phases[0].phase)
+    return replace(fit, phases=(*kept, *phases), config=config)
 
 
 def _as_part(

@@ -7,9 +7,6 @@ from fitting_core.body.params import BodyParams
 from fitting_core.events import FitEvent
 from fitting_core.result import FitResult
 
-Outcome = FitResult | BodyParams
-"""What work returns: a whole fit, or the parameters of all frames."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class JobProgress:
@@ -53,7 +50,7 @@ class JobFinished:
     """A job has its outcome, and the sink has kept it."""
 
     job: int
-    outcome: Outcome
+    outcome: FitResult
 
 
 @dataclass(frozen=True, kw_only=True)

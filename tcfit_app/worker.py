@@ -14,6 +14,7 @@ from jaxtyping import Float
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.events import Finished, FitEvent, Iteration, PhaseFinished, WindowFinished
+from fitting_core.result import FitResult
 from tcfit_app.job_clock import JobClock
 from tcfit_app.jobs import Job
 from tcfit_app.live import Correction, LiveCorrection
@@ -28,7 +29,6 @@ from tcfit_app.outbox import (
     JobReported,
     JobStarted,
     Outbox,
-    Outcome,
 )
 
 LINGER = 2.0
@@ -39,8 +39,12 @@ _log = logging.getLogger(__name__)
 class Sink(Protocol):
     """Where results go before anybody is told of them; called on the worker's thread."""
 
-    def keep(self, work: Job | Correction, result: PhaseFinished | WindowFinished | Outcome) -> None:
-        """Store it. An exception ends the job or the drag as failed."""
+    def keep(self, job: Job, result: PhaseFinished | WindowFinished | FitResult) -> None:
+        """Store what a job found. An exception ends it as failed."""
+        ...
+
+    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
+        """Store a released drag: where its keypoints are, and all frames under it. An exception ends it as failed."""
         ...
 
 
@@ -269,7 +273,7 @@ class Worker:
                     next(events)
                 except StopIteration as stop:
                     params: BodyParams = stop.value
-                    self._sink.keep(drag.correction, params)
+                    self._sink.keep_correction(drag.correction, live.xy, params)
                     return DragFinished(drag=drag.number, frames=drag.correction.frames, params=params)
         return DragAbandoned(drag=drag.number)
 

@@ -46,7 +46,11 @@ def _review_marks(connection: sqlite3.Connection) -> None:
         )""")
 
 
-MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_tables, _review_marks)
+def _kinds_of_runs(connection: sqlite3.Connection) -> None:
+    connection.execute("ALTER TABLE runs ADD COLUMN kind TEXT NOT NULL DEFAULT 'fit'")
+
+
+MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_tables, _review_marks, _kinds_of_runs)
 """MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
 
 _DAMAGED = "is damaged ({}). Take it from a backup; the fits in runs and detections.npz can be read without it"

@@ -28,6 +28,8 @@ _ORPHANS = "orphans"
 
 Ended = Literal["cancelled", "failed"]
 RunState = Literal["running", "finished", "interrupted"] | Ended
+RunKind = Literal["fit", "frames", "shape", "corrections"]
+"""Everything; some frames again; the shape again; a run that grows with each keypoint that is dragged."""
 
 
 class BodyRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -46,6 +48,7 @@ class Run:
 
     id: int
     name: str
+    kind: RunKind
     state: RunState
     config: FitConfig
     body: BodyRecord
@@ -98,6 +101,7 @@ class Runs:
         *,
         body: BodyRecord,
         edits_seen: int,
+        kind: RunKind = "fit",
         parent: int | None = None,
         frames: range | None = None,
         name: str = "",
@@ -108,6 +112,7 @@ class Runs:
             config: All of its settings.
             body: With which body.
             edits_seen: `Project.last_edit` when its keypoints were taken.
+            kind: What is fitted.
             parent: The run from which it starts.
             frames: Which frames are fitted again; None for all.
             name: By default its number.
@@ -119,10 +124,11 @@ class Runs:
             self.get(parent)
         with self._database.transaction() as connection:
             cursor = connection.execute(
-                "INSERT INTO runs (name, state, config, body, parent, first_frame, last_frame, edits_seen, started)"
-                " VALUES (?, 'running', ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO runs (name, kind, state, config, body, parent, first_frame, last_frame, edits_seen,"
+                " started) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?)",
                 (
                     checked_name(name) if name else "",
+                    kind,
                     msgspec.json.encode(as_plain(config)).decode(),
                     msgspec.json.encode(body).decode(),
                     parent,
@@ -154,11 +160,24 @@ class Runs:
             InputError: It is not running, or the project cannot be written; then the run goes on being "running".
         """
         self.store(run, fit)
-        figures = summary or {
-            "seconds": {f"phase{p.phase}": p.seconds for p in fit.phases},
-            "objective": {f"phase{p.phase}": p.objective for p in fit.phases},
-        }
-        self._end(run, "finished", "", msgspec.json.encode(figures).decode())
+        self._end(run, "finished", "", _summary(fit, summary))
+        return self.get(run)
+
+    def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
+        """Keep what a finished run of corrections has become; when this returns, it is on the disk.
+
+        Raises:
+            InputError: It is no finished run of corrections, or the project cannot be written.
+        """
+        found = self.get(run)
+        if found.kind != "corrections" or found.state != "finished":
+            raise InputError(f"{found.name} is no finished run of corrections; it stays as it is.")
+        write_run(self._path(run), fit)
+        with self._database.transaction() as connection:
+            connection.execute(
+                "UPDATE runs SET edits_seen = ?, summary = ?, ended = ? WHERE id = ?",
+                (edits_seen, _summary(fit, None), _now().isoformat(), run),
+            )
         return self.get(run)
 
     def end(self, run: int, state: Ended, message: str = "") -> Run:
@@ -258,6 +277,7 @@ class Runs:
             return Run(
                 id=row["id"],
                 name=row["name"],
+                kind=msgspec.convert(row["kind"], RunKind),
                 state=msgspec.convert(row["state"], RunState),
                 # Settings that this version no longer has are left out: the run can still be shown.
                 config=msgspec.json.decode(row["config"], type=FitConfig),
@@ -280,3 +300,11 @@ class Runs:
 
 def _now() -> datetime:
     return datetime.now(UTC)
+
+
+def _summary(fit: FitResult, given: dict[str, Any] | None) -> str:
+    figures = given or {
+        "seconds": {f"phase{p.phase}": p.seconds for p in fit.phases},
+        "objective": {f"phase{p.phase}": p.objective for p in fit.phases},
+    }
+    return msgspec.json.encode(figures).decode()

@@ -11,18 +11,16 @@ import torch
 from fitting_core.config import PRESETS
 from fitting_core.errors import InputError
 from tcfit_app.project import Project
-from tcfit_app.storage.run_files import read_run, with_window, write_run
+from tcfit_app.storage.run_files import read_run, write_run
 from tcfit_app.storage.runs import Run
 from tests.app.project_samples import (
     BODY,
     CONFIG,
     FRAMES,
     assert_same_fit,
-    assert_same_params,
     random_edit,
     sample_clip,
     sample_fit,
-    sample_phase,
 )
 
 
@@ -178,28 +176,3 @@ def test_a_file_of_wrong_content_is_reported(tmp_path: Path):
     np.savez(tmp_path / "b.npz", **arrays)
     with pytest.raises(InputError, match="phase1_jaw_pose"):
         read_run(tmp_path / "b.npz", CONFIG)
-
-
-def test_a_window_is_put_into_the_fit_before_it():
-    parent, window = sample_fit(1), sample_phase(3, 8)
-    config = replace(CONFIG, hip_weight=0.5)
-    merged = with_window(parent, window, range(2, 4), config)
-    assert [p.phase for p in merged.phases] == [1, 2, 3] and merged.config == config
-    for old, new in zip(parent.phases[:2], merged.phases[:2], strict=True):
-        assert old is new
-    found, before = merged.last, parent.last
-    for outside in (slice(0, 2), slice(4, FRAMES)):
-        assert_same_params(found.params[outside], before.params[outside])
-        assert np.array_equal(found.frame_cost[outside], before.frame_cost[outside])
-    assert_same_params(found.params[2:4], window.params[2:4])
-    assert np.array_equal(found.frame_cost[2:4], window.frame_cost[2:4]) and found.objective == window.objective
-    assert found.notes[-1] == "frames 2 to 3 were fitted again"
-    # The parent is as it was.
-    assert_same_fit(parent, sample_fit(1))
-
-
-def test_a_window_after_two_phases_becomes_the_third():
-    parent, window = sample_fit(1, last_phase=2), sample_phase(3, 8)
-    merged = with_window(parent, window, range(0, FRAMES), CONFIG)
-    assert [p.phase for p in merged.phases] == [1, 2, 3]
-    assert_same_params(merged.last.params, window.params)

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
@@ -54,6 +55,12 @@ QUICK = FitConfig(
 )
 CONVERGED = replace(QUICK, settings=SolverSettings(iterations=60, sequence_tolerance=1e-9))
 WRIST = kp.INDEX["right_wrist"]
+NOTHING = FitResult(
+    phases=(),
+    camera=Camera(focal=(1.0, 1.0), center=(0.5, 0.5), size=(1, 1)),
+    config=QUICK,
+    observed=np.zeros((0, 55), bool),
+)
 ENDS = (JobFinished, JobCancelled, JobFailed)
 
 
@@ -64,10 +71,13 @@ class Kept:
     results: list[tuple[Any, Any]] = field(default_factory=list)
     error: Exception | None = None
 
-    def keep(self, work: Any, result: Any) -> None:
+    def keep(self, job: Any, result: Any) -> None:
         if self.error is not None:
             raise self.error
-        self.results.append((work, result))
+        self.results.append((job, result))
+
+    def keep_correction(self, correction: Correction, xy: Any, params: BodyParams) -> None:
+        self.keep(correction, params)
 
 
 @dataclass
@@ -84,7 +94,7 @@ class Counting:
     done: int = 0
     closed: bool = False
 
-    def run(self) -> Generator[FitEvent, None, BodyParams]:
+    def run(self) -> Generator[FitEvent, None, FitResult]:
         try:
             yield PhaseStarted(phase=3, title="count")
             for i in range(self.steps):
@@ -95,7 +105,7 @@ class Counting:
                     raise InputError("Step cannot be taken. Take another.")
                 self.done = i + 1
                 yield Iteration(phase=3, label=f"step {i + 1}", share=(i + 1) / self.steps, cost=1.0)
-            return BodyParams.neutral(1)
+            return NOTHING
         finally:
             self.closed = True
 
@@ -200,12 +210,15 @@ def test_a_rerun_of_windows_is_one_after_the_other(
     worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
     windows = (range(0, 2), range(4, 6))
-    start = result.phases[1].params
-    worker.submit(RerunFrames(clip=clip, body=tiny_body, config=QUICK, params=start, windows=windows))
+    before = replace(result, phases=result.phases[:2])
+    start = before.last.params
+    worker.submit(RerunFrames(clip=clip, body=tiny_body, config=QUICK, start=before, windows=windows))
     (end,) = reader.wait(*ENDS)
     once = finished(rerun_events(clip, tiny_body, QUICK, start, windows[0]))
     twice = finished(rerun_events(clip, tiny_body, QUICK, once, windows[1]))
-    assert isinstance(end, JobFinished) and isinstance(end.outcome, BodyParams) and same(end.outcome, twice)
+    assert isinstance(end, JobFinished) and same(end.outcome.last.params, twice)
+    assert [p.phase for p in end.outcome.phases] == [1, 2, 3] and end.outcome.phases[:2] == result.phases[:2]
+    assert end.outcome.last.notes == ("Re-run frames 0-1, 4-5: window of phase 3, the rest as in the run before",)
     windows_told = [r.event for r in reader.of(JobReported) if isinstance(r.event, WindowFinished)]
     assert [e.frames for e in windows_told] == list(windows)
     assert torch.equal(windows_told[1].params.body_pose, twice.body_pose[4:6])
@@ -214,11 +227,14 @@ def test_a_rerun_of_windows_is_one_after_the_other(
 
 def test_only_the_shape(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult):
     """From the poses of phase 1 it finds the fit's own shape, and then the fit's own phase 3."""
-    worker.submit(FitShape(clip=clip, body=tiny_body, config=QUICK, params=result.phases[0].params))
+    worker.submit(FitShape(clip=clip, body=tiny_body, config=QUICK, start=result))
     (end,) = reader.wait(*ENDS)
-    assert isinstance(end, JobFinished) and isinstance(end.outcome, BodyParams)
-    assert torch.allclose(end.outcome.betas, result.last.params.betas, atol=1e-9)
-    assert torch.allclose(end.outcome.body_pose, result.last.params.body_pose, atol=1e-6)
+    assert isinstance(end, JobFinished) and [p.phase for p in end.outcome.phases] == [1, 2, 3]
+    for found, before in zip(end.outcome.phases, result.phases, strict=True):
+        assert torch.allclose(found.params.betas, before.params.betas, atol=1e-9)
+        assert torch.allclose(found.params.body_pose, before.params.body_pose, atol=1e-6)
+        assert found.frame_cost == pytest.approx(before.frame_cost, rel=1e-6)
+    assert end.outcome.last.objective == pytest.approx(result.last.objective, rel=1e-6)
     assert [r.event.phase for r in reader.of(JobReported) if isinstance(r.event, PhaseStarted)] == [2, 3]
 
 
@@ -290,7 +306,7 @@ def test_the_slot_holds_the_newest_and_ends_empty():
     assert outbox.empty().progress is seen[1]
     assert outbox.empty().progress is None
     outbox.show(seen[0])
-    outbox.tell(JobFinished(job=1, outcome=BodyParams.neutral(1)))
+    outbox.tell(JobCancelled(job=1))
     news = outbox.empty()
     assert news.progress is None and len(news.reports) == 1
 
@@ -457,9 +473,8 @@ def test_every_job_ends_once_whatever_is_commanded(commands: list[tuple]):
 
 
 def test_the_jobs_are_jobs(clip: Clip, tiny_body: BodyModel, result: FitResult):
-    params = result.last.params
     jobs: list[Job] = [
         FitEverything(clip=clip, body=tiny_body, config=QUICK),
-        FitShape(clip=clip, body=tiny_body, config=replace(QUICK, last_phase=2), params=params),
+        FitShape(clip=clip, body=tiny_body, config=replace(QUICK, last_phase=2), start=result),
     ]
     assert [job.phases for job in jobs] == [(1, 2, 3), (2,)]
