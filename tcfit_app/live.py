@@ -65,6 +65,8 @@ class Correction:
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
     reach: int = REACH
+    origin: int | None = None
+    """The run that `params` are of, for whoever keeps the correction."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame < len(self.clip):

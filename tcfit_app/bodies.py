@@ -1,0 +1,64 @@
+"""Body models by what a run says about its body; each is read once."""
+
+import threading
+from pathlib import Path
+
+from fitting_core.body.files import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.body.registry import find_body
+from fitting_core.errors import InputError
+from tcfit_app.storage.runs import BodyRecord
+
+
+def record_of(body: BodyModel) -> BodyRecord:
+    """What a run remembers of its body."""
+    return BodyRecord(kind=body.kind, gender=body.gender, hash=body.hash, source=str(body.source or ""))
+
+
+class Bodies:
+    """Reads body models when they are first asked for. Thread-safe.
+
+    Args:
+        search: A model file or a folder that alone is searched; None: everywhere (`registry.search_folders`).
+    """
+
+    def __init__(self, search: Path | None = None) -> None:
+        self._search = search
+        self._by_path: dict[Path, BodyModel] = {}
+        self._lock = threading.Lock()
+
+    def find(self, *, kind: str = "smplx", gender: str = "neutral") -> BodyModel:
+        """The body for a new fit.
+
+        Raises:
+            InputError: There is none; the message says which file goes where.
+        """
+        return self._read(find_body(model=kind, gender=gender, search=self._search))
+
+    def of(self, record: BodyRecord) -> BodyModel:
+        """The body that a run was fitted with.
+
+        Raises:
+            InputError: It is gone or was replaced by another one, so the run cannot be shown.
+        """
+        with self._lock:
+            known = next((b for b in self._by_path.values() if b.hash == record.hash), None)
+        if known is not None:
+            return known
+        path = Path(record.source)
+        body = self._read(path) if record.source and path.is_file() else None
+        if body is None or body.hash != record.hash:
+            body = self.find(kind=record.kind, gender=record.gender)
+        if body.hash != record.hash:
+            raise InputError(
+                f"The {record.gender} {record.kind} body of this run is no longer there (found another one at "
+                f"{body.source}). Put {record.source or 'the file'} back, or run the fit again."
+            )
+        return body
+
+    def _read(self, path: Path) -> BodyModel:
+        path = path.resolve()
+        with self._lock:
+            if path not in self._by_path:
+                self._by_path[path] = load_body(path)
+            return self._by_path[path]

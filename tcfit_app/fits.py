@@ -1,0 +1,311 @@
+"""The fits of an open project: what can be shown, what is streaming in, and where the worker's results are kept."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from itertools import count
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config import FitConfig
+from fitting_core.events import FitEvent, PhaseFinished, WindowFinished
+from fitting_core.fitting import evaluated
+from fitting_core.result import FitResult, PhaseResult
+from tcfit_app.jobs import Job, RerunFrames, with_phases
+from tcfit_app.live import Correction
+from tcfit_app.project import Project
+from tcfit_app.storage.runs import Ended, Run
+
+KEPT_FITS = 8
+"""Results held in memory: those of the runs that were shown last."""
+TITLES = {1: "SMPLify-X", 2: "shared shape", 3: "temporal"}
+"""What each phase is called where two of them stand side by side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitChoice:
+    """What a browser wants to see, also while runs come and go."""
+
+    run: int | None = None
+    """None: the newest that has a result."""
+    phase: int | None = None
+    """None: the last that is finished."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """One phase of one run as it is now."""
+
+    run: Run
+    phase: int
+    params: BodyParams
+    """All frames."""
+    result: PhaseResult | None
+    """Its figures; None while its windows come in."""
+    revision: int
+    """Another number whenever `params` is another."""
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"{self.run.name} · {TITLES[self.phase]}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunJob:
+    """A job of the worker whose results belong to a run."""
+
+    run_id: int
+    job: Job
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return self.job.title
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """As the job's."""
+        return self.job.phases
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """As the job's."""
+        return self.job.run()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionJob:
+    """A re-run around some edits, whose windows go into the run's corrections."""
+
+    origin: int
+    job: RerunFrames
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"Follow edits: {self.job.title.lower()}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """As the job's."""
+        return self.job.phases
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """As the job's."""
+        return self.job.run()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Version:
+    """What a run has found so far."""
+
+    fit: FitResult
+    partial: BodyParams | None
+    """Phase 3 while its windows come in, all frames."""
+    revision: int
+
+
+class Fits:
+    """Results by run. Thread-safe; the worker's sink.
+
+    What a run has finished is on the disk before anybody is shown it.
+    """
+
+    def __init__(self, project: Project) -> None:
+        self._project = project
+        self._lock = threading.RLock()
+        self._versions: OrderedDict[int, _Version] = OrderedDict()
+        self._revisions = count(1)
+        self._runs: tuple[Run, ...] | None = None
+        self.changes = 0
+        """Another number whenever a run appeared, changed or went."""
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """All runs that are not deleted, oldest first."""
+        with self._lock:
+            if self._runs is None:
+                self._runs = tuple(self._project.runs.all())
+            return self._runs
+
+    def run(self, number: int) -> Run | None:
+        """A run that is not deleted."""
+        return next((run for run in self.runs if run.id == number), None)
+
+    def changed(self) -> None:
+        """Rows of runs are others than they were."""
+        with self._lock:
+            self._runs = None
+            self.changes += 1
+
+    def showable(self) -> list[Run]:
+        """Runs with at least one phase, oldest first."""
+        with self._lock:
+            return [
+                run
+                for run in self.runs
+                if run.stored or (run.id in self._versions and self._versions[run.id].fit.phases)
+            ]
+
+    def phases(self, run: Run) -> tuple[int, ...]:
+        """Which phases of a run can be shown."""
+        version = self._version(run)
+        return tuple(p.phase for p in version.fit.phases) + ((3,) if version.partial is not None else ())
+
+    def fit(self, run: Run) -> FitResult:
+        """Everything that a run has found.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        return self._version(run).fit
+
+    def show(self, choice: FitChoice) -> Shown | None:
+        """The run and phase that a choice means now; a phase that is not there yet becomes the last one before it.
+
+        Raises:
+            InputError: Its file cannot be read.
+        """
+        runs = self.showable()
+        if choice.run is not None:
+            runs = [run for run in runs if run.id == choice.run]
+        if not runs:
+            return None
+        run = runs[-1]
+        version = self._version(run)
+        if version.partial is not None and choice.phase in (None, 3):
+            return Shown(run=run, phase=3, params=version.partial, result=None, revision=version.revision)
+        there = [p for p in version.fit.phases if choice.phase is None or p.phase <= choice.phase]
+        if not there:
+            return None
+        last = there[-1]
+        return Shown(run=run, phase=last.phase, params=last.params, result=last, revision=version.revision)
+
+    def _version(self, run: Run) -> _Version:
+        with self._lock:
+            version = self._versions.get(run.id)
+            if version is not None:
+                self._versions.move_to_end(run.id)
+                return version
+        fit = self._project.runs.load(run.id)
+        return self._publish(run.id, fit)
+
+    def _publish(self, run: int, fit: FitResult, partial: BodyParams | None = None) -> _Version:
+        with self._lock:
+            version = _Version(fit=fit, partial=partial, revision=next(self._revisions))
+            self._versions[run] = version
+            self._versions.move_to_end(run)
+            running = {r.id for r in self.runs if r.state == "running"}
+            for old in [r for r in self._versions if r not in running][: max(0, len(self._versions) - KEPT_FITS)]:
+                del self._versions[old]
+            return version
+
+    def begin(self, run: Run, start: FitResult | None) -> None:
+        """A run was submitted that goes on from a fit, or from nothing."""
+        if start is not None:
+            kept = tuple(p for p in start.phases if p.phase < 3)
+            self._publish(run.id, replace(start, phases=kept, config=run.config))
+        self.changed()
+
+    def end(self, run: int, state: Ended, message: str = "") -> None:
+        """A run was cancelled or has failed; what it has stored stays.
+
+        Raises:
+            InputError: The project cannot be written.
+        """
+        self._project.runs.end(run, state, message)
+        with self._lock:
+            if (version := self._versions.pop(run, None)) is not None and self._project.runs.get(run).stored:
+                self._publish(run, version.fit)
+        self.changed()
+
+    def forget(self, run: int) -> None:
+        """A run was deleted."""
+        with self._lock:
+            self._versions.pop(run, None)
+        self.changed()
+
+    def keep(self, job: Job, result: PhaseFinished | WindowFinished | FitResult) -> None:
+        """Store what a run's job found; see `worker.Sink`."""
+        if isinstance(job, CorrectionJob):
+            if isinstance(result, FitResult):
+                self._keep_followed(job, result)
+            return
+        assert isinstance(job, RunJob)
+        if isinstance(result, FitResult):
+            self._project.runs.finish(job.run_id, result)
+            self._publish(job.run_id, result)
+            self.changed()
+        elif isinstance(result, PhaseFinished):
+            self._project.runs.store(job.run_id, result.so_far)
+            self._publish(job.run_id, result.so_far)
+            self.changed()
+        else:
+            self._put_window(job, result)
+
+    def _put_window(self, job: RunJob, window: WindowFinished) -> None:
+        with self._lock:
+            version = self._versions[job.run_id]
+            before = version.partial
+            if before is None:
+                start = getattr(job.job, "start", version.fit)
+                before = start.last.params
+            self._publish(job.run_id, version.fit, with_frames(before, window.frames, window.params))
+
+    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
+        """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
+        assert correction.origin is not None
+        clip, body, config = correction.edited(xy), correction.body, correction.config
+        self._correct(correction.origin, (correction.frames,), params, clip, body, config)
+
+    def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
+        inner = job.job
+        self._correct(
+            job.origin,
+            inner.windows,
+            fit.last.params,
+            inner.clip,
+            inner.body,
+            self._project.runs.get(job.origin).config,
+        )
+
+    def _correct(
+        self, run: int, windows: tuple[range, ...], params: BodyParams, clip: Clip, body: BodyModel, config: FitConfig
+    ) -> None:
+        """Put windows of a fit into a run's corrections: that run may have changed since they were begun."""
+        base = self._corrections_of(run)
+        fit = self.fit(base)
+        whole = fit.last.params
+        for window in windows:
+            whole = with_frames(whole, window, params[slice(window.start, window.stop)])
+        phase = evaluated(clip, body, config, whole)
+        self._store_corrections(base, with_phases(fit, (phase,), config))
+
+    def _corrections_of(self, run: int) -> Run:
+        """The run in which corrections of a run are collected, or the run itself if there is none yet."""
+        children = [r for r in self.runs if r.parent == run and r.kind == "corrections" and r.state == "finished"]
+        return children[-1] if children else self._project.runs.get(run)
+
+    def _store_corrections(self, base: Run, fit: FitResult) -> None:
+        runs, seen = self._project.runs, self._project.last_edit
+        if base.kind == "corrections":
+            run = runs.amend(base.id, fit, edits_seen=seen)
+        else:
+            name = f"{base.name} corrected"
+            run = runs.start(fit.config, body=base.body, edits_seen=seen, kind="corrections", parent=base.id, name=name)
+            runs.finish(run.id, fit)
+        self._publish(run.id, fit)
+        self.changed()
+
+
+def with_frames(params: BodyParams, frames: range, window: BodyParams) -> BodyParams:
+    """All frames, some of them replaced."""
+    merged = {name: tensor.clone() for name, tensor in vars(params).items()}
+    for name, values in vars(window).items():
+        merged[name][frames.start : frames.stop] = values.to(merged[name])
+    return BodyParams(**merged)

@@ -1,0 +1,382 @@
+"""An open project with everything that works on it: what all browsers share."""
+
+import logging
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.params import BodyParams
+from fitting_core.config import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.events import PhaseStarted, WindowFinished
+from tcfit_app.bodies import Bodies, record_of
+from tcfit_app.edit_log import LogEntry
+from tcfit_app.edits import Edit, MoveKeypoint
+from tcfit_app.fits import CorrectionJob, Fits, RunJob, Shown
+from tcfit_app.jobs import FitEverything, FitShape, Job, RerunFrames
+from tcfit_app.live import REACH, Correction
+from tcfit_app.outbox import (
+    DragAbandoned,
+    DragFailed,
+    DragFinished,
+    DragMoved,
+    JobCancelled,
+    JobFailed,
+    JobFinished,
+    JobProgress,
+    JobReported,
+    JobStarted,
+    Report,
+)
+from tcfit_app.project import Project
+from tcfit_app.storage.runs import Run, RunKind
+from tcfit_app.worker import Drag, Worker
+
+MOST_FOLLOWED = 60
+"""Frames that follow an edit by themselves; more are fitted again when the user says so."""
+SETTLING = 0.4
+"""Seconds without a further edit after which the fit follows: a key held down makes one job."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notice:
+    """Something that every browser is told once."""
+
+    title: str
+    text: str
+    kind: Literal["info", "done", "error"] = "info"
+
+
+@dataclass(kw_only=True)
+class RunningJob:
+    """A job from its submission to its end."""
+
+    number: int
+    run: int | None
+    """The run that it fits; None: edits are being followed."""
+    title: str
+    phases: tuple[int, ...]
+    started: bool = False
+    phase: int | None = None
+    progress: JobProgress | None = None
+    losses: list[tuple[float, float, dict[str, float]]] = field(default_factory=list)
+    """Seconds of work, mean cost, mean cost by term as far as known."""
+    windows: list[range] = field(default_factory=list)
+    """Frames that are final."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveWindow:
+    """The frames around a keypoint that is being dragged."""
+
+    run: int
+    frames: range
+    params: BodyParams
+    """Of these frames."""
+    revision: int
+
+
+@dataclass(kw_only=True)
+class _Following:
+    """Edits that the fit is going to follow."""
+
+    shown: Shown
+    frames: set[int]
+    since: float
+
+
+class Session:
+    """What browsers do to a project. All methods are for the one thread that draws.
+
+    Args:
+        project: open; `close` does not close it.
+        bodies: where body models come from.
+    """
+
+    def __init__(self, project: Project, bodies: Bodies) -> None:
+        self.project, self.bodies = project, bodies
+        self.fits = Fits(project)
+        self.worker = Worker(self.fits)
+        self.jobs: dict[int, RunningJob] = {}
+        """By number, in the order in which they run."""
+        self.live: LiveWindow | None = None
+        self.follow_edits = True
+        self.edits = 0
+        """Another number whenever the keypoints are others."""
+        self.marked = 0
+        """Another number whenever a frame's mark is another."""
+        self.changes = 0
+        """Another number whenever anything about jobs is another."""
+        self.tell: Callable[[Notice], None] = lambda notice: None
+        self._drags: dict[int, tuple[Drag, int]] = {}
+        self._following: _Following | None = None
+
+    def close(self) -> None:
+        """End all work; what had finished is on the disk."""
+        self.worker.close()
+        for job in self.jobs.values():
+            self._end_run(job, "cancelled", "tcfit was closed")
+
+    # --- keypoints ---
+
+    def edit(self, edit: Edit, *, author: str, shown: Shown | None = None) -> LogEntry:
+        """Make an edit, which is on the disk when this returns; the fit on show follows it.
+
+        Raises:
+            InputError: It makes no sense, or the project cannot be written.
+        """
+        entry = self.project.append(edit, author=author)
+        self._edited(entry, shown)
+        return entry
+
+    def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
+        """Take back the last edit of the project, whoever made it; None if there is none. Raises as `edit`."""
+        entry = self.project.undo(author=author)
+        return self._edited(entry, shown)
+
+    def redo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
+        """Bring back what was undone last; None if there is nothing. Raises as `edit`."""
+        entry = self.project.redo(author=author)
+        return self._edited(entry, shown)
+
+    def _edited(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
+        if entry is None:
+            return None
+        self.edits += 1
+        frames: set[int] = set(getattr(entry.action, "frames", ()))
+        if shown is not None and self.follow_edits and shown.phase == 3 and shown.result is not None:
+            if self._following is not None and self._following.shown.run.id == shown.run.id:
+                frames |= self._following.frames
+            self._following = _Following(shown=shown, frames=frames, since=time.monotonic())
+        return entry
+
+    def mark(
+        self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str, reason: str = ""
+    ) -> None:
+        """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
+        if state is None:
+            self.project.marks.clear(frames)
+        else:
+            self.project.marks.set(frames, state, reason=reason, author=author)
+        self.marked += 1
+
+    # --- fits ---
+
+    def fit_everything(self, config: FitConfig, *, kind: str, gender: str) -> Run:
+        """Submit a whole fit.
+
+        Raises:
+            InputError: The body is not there, or the project cannot be written.
+        """
+        body = self.bodies.find(kind=kind, gender=gender)
+        job = FitEverything(clip=self.project.clip, body=body, config=config)
+        return self._submit(job, kind="fit", start=None)
+
+    def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
+        """Submit phase 3 of some frames again, as a new run. Raises InputError as `fit_everything`."""
+        start = self.fits.fit(shown.run)
+        body = self.bodies.of(shown.run.body)
+        job = RerunFrames(clip=self.project.clip, body=body, config=config, start=start, windows=windows)
+        frames = range(min(w.start for w in windows), max(w.stop for w in windows))
+        return self._submit(job, kind="frames", start=shown, frames=frames)
+
+    def rerun_shape(self, shown: Shown, config: FitConfig) -> Run:
+        """Submit phases 2 and 3 again, as a new run. Raises InputError as `fit_everything`."""
+        body = self.bodies.of(shown.run.body)
+        job = FitShape(clip=self.project.clip, body=body, config=config, start=self.fits.fit(shown.run))
+        return self._submit(job, kind="shape", start=shown)
+
+    def _submit(
+        self,
+        job: FitEverything | RerunFrames | FitShape,
+        *,
+        kind: RunKind,
+        start: Shown | None,
+        frames: range | None = None,
+    ) -> Run:
+        self._refuse_read_only("fitted")
+        run = self.project.runs.start(
+            job.config,
+            body=record_of(job.body),
+            edits_seen=self.project.last_edit,
+            kind=kind,
+            parent=start.run.id if start else None,
+            frames=frames,
+        )
+        self.fits.begin(run, self.fits.fit(start.run) if start else None)
+        self._enqueue(RunJob(run_id=run.id, job=job), run.id)
+        return run
+
+    def _enqueue(self, job: Job, run: int | None) -> None:
+        number = self.worker.submit(job)
+        self.jobs[number] = RunningJob(number=number, run=run, title=job.title, phases=job.phases)
+        self.changes += 1
+
+    def cancel(self, run: int | None = None) -> None:
+        """Cancel a run's job, or all; what has finished stays."""
+        for job in list(self.jobs.values()):
+            if run in (None, job.run):
+                self.worker.cancel(job.number)
+
+    def rename(self, run: int, name: str) -> None:
+        """Give a run another name. Raises InputError if it cannot have it."""
+        self.project.runs.rename(run, name)
+        self.fits.changed()
+
+    def delete(self, run: int) -> None:
+        """Take a run out of the list; it can be restored. Raises InputError while it is running."""
+        self.project.runs.delete(run)
+        self.fits.forget(run)
+
+    def restore(self, run: int) -> None:
+        """Bring a deleted run back. Raises InputError if it is gone for good."""
+        self.project.runs.undelete(run)
+        self.fits.changed()
+
+    def purge(self) -> int:
+        """Remove deleted runs for good; how many. Raises InputError if the project cannot be written."""
+        gone = self.project.runs.purge()
+        self.fits.changed()
+        return len(gone)
+
+    def edits_since(self, run: Run) -> int:
+        """How many entries the log of edits has that a run did not see."""
+        return sum(entry.id > run.edits_seen for entry in self.project.log)
+
+    # --- live correction ---
+
+    def begin_drag(
+        self, shown: Shown, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]
+    ) -> Drag | None:
+        """Let the fit follow a drag; None if this fit cannot, for it has no temporal phase.
+
+        Raises:
+            InputError: The run's body is not there.
+        """
+        if shown.phase != 3 or shown.result is None or self.project.read_only:
+            return None
+        correction = Correction(
+            clip=self.project.clip,
+            body=self.bodies.of(shown.run.body),
+            config=shown.run.config,
+            params=shown.params,
+            frame=frame,
+            keypoints=joints,
+            origin=shown.run.id,
+        )
+        drag = self.worker.drag(correction, xy)
+        self._drags[drag.number] = (drag, shown.run.id)
+        return drag
+
+    def release(self, drag: Drag | None, edit: MoveKeypoint, *, author: str, shown: Shown | None) -> None:
+        """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
+        try:
+            self.edit(edit, author=author, shown=None if drag else shown)
+        except InputError:
+            if drag:
+                drag.abandon()
+            raise
+        if drag:
+            drag.release()
+
+    # --- news from the worker ---
+
+    def take_news(self) -> None:
+        """Take up what the worker has done since the last call."""
+        news = self.worker.outbox.empty()
+        for report in news.reports:
+            self._take(report)
+        if news.progress is not None and (job := self.jobs.get(news.progress.job)):
+            job.progress = news.progress
+            job.losses.append((news.progress.elapsed, news.progress.cost, news.progress.terms))
+            self.changes += 1
+        if news.moved is not None and news.moved.drag in self._drags:
+            self._show_live(news.moved)
+        self._follow()
+
+    def _show_live(self, moved: DragMoved) -> None:
+        revision = self.live.revision + 1 if self.live else 1
+        run = self._drags[moved.drag][1]
+        self.live = LiveWindow(run=run, frames=moved.frames, params=moved.params, revision=revision)
+
+    def _take(self, report: Report) -> None:
+        self.changes += 1
+        if isinstance(report, DragFinished | DragAbandoned | DragFailed):
+            self._drags.pop(report.drag, None)
+            self.live = None
+            if isinstance(report, DragFailed):
+                self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
+            return
+        job = self.jobs.get(report.job)
+        if job is None:
+            return
+        if isinstance(report, JobStarted):
+            job.started = True
+        elif isinstance(report, JobReported):
+            if isinstance(report.event, PhaseStarted):
+                job.phase = report.event.phase
+                job.windows.clear()
+            elif isinstance(report.event, WindowFinished):
+                job.windows.append(report.event.frames)
+        else:
+            self._take_end(job, report)
+
+    def _take_end(self, job: RunningJob, report: JobFinished | JobCancelled | JobFailed) -> None:
+        del self.jobs[job.number]
+        if isinstance(report, JobCancelled):
+            self._end_run(job, "cancelled", "")
+        elif isinstance(report, JobFailed):
+            self._end_run(job, "failed", report.reason)
+            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
+        elif job.run is not None:
+            self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
+
+    def _end_run(self, job: RunningJob, state: Literal["cancelled", "failed"], reason: str) -> None:
+        if job.run is None:
+            return
+        try:
+            self.fits.end(job.run, state, reason)
+        except InputError as error:  # e.g. a full disk: the next opening calls the run interrupted
+            _log.exception("Run %d could not be ended", job.run)
+            self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
+
+    # --- the fit follows edits ---
+
+    def _follow(self) -> None:
+        """Fit the surroundings of recent edits again, once these have settled."""
+        waiting = self._following
+        if waiting is None or time.monotonic() - waiting.since < SETTLING:
+            return
+        self._following = None
+        windows = around(waiting.frames, REACH, len(self.project.detections))
+        if sum(map(len, windows)) > MOST_FOLLOWED:
+            text = f"{len(waiting.frames)} frames were edited: re-run them when you are done."
+            self.tell(Notice(title="The fit does not follow by itself", text=text))
+            return
+        start = self.fits.fit(waiting.shown.run)
+        config = waiting.shown.run.config
+        config = replace(config, solver="lm", temporal=replace(config.temporal, stages=(5,)))
+        body = self.bodies.of(waiting.shown.run.body)
+        job = RerunFrames(clip=self.project.clip, body=body, config=config, start=start, windows=windows)
+        self._enqueue(CorrectionJob(origin=waiting.shown.run.id, job=job), None)
+
+    def _refuse_read_only(self, what: str) -> None:
+        if self.project.read_only:
+            raise InputError(f"This project is open read-only, nothing can be {what}: another tcfit has it open.")
+
+
+def around(frames: Iterable[int], reach: int, length: int) -> tuple[range, ...]:
+    """Frames with their neighbours, as ranges that do not touch."""
+    merged: list[range] = []
+    for frame in sorted(frames):
+        window = range(max(0, frame - reach), min(length, frame + reach + 1))
+        if merged and window.start <= merged[-1].stop:
+            merged[-1] = range(merged[-1].start, window.stop)
+        else:
+            merged.append(window)
+    return tuple(merged)
