@@ -50,6 +50,7 @@ class ViewState:
     """Bodies are coloured by the distance between A and B."""
     groups: frozenset[str] = frozenset(GROUPS)
     """Groups of keypoints that are shown."""
+    keypoints: bool = True
     bones: bool = True
     color_by: Literal["group", "confidence"] = "group"
     detections: bool = True

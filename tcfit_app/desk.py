@@ -1,0 +1,106 @@
+"""What all browsers draw from: frames of the video, meshes and figures, made once for all of them."""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float32
+
+from fitting_core.body.positions import joints_in_space
+from fitting_core.errors import InputError
+from tcfit_app.background import Background
+from tcfit_app.curves import Curve, curve
+from tcfit_app.fits import Shown
+from tcfit_app.meshes import Meshes
+from tcfit_app.posed_fit import PosedFit
+from tcfit_app.session import Session
+from tcfit_app.video_frames import VideoFrames
+
+_GROUND_PERCENTILE = 95.0
+"""Of the lowest joint's height over the frames: a foot that the fit pushes through the floor now and then is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """A body in one frame."""
+
+    vertices: Float32[np.ndarray, "V 3"]
+    version: Hashable
+    """Stands for the vertices."""
+
+
+class Desk:
+    """For the one thread that draws.
+
+    Args:
+        session: the project.
+        wake: called when something is there that was asked for.
+    """
+
+    def __init__(self, session: Session, wake: Callable[[], None]) -> None:
+        self.session = session
+        clip = session.project.clip
+        self.length, self.size = len(clip), clip.camera.size
+        self.background = Background(wake)
+        self._meshes: dict[str, Meshes] = {}
+        self.video = self._opened()
+
+    def _opened(self) -> VideoFrames:
+        clip = self.session.project.clip
+        return VideoFrames(clip.source, first_frame=clip.first_frame, count=len(clip), size=clip.camera.size)
+
+    def reopen_video(self) -> None:
+        """The project's media lie elsewhere now."""
+        self.video.close()
+        self.video = self._opened()
+
+    def close(self) -> None:
+        """End its threads."""
+        self.background.close()
+        self.video.close()
+
+    def meshes(self, shown: Shown) -> Meshes:
+        """Of the run's body. Raises InputError if that is not there."""
+        body = self.session.bodies.of(shown.run.body)
+        if body.hash not in self._meshes:
+            self._meshes[body.hash] = Meshes(body)
+        return self._meshes[body.hash]
+
+    def body(self, shown: Shown, frame: int) -> Drawn:
+        """A run's body, in a live correction if there is one. Raises InputError if the body model is not there."""
+        meshes, live = self.meshes(shown), self.session.live
+        if live is not None and shown.phase == 3 and live.run == shown.run.id and frame in live.frames:
+            version = ("live", live.revision)
+            return Drawn(vertices=meshes.vertices(version, live.params, frame - live.frames.start), version=(version, frame))
+        version = (shown.run.id, shown.phase, shown.revision)
+        return Drawn(vertices=meshes.vertices(version, shown.params, frame), version=(version, frame))
+
+    def posed(self, shown: Shown) -> PosedFit:
+        """A run beside the keypoints as they are now. Raises InputError if its body model is not there."""
+        fit, clip = self.session.fits.fit(shown.run), self.session.project.clip
+        if shown.result is None:
+            return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, self.meshes(shown))
+        return PosedFit.of(clip, fit, self.meshes(shown), phase=shown.result)
+
+    def key(self, shown: Shown) -> Hashable:
+        """Stands for everything that `posed` is made of."""
+        return shown.run.id, shown.phase, shown.revision, self.session.edits
+
+    def curve(self, name: str, shown: Shown) -> Curve | None:
+        """A curve of the timeline; None while it is made."""
+        return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
+
+    def ground(self, shown: Shown) -> float | None:
+        """Height of the floor under a run's person (y in camera space, metres); None while it is made."""
+
+        def lowest(posed: PosedFit) -> float:
+            return float(np.percentile(joints_in_space(posed.meshes.body, posed.params)[..., 1].max(1), _GROUND_PERCENTILE))
+
+        return self._made(("ground", shown.run.id, shown.phase, shown.revision), shown, lowest)
+
+    def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], object]):
+        try:
+            posed = self.posed(shown)
+        except InputError:
+            return None
+        return self.background.get(key, lambda: make(posed))

@@ -1,0 +1,212 @@
+"""The middle of one tab: video, bodies and keypoints of the frame on show."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting_core.errors import InputError
+from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.playback import coming
+from tcfit_app.view.layers import DISTANCE_LIMIT, RUN_COLORS, BodyLayer, FrameImage, color_table
+from tcfit_app.view.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares
+from tcfit_app.view.page_states import Poster as PosterPlace
+from tcfit_app.view.poster import Poster, Posters, poster_places
+from tcfit_app.view.scene import SceneView
+from tcfit_app.view.space import Space
+
+if TYPE_CHECKING:
+    from tcfit_app.page import Page
+
+_AHEAD = 24
+"""Frames that are decoded before they are played."""
+_LEGEND_COLORS = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Body:
+    layer: BodyLayer
+    version: Hashable
+
+
+class Picture:
+    """Draws one page's picture; asked again and again, it sends what changed."""
+
+    def __init__(self, page: "Page") -> None:
+        self._page, self._desk = page, page.desk
+        self._view = SceneView(page.client)
+        self._size = (0, 0)
+        self._image: tuple[Hashable, FrameImage | None] = (None, None)
+        self._layers: dict[Hashable, BodyLayer] = {}
+
+    def resized(self, width: int, height: int) -> None:
+        """The canvas has another size, in CSS pixels."""
+        self._size = (width, height)
+
+    def reset_camera(self) -> None:
+        """Show the whole picture again."""
+        self._view.reset_camera()
+
+    def zoom_to_selection(self) -> None:
+        """Zoom to the selected keypoints. Raises InputError without any."""
+        page = self._page
+        if not page.state.selection or page.state.mode == "space":
+            raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
+        xy = page.session.project.corrected.xy[page.state.frame, list(page.state.selection)]
+        self._view.zoom_to(xy.min(0), xy.max(0))
+
+    def draw(self) -> bool:
+        """Send what changed; False if the frame is not decoded yet, and then nothing was sent."""
+        page, state = self._page, self._page.state
+        image = self._frame_image()
+        if image is None:
+            return False
+        a, b = page.fit(state.a), page.fit(state.b)
+        try:
+            bodies = self._bodies(a, b)
+        except InputError as error:
+            page.status.problem = str(error)
+            bodies = []
+        with page.client.atomic():
+            self._draw_scene(image, bodies, a, b)
+            self._draw_keypoints()
+        self._draw_legend()
+        return True
+
+    def _frame_image(self) -> FrameImage | None:
+        """The video's frame, the last one while a paused one is still to come."""
+        state, video = self._page.state, self._desk.video
+        if not state.video:
+            return PLAIN
+        if state.playing:
+            frames = coming(state.frame, self._page.played, _AHEAD, loop=state.loop)
+            video.prefetch([state.frame, *frames], reader=self._page)
+            data = video.get(state.frame, "playing")
+            found = None if data is None else (data, "playing")
+        else:
+            found = video.nearest(state.frame)
+        if found is None:
+            return None
+        key = (state.frame, found[1], id(video))
+        if self._image[0] != key:
+            self._image = (key, FrameImage(data=found[0]))
+        return self._image[1]
+
+    def _bodies(self, a: Shown | None, b: Shown | None) -> list[tuple[BodyLayer, ...]]:
+        """For each poster, or for the room, its bodies."""
+        state = self._page.state
+        if not state.bodies:
+            return [()] * (2 if state.mode == "ab" else 1)
+        if state.mode == "edit":
+            shown, color = (a, RUN_COLORS[0]) if state.blinked else (b, RUN_COLORS[1])
+            return [self._body(shown, color, b if state.blinked else a)]
+        layers = [self._body(a, RUN_COLORS[0], b), self._body(b, RUN_COLORS[1], a)]
+        if state.mode == "space":
+            return [layers[0] + layers[1]]
+        return [layers[1], layers[0]] if state.blinked else layers
+
+    def _body(self, shown: Shown | None, color: tuple[int, int, int], other: Shown | None) -> tuple[BodyLayer, ...]:
+        if shown is None:
+            return ()
+        state, desk = self._page.state, self._desk
+        drawn = desk.body(shown, state.frame)
+        compared = desk.body(other, state.frame) if state.difference and other is not None else None
+        if compared is not None and compared.vertices.shape != drawn.vertices.shape:
+            compared = None
+        key = (drawn.version, color, state.opacity, state.wireframe, compared.version if compared else None)
+        if key not in self._layers:
+            values = None if compared is None else np.linalg.norm(drawn.vertices - compared.vertices, axis=1)
+            if len(self._layers) > 4:
+                self._layers.clear()
+            self._layers[key] = BodyLayer(
+                vertices=drawn.vertices,
+                faces=desk.meshes(shown).faces,
+                color=color,
+                opacity=state.opacity,
+                wireframe=state.wireframe,
+                values=values,
+            )
+        return (self._layers[key],)
+
+    def _draw_scene(
+        self, image: FrameImage, bodies: list[tuple[BodyLayer, ...]], a: Shown | None, b: Shown | None
+    ) -> None:
+        page, state = self._page, self._page.state
+        camera = page.session.project.clip.camera
+        if state.mode == "space":
+            ground = self._desk.ground(b) if b is not None else None
+            self._view.show(Space(camera=camera, bodies=bodies[0] if bodies else (), image=image, ground=ground))
+            if page.changes.of("layout", "space"):
+                page.channel.send("layout", Layout(mode="space"))
+            return
+        count = 2 if state.mode == "ab" else 1
+        posters = [Poster(image=image, bodies=bodies[i] if bodies else ()) for i in range(count)]
+        self._view.show(Posters(camera=camera, posters=tuple(posters)), canvas=self._size)
+        labels = self._labels(a, b)
+        if page.changes.of("layout", state.mode, labels):
+            places = poster_places(count, camera.size)
+            shown = tuple(
+                PosterPlace(x=x, label=label, colour=color) for x, (label, color) in zip(places, labels, strict=True)
+            )
+            page.channel.send("layout", Layout(mode="poster", image=camera.size, posters=shown))
+
+    def _labels(self, a: Shown | None, b: Shown | None) -> tuple[tuple[str, str], ...]:
+        """Label and colour of each poster."""
+        state = self._page.state
+        both = [(_label(a, "A", state.a), css(RUN_COLORS[0])), (_label(b, "B", state.b), css(RUN_COLORS[1]))]
+        if state.mode == "edit":
+            return (both[0 if state.blinked else 1],)
+        return tuple(reversed(both)) if state.blinked else tuple(both)
+
+    def _draw_keypoints(self) -> None:
+        page, state = self._page, self._page.state
+        session = page.session
+        if page.changes.of("style", state.groups, state.color_by, state.keypoints, state.bones, state.detections):
+            style = Style(
+                groups=tuple(sorted(state.groups)),
+                colour_by=state.color_by,
+                points=state.keypoints,
+                bones=state.keypoints and state.bones,
+                ghosts=state.detections,
+            )
+            page.channel.send("style", style)
+        if not page.changes.of("keypoints", state.frame, session.edits):
+            return
+        corrected, detections, frame = session.project.corrected, session.project.detections, state.frame
+        edited = np.flatnonzero(corrected.edited[frame])
+        detected = [int(j) for j in edited if detections.confidence[frame, j] > 0]
+        keypoints = Keypoints(
+            frame=frame,
+            xy=pixel_pairs(corrected.xy[frame]),
+            confidence=shares(corrected.confidence[frame]),
+            bad=tuple(np.flatnonzero(corrected.bad[frame]).tolist()),
+            edited=tuple(edited.tolist()),
+            detections=tuple((j, *pixel_pairs(detections.xy[frame, [j]])[0]) for j in detected),
+        )
+        page.channel.send("keypoints", keypoints)
+
+    def _draw_legend(self) -> None:
+        shown = self._page.state.difference and self._page.state.bodies
+        if self._page.changes.of("legend", shown):
+            self._page.channel.send("legend", LEGEND if shown else None)
+
+
+def _label(shown: Shown | None, name: str, choice: FitChoice) -> str:
+    return f"{name}   {shown.title}" if shown is not None else f"{name}   no fit yet"
+
+
+def css(color: tuple[int, int, int]) -> str:
+    """A colour as browsers write it."""
+    return "#" + "".join(f"{channel:02x}" for channel in color)
+
+
+PLAIN = FrameImage.uniform((38, 40, 44))
+"""In place of the video where that is switched off."""
+LEGEND = Legend(
+    title="Distance between A and B",
+    unit="mm",
+    low=0.0,
+    high=1e3 * DISTANCE_LIMIT,
+    colours=tuple(css(tuple(color)) for color in color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()),
+)

@@ -1,0 +1,63 @@
+"""Playing a clip in one browser: by the clock, and no faster than the page draws."""
+
+from collections.abc import Sequence
+
+PATIENCE = 0.5
+"""Seconds after which a frame counts as drawn that the page has said nothing about: a hidden tab says nothing."""
+
+
+class Playback:
+    """Says which frame is due. Times are seconds of one clock.
+
+    Args:
+        frame_rate: of the clip.
+    """
+
+    def __init__(self, frame_rate: float) -> None:
+        self.frame_rate = frame_rate
+        self._start: tuple[float, int] = (0.0, 0)
+        self._sent: tuple[float, int] | None = None
+
+    def begin(self, now: float, frame: int) -> None:
+        """Play from this frame on."""
+        self._start, self._sent = (now, frame), None
+
+    def sent(self, now: float, frame: int) -> None:
+        """A frame is on its way to the page."""
+        self._sent = (now, frame)
+
+    def drawn(self, frame: int) -> None:
+        """The page has drawn a frame."""
+        if self._sent is not None and self._sent[1] == frame:
+            self._sent = None
+
+    def waits(self, now: float) -> bool:
+        """Whether the page is still busy with the last frame: later ones are dropped meanwhile."""
+        return self._sent is not None and now - self._sent[0] < PATIENCE
+
+    def due(self, now: float, speed: float, frames: range, *, loop: bool) -> tuple[int, bool]:
+        """The frame to show, and whether playing goes on.
+
+        Args:
+            now: the time.
+            speed: 1 for real time.
+            frames: what is played.
+            loop: begin again at the end; else stop there.
+        """
+        began, first = self._start
+        frame = first + int((now - began) * self.frame_rate * speed)
+        if frame in frames:
+            return frame, True
+        if not loop or len(frames) < 2:
+            return frames[-1], False
+        start = frames.start + (frame - frames.start) % len(frames) if frame >= frames.stop else frames.start
+        self.begin(now, start)
+        return start, True
+
+
+def coming(frame: int, frames: range, count: int, *, loop: bool) -> Sequence[int]:
+    """The frames after this one, in the order in which they will be played."""
+    rest = list(range(frame + 1, min(frame + 1 + count, frames.stop)))
+    if loop and len(rest) < count:
+        rest += list(frames[: count - len(rest)])
+    return rest

@@ -1,0 +1,79 @@
+"""What one tab says above its picture: what is being fitted, what was saved, what is wrong."""
+
+from typing import TYPE_CHECKING
+
+from tcfit_app.session import RunningJob
+from tcfit_app.view.page_states import Chip, Chips, Notice
+
+if TYPE_CHECKING:
+    from tcfit_app.page import Page
+
+PHASES = {1: "every frame", 2: "shape", 3: "over time"}
+"""Phases in few words."""
+
+
+class Status:
+    """Draws one page's status line and notices; asked again and again, it sends what changed."""
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+        self.problem = ""
+        """What cannot be shown, and why; set by who draws."""
+
+    def draw(self, now: float) -> None:
+        """Send what changed."""
+        page = self._page
+        chips = tuple(self._chips(now))
+        if page.changes.of("chips", chips):
+            page.channel.send("chips", Chips(chips=chips))
+        notice = self._notice()
+        if page.changes.of("notice", notice):
+            page.channel.send("notice", notice)
+        self.problem = ""
+
+    def _chips(self, now: float) -> list[Chip]:
+        page, session = self._page, self._page.session
+        chips = []
+        if session.project.read_only:
+            chips.append(Chip(text="Read-only: another tcfit has this project open", kind="warning"))
+        running = [job for job in session.jobs.values() if job.started]
+        chips += [progress_chip(job) for job in running]
+        if waiting := len(session.jobs) - len(running):
+            chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
+        if not session.jobs and not session.fits.showable():
+            chips.append(Chip(text="No fit yet: choose “Fit everything” in the Fit panel, or press Shift+R", kind="info"))
+        media = page.desk.video.problem_of(page.state.frame) or session.project.media.problem
+        for text in (media, self.problem):
+            if text:
+                chips.append(Chip(text=text, kind="warning"))
+        text, until = page.message
+        if text and now < until:
+            chips.append(Chip(text=text, kind="good"))
+        return chips
+
+    def _notice(self) -> Notice | None:
+        """A card where there is nothing else to see."""
+        if not (self._page.session.project.detections.confidence > 0).any():
+            return Notice(
+                title="This project has no keypoints",
+                text="Nothing can be fitted or corrected. Make a new project with tcfit new VIDEO --keypoints FOLDER, "
+                "where FOLDER holds OpenPose's JSON files, one for each frame.",
+                kind="error",
+            )
+        return None
+
+
+def progress_chip(job: RunningJob) -> Chip:
+    """How far a running job is, in one line."""
+    progress = job.progress
+    if progress is None:
+        return Chip(text=f"{job.title}: begins", kind="busy")
+    left = "" if progress.remaining is None else f", {duration(progress.remaining)} left"
+    text = f"{job.title}: {PHASES[progress.phase]}, {progress.label}{left}"
+    return Chip(text=text, kind="busy", progress=round(progress.share, 2))
+
+
+def duration(seconds: float) -> str:
+    """A time in words: "8 s", "2 min 5 s"."""
+    whole = round(seconds)
+    return f"{whole} s" if whole < 60 else f"{whole // 60} min {whole % 60} s"

@@ -1,0 +1,98 @@
+"""The timeline of one tab: curves of the runs on show, marks, the running fit, selected frames and the cursor."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tcfit_app.curves import CURVES, Curve
+from tcfit_app.fits import Shown
+from tcfit_app.picture import css
+from tcfit_app.session import RunningJob
+from tcfit_app.view.layers import RUN_COLORS
+from tcfit_app.view.page_states import ChosenRange, Cursor, Fit, FitSpan, Marks, Timeline, curve_values, spans
+from tcfit_app.view.page_states import Curve as Line
+
+if TYPE_CHECKING:
+    from tcfit_app.page import Page
+
+
+class Strip:
+    """Draws one page's timeline; asked again and again, it sends what changed."""
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+        self._last: dict[str, Curve] = {}
+        """The curves on show, by "a" and "b": they stay until newer ones are there."""
+
+    def draw(self) -> None:
+        """Send what changed."""
+        page, state = self._page, self._page.state
+        if page.changes.of("cursor", state.frame, state.playing):
+            page.channel.send("cursor", Cursor(frame=state.frame, playing=state.playing))
+        if page.changes.of("range", state.frames):
+            frames = state.frames
+            chosen = None if frames is None else ChosenRange(first=frames[0], last=frames[-1])
+            page.channel.send("range", chosen)
+        self._draw_curves()
+        self._draw_marks()
+        self._draw_fit()
+
+    def _draw_curves(self) -> None:
+        page, state = self._page, self._page.state
+        lines = []
+        for name, choice, color in zip("ab", (state.a, state.b), RUN_COLORS, strict=True):
+            shown = page.fit(choice)
+            found = self._curve(name, shown)
+            if shown is not None and found is not None:
+                lines.append((shown.title, css(color), found))
+        clip, kind = page.session.project.clip, CURVES[state.curve]
+        if page.changes.of("timeline", state.curve, *((title, id(found)) for title, _, found in lines)):
+            curves = [Line(label=title, colour=color, values=curve_values(c.values)) for title, color, c in lines]
+            timeline = Timeline(
+                length=page.length,
+                frame_rate=clip.frame_rate,
+                first_frame=clip.first_frame,
+                title=kind.title,
+                unit=kind.unit,
+                curves=tuple(curves),
+            )
+            page.channel.send("timeline", timeline)
+
+    def _curve(self, name: str, shown: Shown | None) -> Curve | None:
+        curve = self._page.state.curve
+        if shown is not None and (found := self._page.desk.curve(curve, shown)) is not None:
+            self._last[name] = found
+        last = self._last.get(name)
+        return last if last is not None and last.name == curve else None
+
+    def _draw_marks(self) -> None:
+        page = self._page
+        if not page.changes.of("marks", page.session.edits, page.session.marked):
+            return
+        corrected, marks = page.session.project.corrected, page.session.project.marks.all()
+        by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
+        found = Marks(
+            edited=spans(np.flatnonzero(corrected.edited.any(1))),
+            bad=spans(np.flatnonzero(corrected.bad.any(1))),
+            flagged=spans(by_state["flag"]),
+            checked=spans(by_state["checked"]),
+        )
+        page.channel.send("marks", found)
+
+    def _draw_fit(self) -> None:
+        page = self._page
+        if page.changes.of("fit", page.session.changes):
+            jobs = page.session.jobs.values()
+            found = tuple(span for job in jobs if job.started for span in fit_spans(job, page.length))
+            page.channel.send("fit", Fit(spans=found) if found else None)
+
+
+def fit_spans(job: RunningJob, length: int) -> list[FitSpan]:
+    """How far a job is with each frame of the clip."""
+    if job.phase in (None, 1):
+        return [FitSpan(first=0, last=length - 1, state="fitting")]
+    if job.phase == 2:
+        return [FitSpan(first=0, last=length - 1, state="phase1")]
+    done = [FitSpan(first=w.start, last=w.stop - 1, state="done") for w in job.windows]
+    start = max((w.stop for w in job.windows), default=0)
+    return [*done, FitSpan(first=start, last=length - 1, state="phase2")] if start < length else done
