@@ -1,0 +1,107 @@
+// States from the server, events to it, and one animation frame for all drawing.
+
+const states = {};
+const watchers = {}; // by name of a state: functions of it
+const painters = {}; // by name of what is drawn
+const dirty = new Set();
+const waiting = new Map(); // the newest event of each kind that is sent once per animation frame
+let field = null; // viser's id of the hidden text field that carries events
+let eventCount = 0;
+let frameRequest = 0;
+let toAcknowledge = null;
+
+function watch(name, change) {
+  (watchers[name] ??= []).push(change);
+}
+
+/** Has it drawn in the next animation frame. */
+function invalidate(...parts) {
+  for (const part of parts) dirty.add(part);
+  frameRequest ||= requestAnimationFrame(animate);
+}
+
+function paint(part) {
+  if (!dirty.delete(part)) return;
+  painters[part]();
+}
+
+function animate() {
+  frameRequest = 0;
+  for (const kind of [...waiting.keys()]) sendWaiting(kind);
+  for (const part of [...dirty]) paint(part);
+  if (toAcknowledge !== null) emit({ type: "drawn", frame: toAcknowledge });
+  toAcknowledge = null;
+}
+
+function emit(event) {
+  if (field === null) return;
+  const value = JSON.stringify({ number: ++eventCount, event });
+  viewer().sendMessage({ type: "GuiUpdateMessage", uuid: field, updates: { value } });
+}
+
+/** Sends it in the next animation frame, unless a newer one of its kind comes first. */
+function emitSoon(event) {
+  waiting.set(event.type, event);
+  invalidate();
+}
+
+function sendWaiting(kind) {
+  const event = waiting.get(kind);
+  waiting.delete(kind);
+  if (event) emit(event);
+}
+
+/** Sends it now; a waiting one of its kind is superseded. */
+function emitLast(event) {
+  waiting.delete(event.type);
+  emit(event);
+}
+
+function receive(name, state) {
+  states[name] = state;
+  if (state && (name === "keypoints" || name === "cursor")) {
+    toAcknowledge = state.frame;
+    invalidate();
+  }
+  for (const change of watchers[name] ?? []) change(state);
+}
+
+/** This tab's own name, the same after a reload. */
+function tabName() {
+  // A duplicated tab inherits the storage; so the name is taken out of it while the page is open.
+  if (tabName.known) return tabName.known;
+  const kept = sessionStorage.getItem("tcfit-tab");
+  const made = () => [...crypto.getRandomValues(new Uint8Array(12))].map((n) => n.toString(16).padStart(2, "0")).join("");
+  sessionStorage.removeItem("tcfit-tab");
+  tabName.known = kept ?? made();
+  const keep = () => sessionStorage.setItem("tcfit-tab", tabName.known);
+  window.addEventListener("pagehide", keep, listening);
+  ending.signal.addEventListener("abort", keep);
+  return tabName.known;
+}
+
+const canvasSize = () => ({ width: viewer().canvas.clientWidth, height: viewer().canvas.clientHeight });
+
+/** Begins anew with an empty page: the first time, and whenever viser has connected again. */
+function connect(uuid) {
+  field = null; // what ends now belongs to a connection that is gone
+  for (const name of Object.keys(states)) receive(name, null);
+  field = uuid;
+  eventCount = 0;
+  waiting.clear();
+  toAcknowledge = null;
+  emit({ type: "hello", tab: tabName(), ...canvasSize() });
+}
+
+/** Tells when an element's size changes. */
+function watchSize(watched, change) {
+  const observer = new ResizeObserver(change);
+  observer.observe(watched);
+  ending.signal.addEventListener("abort", () => observer.disconnect());
+}
+
+watchSize(viewer().canvas, () => {
+  emitSoon({ type: "resized", ...canvasSize() });
+  invalidate("overlay");
+});
+watchSize(strip, () => invalidate("timeline"));

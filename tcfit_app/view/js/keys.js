@@ -1,0 +1,45 @@
+// The app's keys, seen before viser sees them.
+
+const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
+  "input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
+const CAMERA_LETTERS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"];
+const CAMERA_ARROWS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"];
+
+/** Whether what has the focus needs this key: a field, or a button or slider that was reached by keyboard. */
+function keyIsTaken(event) {
+  const target = event.target instanceof Element ? event.target : document.body;
+  if (target.closest(TEXT_FIELDS)) return true;
+  return target !== document.body && target.matches(":focus-visible") && !box.contains(target);
+}
+
+function bindingFor(event) {
+  if (event.altKey) return undefined;
+  const symbol = event.key.length === 1 && !/[a-z0-9 ]/i.test(event.key);
+  return states.keys?.bindings.find(
+    ({ key, shift, ctrl }) =>
+      ctrl === (event.ctrlKey || event.metaKey) &&
+      ((key === event.code && shift === event.shiftKey) ||
+        (key.toLowerCase() === event.key.toLowerCase() && (symbol || shift === event.shiftKey))),
+  );
+}
+
+function keyDown(event) {
+  if (event.isComposing || field === null) return;
+  if (event.key === "Escape" && cancelGesture()) return swallow(event);
+  if (keyIsTaken(event)) return;
+  const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
+  if (states.layout?.mode === "space" && plain && CAMERA_LETTERS.includes(event.code)) return;
+  const binding = bindingFor(event);
+  if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
+  const camera = [...CAMERA_LETTERS, ...CAMERA_ARROWS].includes(event.code);
+  if (binding || (camera && plain && states.layout?.mode === "poster")) swallow(event);
+}
+
+function swallow(event) {
+  event.preventDefault();
+  event.stopPropagation();
+  // A button clicked with the mouse keeps the focus, and would take the space bar's release for a click.
+  if (document.activeElement !== document.body) document.activeElement?.blur();
+}
+
+window.addEventListener("keydown", keyDown, capturing);

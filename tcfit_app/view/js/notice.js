@@ -1,0 +1,42 @@
+// What the app says over the picture: a card, lines at the upper edge, a colour bar.
+
+watch("notice", (notice) => {
+  card.hidden = !notice;
+  if (!notice) return;
+  card.style.setProperty("--kind", KIND_COLOURS[notice.kind]);
+  card.setAttribute("role", notice.kind === "error" ? "alert" : "status");
+  const parts = [element("h2", "", null, notice.title)];
+  if (notice.text) parts.push(element("p", "", null, notice.text));
+  if (notice.kind === "loading" || notice.progress !== null) parts.push(progressTrack(notice.progress));
+  card.replaceChildren(...parts);
+});
+
+function progressTrack(progress) {
+  const track = element("div", "tcfit-track");
+  const bar = element("div", progress === null ? "tcfit-bar tcfit-waiting" : "tcfit-bar", track);
+  if (progress !== null) bar.style.width = `${100 * progress}%`;
+  return track;
+}
+
+watch("chips", (state) => chipsBox.replaceChildren(...(state?.chips ?? []).map(chip)));
+
+function chip({ text, kind, progress }) {
+  const made = element("div", "tcfit-chip");
+  made.style.setProperty("--kind", KIND_COLOURS[kind]);
+  element("div", "tcfit-dot", made).style.background = KIND_COLOURS[kind];
+  element("span", "", made, text);
+  if (progress !== null) element("div", "tcfit-bar", made).style.width = `${100 * progress}%`;
+  return made;
+}
+
+watch("legend", (legend) => {
+  legendBox.hidden = !legend;
+  if (!legend) return;
+  const colours = element("div", "tcfit-colours");
+  colours.style.background = `linear-gradient(to right, ${legend.colours.join(", ")})`;
+  const ends = element("div", "tcfit-ends");
+  for (const value of [legend.low, (legend.low + legend.high) / 2, legend.high])
+    element("span", "", ends, String(Number(value.toPrecision(3))));
+  const title = legend.unit ? `${legend.title} [${legend.unit}]` : legend.title;
+  legendBox.replaceChildren(element("div", "", null, title), colours, ends);
+});

@@ -1,0 +1,194 @@
+// Draws the strip below the canvas: ruler, curves, marks, the running fit, the chosen range, the cursor.
+
+const RULER = 19;
+const CURVES = { top: 22, bottom: 78 };
+const MARK_ROWS = [
+  { name: "edited", y: 82 },
+  { name: "bad", y: 92 },
+  { name: "flagged", y: 102 },
+  { name: "checked", y: 112 },
+];
+const ROW = 7; // height of a mark
+const FIT_ROW = 123;
+const FULL_HEIGHT = 134;
+
+let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
+let pointedCursor = null; // the frame that is being pointed at: { frame, until }
+let pointedRange; // undefined, or what is being chosen: { first, last } or null
+let stripPointer = null; // x of the pointer over the strip
+
+const cursorFrame = () => pointedCursor?.frame ?? states.cursor?.frame ?? null;
+const chosenRange = () => (pointedRange === undefined ? states.range : pointedRange) ?? null;
+
+function drawTimeline() {
+  if (!states.timeline || strip.hidden) return;
+  const context = cleared(stripCanvas);
+  drawRuler(context);
+  drawRange(context);
+  if (!collapsed) {
+    clipToPlot(context, () => drawMarks(context));
+    drawLabels(context);
+    drawCurves(context);
+  }
+  drawCursor(context);
+  drawPointer(context);
+}
+
+/** Nothing is drawn over the labels. */
+function clipToPlot(context, draw) {
+  context.save();
+  context.beginPath();
+  context.rect(GUTTER, 0, plotWidth(), FULL_HEIGHT);
+  context.clip();
+  draw();
+  context.restore();
+}
+
+function write(context, text, x, y, colour, align = "left", size = 10.5) {
+  context.font = `${size}px ${FONT}`;
+  context.textAlign = align;
+  context.textBaseline = "middle";
+  context.fillStyle = colour;
+  context.fillText(text, x, y);
+}
+
+function fillBox(context, colour, x, y, width, height) {
+  context.fillStyle = colour;
+  context.fillRect(x, y, width, height);
+}
+
+function drawRuler(context) {
+  fillBox(context, "#1b1f26", 0, 0, strip.clientWidth, RULER);
+  const step = Math.max(niceStep(shownCount(), plotWidth() / 110), 1);
+  const offset = states.timeline.first_frame;
+  const start = Math.ceil((axis.first + offset) / step) * step - offset;
+  for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
+    const x = frameX(frame);
+    if (x > strip.clientWidth - 90) break; // for the buttons
+    fillBox(context, COLOURS.line, Math.round(x), 0, 1, collapsed ? RULER : CURVES.bottom);
+    write(context, frameNumber(frame), x + 4, RULER / 2, COLOURS.text);
+    const after = x + 8 + context.measureText(frameNumber(frame)).width;
+    write(context, clockText(frame), after, RULER / 2, "#667080", "left", 9.5);
+  }
+  write(context, "frame", GUTTER - 8, RULER / 2, COLOURS.dim, "right");
+}
+
+function drawRange(context) {
+  const range = chosenRange();
+  if (!range) return;
+  clipToPlot(context, () => {
+    const [left, right] = [edgeX(range.first), edgeX(range.last + 1)];
+    fillBox(context, "rgba(40, 140, 220, 0.2)", left, 0, right - left, strip.clientHeight);
+    for (const x of [left, right - 1]) fillBox(context, COLOURS.accent, x, 0, 1.5, strip.clientHeight);
+  });
+}
+
+function drawMarks(context) {
+  for (const { name, y } of MARK_ROWS) {
+    fillBox(context, "#1b1f26", GUTTER, y, plotWidth(), ROW);
+    for (const [first, last] of states.marks?.[name] ?? []) drawSpan(context, first, last, y, COLOURS[name]);
+  }
+  fillBox(context, "#1b1f26", GUTTER, FIT_ROW, plotWidth(), ROW);
+  for (const { first, last, state } of states.fit?.spans ?? [])
+    drawSpan(context, first, last, FIT_ROW, FIT_COLOURS[state]);
+}
+
+/** At least two pixels wide: a single marked frame of ten thousand must be seen. */
+function drawSpan(context, first, last, y, colour) {
+  const [left, right] = [edgeX(first), edgeX(last + 1)];
+  fillBox(context, colour, left, y, Math.max(right - left - (right - left > 6 ? 1 : 0), 2), ROW);
+}
+
+function drawLabels(context) {
+  for (const { name, y } of MARK_ROWS) {
+    const some = (states.marks?.[name] ?? []).length > 0;
+    write(context, name, GUTTER - 8, y + ROW / 2 + 0.5, some ? COLOURS[name] : "#667080", "right", 9.5);
+  }
+  write(context, "fit", GUTTER - 8, FIT_ROW + ROW / 2 + 0.5, "#667080", "right", 9.5);
+}
+
+function drawCurves(context) {
+  const { curves } = states.timeline;
+  const scale = valueScale(curves);
+  if (scale) {
+    const y = valueY(scale);
+    drawValueLabels(context, scale, y);
+    clipToPlot(context, () => {
+      context.lineJoin = "round";
+      for (const { values, colour } of curves) stroke(context, curvePath(values, y), colour, 1.4);
+    });
+  }
+  drawCurveLegend(context, curves);
+}
+
+const valueY = ({ low, high }) => (value) =>
+  CURVES.bottom - ((value - low) / (high - low)) * (CURVES.bottom - CURVES.top);
+
+function drawValueLabels(context, scale, y) {
+  const step = niceStep(scale.high - scale.low, 3);
+  for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
+    if (y(value) < CURVES.top + 3) break;
+    fillBox(context, "#222730", GUTTER, Math.round(y(value)), plotWidth(), 1);
+    write(context, valueText(value, step), GUTTER - 8, y(value), COLOURS.dim, "right", 10);
+  }
+}
+
+function drawCurveLegend(context, curves) {
+  const { title, unit } = states.timeline;
+  const entries = curves.map(({ label, colour }) => ({ text: label, colour }));
+  const heading = unit && title ? `${title} [${unit}]` : title || unit;
+  if (heading) entries.unshift({ text: heading, colour: null });
+  let x = strip.clientWidth - MARGIN - 6;
+  for (const { text, colour } of entries.reverse()) {
+    context.font = `11px ${FONT}`;
+    const width = context.measureText(text).width;
+    fillBox(context, "rgba(20, 23, 28, 0.8)", x - width - 20, CURVES.top + 1, width + 26, 15);
+    write(context, text, x - width, CURVES.top + 8.5, colour ? COLOURS.text : COLOURS.dim, "left", 11);
+    if (colour) fillBox(context, colour, x - width - 15, CURVES.top + 7, 11, 3);
+    x -= width + (colour ? 28 : 14);
+  }
+}
+
+function drawCursor(context) {
+  const frame = cursorFrame();
+  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return;
+  const x = frameX(frame);
+  fillBox(context, COLOURS.cursor, x - 0.75, 0, 1.5, strip.clientHeight);
+  context.font = `600 11px ${FONT}`;
+  const text = frameNumber(frame);
+  const width = context.measureText(text).width + 12;
+  const left = Math.min(Math.max(x - width / 2, 2), strip.clientWidth - width - 2);
+  context.fillStyle = COLOURS.cursor;
+  context.beginPath();
+  context.roundRect(left, 1.5, width, RULER - 3, 4);
+  context.fill();
+  context.font = `600 11px ${FONT}`;
+  context.textAlign = "center";
+  context.fillStyle = "#10131a";
+  context.fillText(text, left + width / 2, RULER / 2 + 0.5);
+}
+
+/** A thin line and a list of what there is at the pointer. */
+function drawPointer(context) {
+  stripTooltip.hidden = true;
+  if (stripPointer === null || stripPointer < GUTTER || stripPointer > GUTTER + plotWidth()) return;
+  const frame = frameAt(stripPointer);
+  fillBox(context, "rgba(255, 255, 255, 0.35)", frameX(frame) - 0.5, 0, 1, strip.clientHeight);
+  stripTooltip.textContent = frameLines(frame).join("\n");
+  place(stripTooltip, frameX(frame), 0, true);
+}
+
+function frameLines(frame) {
+  const { curves, unit } = states.timeline;
+  const lines = [`Frame ${frameNumber(frame)}  ${clockText(frame)}`];
+  for (const { label, values } of curves) {
+    const value = values[frame] ?? null;
+    if (value !== null) lines.push(`${label}  ${Number(value.toPrecision(3))} ${unit}`);
+  }
+  const marked = MARK_ROWS.map(({ name }) => name).filter((name) =>
+    (states.marks?.[name] ?? []).some(([first, last]) => first <= frame && frame <= last),
+  );
+  return marked.length ? [...lines, marked.join(", ")] : lines;
+}
+
+painters.timeline = drawTimeline;

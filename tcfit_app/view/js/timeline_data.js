@@ -1,0 +1,114 @@
+// The timeline's axis, its curves thinned to the pixels there are, and the scale of their values.
+
+const GUTTER = 62; // left of frame 0, for labels
+const MARGIN = 14; // right of the last frame
+const FEWEST = 12; // frames that are shown at the closest
+
+let axis = { first: 0, last: 1 }; // edges of frames: frame f covers f to f + 1
+
+const clipLength = () => states.timeline?.length ?? 0;
+const plotWidth = () => Math.max(strip.clientWidth - GUTTER - MARGIN, 1);
+const edgeX = (edge) => GUTTER + ((edge - axis.first) / (axis.last - axis.first)) * plotWidth();
+const frameX = (frame) => edgeX(frame + 0.5);
+const edgeAt = (x) => axis.first + ((x - GUTTER) / plotWidth()) * (axis.last - axis.first);
+const clampFrame = (frame) => Math.min(Math.max(frame, 0), clipLength() - 1);
+const frameAt = (x) => clampFrame(Math.floor(edgeAt(x)));
+
+/** Shows that many frames from there on, as far as the clip has them. */
+function showFrames(first, count) {
+  const shown = Math.min(Math.max(count, Math.min(FEWEST, clipLength())), clipLength());
+  const start = Math.min(Math.max(first, 0), clipLength() - shown);
+  axis = { first: start, last: start + shown };
+  invalidate("timeline");
+}
+
+const shownCount = () => axis.last - axis.first;
+
+function zoomAxis(factor, x) {
+  const edge = edgeAt(x);
+  const count = Math.min(Math.max(shownCount() * factor, Math.min(FEWEST, clipLength())), clipLength());
+  showFrames(edge - ((edge - axis.first) * count) / shownCount(), count);
+}
+
+/** Turns the page where the cursor has left it. */
+function followCursor(frame) {
+  if (frame >= axis.first && frame + 1 <= axis.last) return;
+  showFrames(frame - 0.1 * shownCount(), shownCount());
+}
+
+/** 1, 2 or 5 times a power of ten, so that about `count` of them fill the extent. */
+function niceStep(extent, count) {
+  const raw = extent / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  return power * ([1, 2, 5].find((factor) => factor * power >= raw * 0.999) ?? 10);
+}
+
+const firstShown = () => Math.max(Math.floor(axis.first), 0);
+const lastShown = () => Math.min(Math.ceil(axis.last), clipLength()) - 1;
+
+/** Lowest and highest value on show, with some room; from zero where that is not far. */
+function valueScale(curves) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { values } of curves)
+    for (let frame = firstShown(); frame <= lastShown(); frame++) {
+      const value = values[frame];
+      if (value === null || value === undefined) continue;
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  if (low > high) return null;
+  if (low > 0 && low < 0.6 * high) low = 0;
+  if (low === high) [low, high] = [low - Math.max(Math.abs(low), 1) * 0.1, high + Math.max(Math.abs(high), 1) * 0.1];
+  return { low, high: high + (high - low) * 0.08 };
+}
+
+/** A curve as a path. Where several frames share a pixel, from their lowest to their highest value. */
+function curvePath(values, y) {
+  const path = new Path2D();
+  let pen = false;
+  const to = (x, value) => {
+    if (pen) path.lineTo(x, y(value));
+    else path.moveTo(x, y(value));
+    pen = true;
+  };
+  for (const column of columns(values))
+    if (!column) pen = false;
+    else {
+      to(column.x, column.low);
+      if (column.high !== column.low) to(column.x, column.high);
+    }
+  return path;
+}
+
+/** For each pixel (or frame, where these are wider) its extreme values, null where there are none. */
+function* columns(values) {
+  const perColumn = Math.max(Math.floor(shownCount() / plotWidth()), 1);
+  const begin = Math.max(Math.floor(firstShown() / perColumn) * perColumn - perColumn, 0);
+  for (let first = begin; first <= lastShown() + perColumn && first < clipLength(); first += perColumn) {
+    let [low, high] = [Infinity, -Infinity];
+    const end = Math.min(first + perColumn, clipLength());
+    for (let frame = first; frame < end; frame++) {
+      const value = values[frame] ?? null;
+      if (value === null) continue;
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+    yield low > high ? null : { x: edgeX((first + end) / 2), low, high };
+  }
+}
+
+/** A value with as many digits as tell its neighbours on the scale apart. */
+function valueText(value, step) {
+  const digits = Math.max(0, Math.min(4, -Math.floor(Math.log10(step || 1) + 1e-9)));
+  return value.toFixed(digits);
+}
+
+const frameNumber = (frame) => String(frame + states.timeline.first_frame);
+
+/** Minutes, seconds and hundredths: "0:04.20". */
+function clockText(frame) {
+  const hundredths = Math.round((frame / states.timeline.frame_rate) * 100);
+  const seconds = Math.floor(hundredths / 100);
+  const two = (number) => String(number).padStart(2, "0");
+  return `${Math.floor(seconds / 60)}:${two(seconds % 60)}.${two(hundredths % 100)}`;
+}
