@@ -1,1 +1,1 @@
-"""What a browser tab shows of the review app."""
+"""What is drawn."""

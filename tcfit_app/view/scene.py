@@ -1,0 +1,73 @@
+"""All that viser's scene shows in one browser tab: the 2D and the 3D mode, and the viewer's camera in them."""
+
+import numpy as np
+import viser
+
+from tcfit_app.view.cameras import STRIP_HEIGHT, Cameras
+from tcfit_app.view.lighting import light_scene
+from tcfit_app.view.poses import Rectangle
+from tcfit_app.view.poster import PosterNodes, Posters, world_of_pixels
+from tcfit_app.view.space import Space, SpaceNodes
+from tcfit_app.view.vertex_colors import VertexColors
+
+Snapshot = Posters | Space
+
+
+class SceneView:
+    """Draws snapshots into one browser tab and sends only what differs from the last one.
+
+    One thread at a time may use it. Make it when the client has connected.
+    """
+
+    def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
+        """Args:
+        client: The browser tab.
+        strip_height: CSS pixels at the canvas's bottom that something else covers.
+        """
+        self._client = client
+        with client.atomic():
+            light_scene(client)
+            colors = VertexColors(client)
+            self._posters, self._space = PosterNodes(client, colors), SpaceNodes(client, colors)
+        self.cameras = Cameras(client, strip_height=strip_height)
+        self._last: Snapshot | None = None
+
+    def show(self, snapshot: Snapshot) -> tuple[str, ...]:
+        """Shows it, and hides the other mode. Returns what it cannot show, and why, in words for the user."""
+        with self._client.atomic():
+            if isinstance(snapshot, Posters):
+                problems = self._posters.draw(snapshot)
+                self.cameras.show_posters(snapshot.bounds)
+            else:
+                problems = self._space.draw(snapshot)
+                self.cameras.show_space(snapshot.bounds())
+            self._posters.set_visible(isinstance(snapshot, Posters))
+            self._space.set_visible(isinstance(snapshot, Space))
+        self._last = snapshot
+        return tuple(problems)
+
+    def clear(self) -> None:
+        """Shows nothing."""
+        with self._client.atomic():
+            self._posters.set_visible(False)
+            self._space.set_visible(False)
+        self._last = None
+
+    def follow(self, canvas: tuple[float, float] | None = None) -> None:
+        """For the draw loop, often: see `Cameras.follow`."""
+        with self._client.atomic():
+            self.cameras.follow(canvas)
+
+    def reset_view(self) -> None:
+        """All posters, or the bodies in 3D, fill the window again."""
+        with self._client.atomic():
+            self.cameras.reset()
+
+    def zoom_to(self, pixels: Rectangle, poster: int = 0) -> None:
+        """In 2D: a rectangle of image pixels (left, top, right, bottom) of a poster fills the window."""
+        if not isinstance(self._last, Posters):
+            return
+        corners = np.array(pixels, float).reshape(2, 2)
+        world = world_of_pixels(corners, self._last.camera.size, self._last.places[poster])
+        with self._client.atomic():
+            self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
