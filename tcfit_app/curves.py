@@ -108,7 +108,7 @@ CURVES: dict[str, CurveKind] = {
 }
 """By name; "volume" is the slow one, as it needs whole meshes.
 
-Reprojection errors are means over counted keypoints but the neck, weighted with their confidence; the mean confidence is over
-keypoints that were detected in some frame; the temporal residual is the root mean square over joints of what E_T
-punishes, in the space in which the fit compares joints.
+Reprojection errors are means over counted keypoints but the neck, weighted with their confidence; the mean confidence
+is over keypoints that were detected in some frame; the temporal residual is the root mean square over joints of what
+E_T punishes, in the space in which the fit compares joints.
 """

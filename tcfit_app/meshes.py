@@ -32,8 +32,8 @@ _SPARSE = 0.3
 class Meshes:
     """All vertices of one body in any pose, with a cache. Thread-safe.
 
-    A version stands for one value of BodyParams: whoever changes parameters (a new run, a live correction) gives another
-    version, any hashable value; old ones are dropped when memory is needed.
+    A version stands for one value of BodyParams: whoever changes parameters (a new run, a live correction) gives
+    another version, any hashable value; old ones are dropped when memory is needed.
 
     Args:
         body: Of all versions.

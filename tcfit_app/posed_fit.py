@@ -1,4 +1,4 @@
-"""One fit beside the keypoints that it was to explain: what curves, the review queue and tables of figures start from."""
+"""One fit beside the keypoints that it was to explain: where curves, review queue and tables of figures start."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,8 +17,8 @@ from fitting_core.clip import Clip
 from fitting_core.evaluation.metrics import reprojection_errors
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.result import FitResult, PhaseResult
-from tcfit_app.meshes import Meshes
 from tcfit_app.mesh_volume import Enclosed
+from tcfit_app.meshes import Meshes
 
 _NEAR = 0.01
 """Metres: points nearer to the camera's plane, or behind it, are in no image."""
