@@ -1,9 +1,11 @@
 """The whole mesh: every vertex of a posed body."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core import rotations
@@ -40,11 +42,21 @@ class Mesh:
         self.rest = regressor @ self.template
         self.rest_directions = (regressor @ self.directions.flatten(1)).view(N_JOINTS, 3, -1)
         self.weights = tensor(body.skinning_weights)
-        correctives = body.pose_directions.reshape(-1, N_JOINTS - 1, 9)
-        used = abs(correctives).max((0, 2)) > 0
-        # only the joints that drive a corrective: the free body's are 1.7 % non-zero
-        self.driving = torch.as_tensor(used.nonzero()[0] + 1, device=device)
-        self.correctives = tensor(correctives[:, used].reshape(len(correctives), -1))
+
+    @cached_property
+    def _used(self) -> Bool[np.ndarray, "54"]:
+        return abs(self.body.pose_directions.reshape(-1, N_JOINTS - 1, 9)).max((0, 2)) > 0
+
+    @cached_property
+    def driving(self) -> Int[Tensor, "n"]:
+        """The joints that drive a corrective: a body's file may have few."""
+        return torch.as_tensor(self._used.nonzero()[0] + 1, device=self.device)
+
+    @cached_property
+    def correctives(self) -> Float[Tensor, "V*3 n*9"]:
+        """The pose correctives of these joints. Made when asked for: 79 MB and half a second for the free body."""
+        every = self.body.pose_directions.reshape(-1, N_JOINTS - 1, 9)
+        return torch.as_tensor(every[:, self._used].reshape(len(every), -1), dtype=self.dtype, device=self.device)
 
     def __call__(self, params: BodyParams, *, chunk: int = 32) -> Float[Tensor, "T V 3"]:
         """Vertices in camera space (metres), translation included."""

@@ -1,0 +1,70 @@
+"""A cache that is limited in bytes and drops what was asked for longest ago."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+Value = TypeVar("Value")
+
+
+class ByteCache(Generic[Value]):
+    """Values by key. Thread-safe.
+
+    Args:
+        limit: Bytes that all values may take together. A value that is larger by itself is not kept.
+        size: Bytes of a value.
+    """
+
+    def __init__(self, limit: int, size: Callable[[Value], int]) -> None:
+        self._limit, self._size = limit, size
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
+        self._used = 0
+        self._guard = threading.Lock()
+
+    @property
+    def used(self) -> int:
+        """Bytes of all values."""
+        return self._used
+
+    @property
+    def limit(self) -> int:
+        """Bytes that all values may take."""
+        return self._limit
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __contains__(self, key: Hashable) -> bool:
+        """Whether it is there; does not count as asking for it."""
+        with self._guard:
+            return key in self._values
+
+    def get(self, key: Hashable) -> Value | None:
+        """The value, which is now the last one to be dropped; None if it is not there."""
+        with self._guard:
+            if key in self._values:
+                self._values.move_to_end(key)
+            return self._values.get(key)
+
+    def put(self, key: Hashable, value: Value) -> None:
+        """Keep a value in the place of an older one, and drop others until all fit."""
+        size = self._size(value)
+        with self._guard:
+            self._take(key)
+            if size > self._limit:
+                return
+            self._values[key] = value
+            self._used += size
+            while self._used > self._limit:
+                self._take(next(iter(self._values)))
+
+    def drop(self, chosen: Callable[[Hashable], bool]) -> None:
+        """Forget all values whose keys are chosen."""
+        with self._guard:
+            for key in [key for key in self._values if chosen(key)]:
+                self._take(key)
+
+    def _take(self, key: Hashable) -> None:
+        if key in self._values:
+            self._used -= self._size(self._values.pop(key))

@@ -1,0 +1,200 @@
+"""What can look wrong about a frame of a fit: one function for each kind, and the table of them.
+
+A value is judged against the same clip. Its score is how far it lies above the median, in units of a threshold: five
+robust standard deviations, or a distance that no reviewer would mind if that is larger. From 1 on it is reported.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import median_filter
+from scipy.optimize import nnls
+
+from fitting_core import keypoints as kp
+from fitting_core.reliability import SEEN, unswapped
+from tcfit_app.body_regions import KEYPOINT_OF_JOINT, REGION_OF, REGIONS, spoken, spoken_bone
+from tcfit_app.posed_fit import GROUPS, PosedFit
+
+_SIGMAS = 5.0
+_MAD_TO_SIGMA = 1.4826
+_OFF_MM = {"body": 40.0, "hands": 20.0, "face": 20.0}
+"""Reprojection errors below are nothing to look at, whatever the median; at the body's distance."""
+_DETECTION_JUMP_MM = 60.0
+_JUMP = 25.0
+"""m/s^2: what signing hands reach (40 mm/frame^2 at 25 frames per second)."""
+_LEAST_JUMP_MM = 12.0
+"""mm/frame^2: the noise of a joint at high frame rates."""
+_USUAL, _LOW = 0.4, 0.4
+"""A region's confidence is low below this share of what it has around that frame, if it has at least so much there."""
+_AROUND = 25
+"""Frames."""
+_SWAP_MM = 150.0
+_SWAP_SCORE = 3.0
+_COST_RATIO = 1.0
+"""Part of the usual cost by which a frame must exceed it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something about one frame."""
+
+    frame: int
+    score: float
+    """From 1 on."""
+    reason: str
+    """A few words for the user."""
+    joints: tuple[int, ...]
+    """Keypoints that it concerns, the worst first."""
+
+
+def scores(values: Float[np.ndarray, "T K"], least: Float[np.ndarray, "T K"] | float) -> Float[np.ndarray, "T K"]:
+    """How suspicious values are, each column against its own median; 0 for NaN.
+
+    Args:
+        values: Larger is worse; NaN where there is none.
+        least: Distance from the median that must be exceeded at least.
+    """
+    known = np.isfinite(values)
+    filled = np.where(known.any(0), values, 0)  # Columns without any value have no median.
+    middle = np.nanmedian(filled, 0)
+    sigma = _MAD_TO_SIGMA * np.nanmedian(abs(filled - middle), 0)
+    return np.where(known, (filled - middle) / np.maximum(_SIGMAS * sigma, least), 0)
+
+
+def _pixels_per_mm(fit: PosedFit) -> Float[np.ndarray, "T 1"]:
+    """Of a length across the view at the pelvis' distance."""
+    focal = sum(fit.clip.camera.focal) / 2
+    return focal / np.maximum(fit.root[:, 2:], 0.1) / 1e3
+
+
+def _reprojection(fit: PosedFit) -> Iterator[Finding]:
+    least = np.empty((1, kp.COUNT))
+    for name, group in GROUPS.items():
+        least[:, group] = _OFF_MM[name]
+    found = scores(fit.errors, least * _pixels_per_mm(fit))
+    for frame, joints in _above(found):
+        yield _off(frame, joints, found[frame], fit.errors[frame])
+
+
+def _off(frame: int, joints: list[int], found: np.ndarray, errors: np.ndarray) -> Finding:
+    worst = joints[0]
+    region = REGION_OF[worst]
+    same = [joint for joint in joints if REGION_OF[joint] == region]
+    whole = worst >= kp.HANDS.start and len(same) > 2
+    subject = f"{region} up to" if whole else spoken(worst)
+    largest = errors[same].max() if whole else errors[worst]
+    others = len(joints) - (len(same) if whole else 1)
+    more = f" ({others} more)" if others else ""
+    return Finding(
+        frame=frame, score=float(found[worst]), reason=f"{subject} {largest:.0f} px off{more}", joints=tuple(joints)
+    )
+
+
+def _detection_jumps(fit: PosedFit) -> Iterator[Finding]:
+    keypoints = fit.clip.keypoints
+    jumps = np.full(keypoints.confidence.shape, np.nan)
+    if len(fit) > 2:
+        off_middle = np.linalg.norm(np.diff(keypoints.xy, 2, axis=0), axis=-1) / 2
+        seen = keypoints.confidence > SEEN
+        jumps[1:-1] = np.where(seen[:-2] & seen[1:-1] & seen[2:], off_middle, np.nan)
+    found = scores(jumps, _DETECTION_JUMP_MM * _pixels_per_mm(fit))
+    for frame, joints in _above(found):
+        reason = f"{spoken(joints[0])} detection jumps {jumps[frame, joints[0]]:.0f} px"
+        yield Finding(frame=frame, score=float(found[frame, joints[0]]), reason=reason, joints=tuple(joints))
+
+
+def _jumps(fit: PosedFit) -> Iterator[Finding]:
+    least = max(1e3 * _JUMP / fit.clip.frame_rate**2, _LEAST_JUMP_MM)
+    found = scores(fit.jumps, least)
+    for frame, bones in _above(found):
+        worst = bones[0]
+        concerned = dict.fromkeys(joint for bone in bones if (joint := KEYPOINT_OF_JOINT[bone]) is not None)
+        reason = f"{spoken_bone(worst)} jumps {fit.jumps[frame, worst]:.0f} mm/frame²"
+        yield Finding(frame=frame, score=float(found[frame, worst]), reason=reason, joints=tuple(concerned))
+
+
+def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
+    for region, joints in REGIONS.items():
+        tracked = [joint for joint in joints if fit.tracked[joint]]
+        if not tracked:
+            continue
+        confidence = fit.clip.keypoints.confidence[:, tracked].mean(1)
+        usual = median_filter(confidence, _AROUND, mode="nearest")
+        low = (usual > _USUAL) & (confidence < _LOW * usual)
+        for frame in np.flatnonzero(low).tolist():
+            value = confidence[frame]
+            reason = f"{region} confidence {value:.2f}" if value > 0 else f"{region} not detected"
+            score = (1 - value / usual[frame]) / (1 - _LOW)
+            yield Finding(frame=frame, score=float(score), reason=reason, joints=tuple(tracked))
+
+
+_PAIRS = {
+    "arms": ("elbow", "wrist"),
+    "legs": ("knee", "ankle"),
+}
+"""Limbs that detectors take for one another, and the keypoints that tell."""
+
+
+def _swaps(fit: PosedFit) -> Iterator[Finding]:
+    by_detector = unswapped(fit.clip.keypoints)[1]
+    for name, parts in _PAIRS.items():
+        sides = [[kp.INDEX[f"{side}_{part}"] for part in parts] for side in ("left", "right")]
+        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *_crossed(fit, *sides)}
+        for frame in sorted(frames):
+            joints = (*sides[0], *sides[1])
+            yield Finding(frame=frame, score=_SWAP_SCORE, reason=f"{name} may be swapped", joints=joints)
+
+
+def _crossed(fit: PosedFit, left: list[int], right: list[int]) -> list[int]:
+    """Frames in which left and right would fit clearly better the other way round."""
+    seen = (fit.clip.keypoints.confidence[:, left + right] > SEEN).all(1)
+    xy, projected = fit.clip.keypoints.xy, fit.projected
+    straight = np.linalg.norm(xy[:, left + right] - projected[:, left + right], axis=-1).sum(1)
+    crossed = np.linalg.norm(xy[:, left + right] - projected[:, right + left], axis=-1).sum(1)
+    # Sums over all four; a body behind the camera has NaN, which no comparison holds for.
+    better = (crossed < 0.5 * straight) & (straight - crossed > len(left) * _SWAP_MM * _pixels_per_mm(fit)[:, 0])
+    return np.flatnonzero(seen & better).tolist()
+
+
+def _costs(fit: PosedFit) -> Iterator[Finding]:
+    """Frames whose cost is not explained by their reprojection errors: an unlikely pose.
+
+    The cost of the data term depends on how many keypoints there are (with hands it is five times as large), so what
+    the squared errors of body, hands and face explain is taken off first, by least squares.
+    """
+    cost = fit.frame_cost
+    if cost is None or not np.isfinite(cost).all() or len(cost) < _AROUND:
+        return
+    weighted = (np.nan_to_num(fit.errors) * fit.clip.keypoints.confidence) ** 2
+    explaining = np.stack([np.ones(len(cost)), *(weighted[:, group].sum(1) for group in GROUPS.values())], 1)
+    coefficients, _ = nnls(explaining, cost)
+    usual = explaining @ coefficients
+    found = scores((cost - usual)[:, None], _COST_RATIO * usual[:, None])[:, 0]
+    for frame in np.flatnonzero(found >= 1).tolist():
+        ratio = cost[frame] / max(usual[frame], 1e-9)
+        yield Finding(
+            frame=frame,
+            score=float(found[frame]),
+            reason=f"pose is unlikely: cost {ratio:.1f} times the usual",
+            joints=(),
+        )
+
+
+def _above(found: Float[np.ndarray, "T K"]) -> Iterator[tuple[int, list[int]]]:
+    """Frames with a score of at least 1, and its columns with such, the worst first."""
+    for frame in np.flatnonzero((found >= 1).any(1)).tolist():
+        order = np.argsort(-found[frame], kind="stable")
+        yield frame, [int(column) for column in order if found[frame, column] >= 1]
+
+
+FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
+    "swap": _swaps,
+    "reprojection": _reprojection,
+    "jump": _jumps,
+    "detection": _detection_jumps,
+    "cost": _costs,
+    "confidence": _low_confidence,
+}
+"""By kind. Of findings with the same score the earlier kind is told."""

@@ -1,0 +1,111 @@
+"""The review queue: which frames of a fit to look at first, and why."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.findings import FINDINGS, Finding
+from tcfit_app.posed_fit import PosedFit
+from tcfit_app.storage.marks import Mark
+
+_GAP = 2
+"""Frames that are no farther apart than this, and about the same keypoints, are one entry."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suspect:
+    """An entry of the review queue: a frame, or several about the same thing."""
+
+    frame: int
+    """The worst of them."""
+    frames: range
+    """From the first to the last of them."""
+    score: float
+    """Of the worst frame; comparable between kinds, from 1 on."""
+    kind: str
+    """One of FINDINGS."""
+    reason: str
+    """A few words about the worst frame: "left wrist 42 px off"."""
+    joints: tuple[int, ...]
+    """Keypoints that this is about, the worst first; empty if it is the pose as a whole."""
+    also: tuple[str, ...]
+    """What else is suspicious in that frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    kind: str
+    finding: Finding
+
+
+def review_queue(
+    fit: PosedFit, *, checked: Collection[int] = (), kinds: Collection[str] = tuple(FINDINGS)
+) -> tuple[Suspect, ...]:
+    """All suspicious frames, the worst first.
+
+    Args:
+        fit: A whole clip.
+        checked: Frames that a person found to be fine (see `still_checked`).
+        kinds: Which of FINDINGS to look for.
+    """
+    by_frame: dict[int, list[_Found]] = {}
+    for kind in (kind for kind in FINDINGS if kind in kinds):
+        for finding in FINDINGS[kind](fit):
+            if finding.frame not in checked:
+                by_frame.setdefault(finding.frame, []).append(_Found(kind=kind, finding=finding))
+    for found in by_frame.values():
+        found.sort(key=lambda f: -f.finding.score)
+    entries = [_entry(span, by_frame) for span in _spans(by_frame)]
+    return tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame)))
+
+
+def still_checked(
+    marks: Mapping[int, Mark], log: Iterable[LogEntry], *, refitted: Iterable[tuple[datetime, Iterable[int]]] = ()
+) -> frozenset[int]:
+    """Frames that were found to be fine and have not changed since.
+
+    Args:
+        marks: `Marks.all()`.
+        log: `Project.log`.
+        refitted: Times at which frames were fitted again, and which.
+    """
+    checked = {frame: mark.time for frame, mark in marks.items() if mark.state == "checked"}
+    edits: dict[int, tuple[int, ...]] = {}
+    changes = [*refitted]
+    for entry in log:
+        frames = edits.get(entry.action.edit, ()) if isinstance(entry.action, Undo | Redo) else entry.action.frames
+        edits[entry.id] = frames
+        changes.append((entry.time, frames))
+    changed = {frame for time, frames in changes for frame in frames if frame in checked and time > checked[frame]}
+    return frozenset(checked) - changed
+
+
+def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:
+    spans: list[list[int]] = []
+    for frame in sorted(by_frame):
+        near = spans and frame - spans[-1][-1] <= _GAP
+        if near and _about(by_frame[frame][0]) & _about(by_frame[spans[-1][-1]][0]):
+            spans[-1].append(frame)
+        else:
+            spans.append([frame])
+    return spans
+
+
+def _about(found: _Found) -> set[int | str]:
+    """What a finding is about: its keypoints, or its kind where it is about the whole pose."""
+    return set(found.finding.joints) or {found.kind}
+
+
+def _entry(span: list[int], by_frame: dict[int, list[_Found]]) -> Suspect:
+    worst = max(span, key=lambda frame: by_frame[frame][0].finding.score)
+    first, *others = by_frame[worst]
+    return Suspect(
+        frame=worst,
+        frames=range(span[0], span[-1] + 1),
+        score=first.finding.score,
+        kind=first.kind,
+        reason=first.finding.reason,
+        joints=first.finding.joints,
+        also=tuple(dict.fromkeys(other.finding.reason for other in others)),
+    )
