@@ -139,9 +139,7 @@ ACTIONS: dict[str, Action] = {
     "difference": Action(
         title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD"), group="View"
     ),
-    "fit_view": Action(
-        title="Whole picture", run=lambda p: p.picture.reset_camera(), keys=_keys("KeyF"), group="View"
-    ),
+    "fit_view": Action(title="Whole picture", run=lambda p: p.picture.reset_camera(), keys=_keys("KeyF"), group="View"),
     "zoom": Action(
         title="Zoom to the selected keypoints",
         run=lambda p: p.picture.zoom_to_selection(),
@@ -199,9 +197,7 @@ ACTIONS: dict[str, Action] = {
         keys=_keys("KeyA", ctrl=True),
         group="Keypoints",
     ),
-    "escape": Action(
-        title="Cancel, select nothing", run=_escape, keys=_keys("Escape"), group="Keypoints"
-    ),
+    "escape": Action(title="Cancel, select nothing", run=_escape, keys=_keys("Escape"), group="Keypoints"),
     "undo": Action(
         title="Undo", run=lambda p: p.correcting.undo(), keys=_keys("KeyZ", ctrl=True), group="Keypoints", repeats=True
     ),
@@ -225,15 +221,15 @@ ACTIONS: dict[str, Action] = {
         group="Frames",
     ),
     "next_suspect": Action(
-        title="Next suspicious frame", run=lambda p: p.go_to_suspect(1), keys=_keys("KeyN"), group="Frames"
+        title="Next suspicious frame", run=lambda p: p.reviewing.go(1), keys=_keys("KeyN"), group="Frames"
     ),
     "previous_suspect": Action(
         title="Previous suspicious frame",
-        run=lambda p: p.go_to_suspect(-1),
+        run=lambda p: p.reviewing.go(-1),
         keys=_keys("KeyN", shift=True),
         group="Frames",
     ),
-    "fine": Action(title="Looks fine", run=lambda p: p.dismiss(), keys=_keys("KeyO"), group="Frames"),
+    "fine": Action(title="Looks fine", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
     "flag": Action(title="Flag, or not", run=lambda p: _toggle_mark(p, "flag"), keys=_keys("KeyT"), group="Frames"),
     "rerun": Action(title="Re-run the selected frames", run=_rerun, keys=_keys("KeyR"), group="Fit"),
     "rerun_shape": Action(title="Re-run the shape", run=_rerun_shape, group="Fit"),

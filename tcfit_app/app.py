@@ -5,13 +5,14 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
 from tcfit_app.desk import Desk
 from tcfit_app.page import Page
 from tcfit_app.session import Notice, Session
-from tcfit_app.view_state import ViewState
+from tcfit_app.view_state import FitSettings, ViewState
 
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
@@ -59,6 +60,11 @@ class ReviewApp:
         for page in self.pages.values():
             page.notify(notice)
 
+    def fit_by_default(self) -> None:
+        """Submit a whole fit as it is by default."""
+        settings = FitSettings()
+        self.session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender)
+
     def run(self) -> None:
         """Draw until `stop` is called."""
         while not self._stop.is_set():
@@ -66,7 +72,7 @@ class ReviewApp:
             self._attempt("take the worker's news", self.session.take_news)
             now = time.monotonic()
             for page in list(self.pages.values()):
-                self._attempt("draw", lambda page=page: page.draw(now))
+                self._attempt("draw", partial(page.draw, now))
 
     def stop(self) -> None:
         """End `run`, from any thread."""

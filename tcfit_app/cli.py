@@ -12,7 +12,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
-from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, fit_config
+from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
 """Exit codes: of what the user gave (as for unknown options), and of Ctrl-C (128 + SIGINT, as shells have it)."""
@@ -55,6 +55,7 @@ class Doctor:
 Options = (
     Annotated[FitOptions, subcommand("fit")]
     | Annotated[NewOptions, subcommand("new")]
+    | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
     | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
@@ -73,6 +74,13 @@ def _new(options: NewOptions, command: str) -> int:
     from tcfit_app.new_command import make_project
 
     make_project(options)
+    return 0
+
+
+def _review(options: ReviewOptions, command: str) -> int:
+    from tcfit_app.review_command import run_review
+
+    run_review(options)
     return 0
 
 
@@ -111,6 +119,7 @@ def _doctor(options: Doctor, command: str) -> int:
 COMMANDS: dict[type, Callable[[Any, str], int]] = {
     FitOptions: _fit,
     NewOptions: _new,
+    ReviewOptions: _review,
     DemoOptions: _demo,
     Models: _models,
     Settings: _settings,

@@ -6,10 +6,10 @@ import re
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
-from tcfit_app.options import FitOptions, NewOptions
+from tcfit_app.options import FitOptions, NewOptions, ReviewOptions
 
 
-def clip_of(options: FitOptions | NewOptions) -> Clip:
+def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
     """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here.
 
     Raises:

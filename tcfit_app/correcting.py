@@ -136,7 +136,7 @@ class Correcting:
         joints = self._selected()
         first, last = self._ends(joints)
         if last - first < 2:
-            raise InputError("There is no frame in between. Select a longer range, or correct two frames further apart.")
+            raise InputError("There is no frame in between. Select a longer range, or correct frames further apart.")
         self._make(Interpolate.between(first, last, joints))
 
     def _ends(self, joints: tuple[int, ...]) -> tuple[int, int]:

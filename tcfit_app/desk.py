@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float32
 
-from fitting_core.body.positions import joints_in_space
 from fitting_core.errors import InputError
-from tcfit_app.background import Background
+from tcfit_app.background import Background, Value
 from tcfit_app.curves import Curve, curve
 from tcfit_app.fits import Shown
 from tcfit_app.meshes import Meshes
 from tcfit_app.posed_fit import PosedFit
 from tcfit_app.session import Session
+from tcfit_app.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.video_frames import VideoFrames
 
 _GROUND_PERCENTILE = 95.0
@@ -70,8 +70,8 @@ class Desk:
         """A run's body, in a live correction if there is one. Raises InputError if the body model is not there."""
         meshes, live = self.meshes(shown), self.session.live
         if live is not None and shown.phase == 3 and live.run == shown.run.id and frame in live.frames:
-            version = ("live", live.revision)
-            return Drawn(vertices=meshes.vertices(version, live.params, frame - live.frames.start), version=(version, frame))
+            version, place = ("live", live.revision), frame - live.frames.start
+            return Drawn(vertices=meshes.vertices(version, live.params, place), version=(version, frame))
         version = (shown.run.id, shown.phase, shown.revision)
         return Drawn(vertices=meshes.vertices(version, shown.params, frame), version=(version, frame))
 
@@ -94,11 +94,18 @@ class Desk:
         """Height of the floor under a run's person (y in camera space, metres); None while it is made."""
 
         def lowest(posed: PosedFit) -> float:
-            return float(np.percentile(joints_in_space(posed.meshes.body, posed.params)[..., 1].max(1), _GROUND_PERCENTILE))
+            return float(np.percentile(posed.joints[..., 1].max(1), _GROUND_PERCENTILE))
 
         return self._made(("ground", shown.run.id, shown.phase, shown.revision), shown, lowest)
 
-    def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], object]):
+    def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
+        """The review queue of a run; None while it is made."""
+        project = self.session.project
+        checked = still_checked(project.marks.all(), project.log)
+        key = ("suspects", self.key(shown), self.session.marked)
+        return self._made(key, shown, lambda posed: review_queue(posed, checked=checked))
+
+    def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
         try:
             posed = self.posed(shown)
         except InputError:

@@ -3,26 +3,45 @@
 import sys
 from pathlib import Path
 
+from fitting_core.clip import Clip
 from tcfit_app.clip_input import clip_of, described, notes_of
-from tcfit_app.options import NewOptions
+from tcfit_app.options import NewOptions, ReviewOptions
 from tcfit_app.project import Project
+from tcfit_app.storage import database
 from tcfit_app.storage.names import name_of_file
 
 SUFFIX = ".tcfit"
 
 
-def make_project(options: NewOptions) -> Path:
+def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
     """Make the project that the options ask for, and say on the standard output where it is.
+
+    Args:
+        options: The command line.
+        reopen: Leave a project as it is that was made there before.
 
     Raises:
         InputError: Files or options cannot be used, or the folder holds something; nothing has been written then.
     """
     clip = clip_of(options)
+    folder = options.out or folder_of(clip)
+    if reopen and is_project(folder):
+        print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
+        return folder
     print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
-    # A name becomes a folder here only, in the working folder: not one part of it may lead elsewhere.
-    folder = options.out or Path(name_of_file(clip.name).replace("/", "_").replace("\\", "_") + SUFFIX)
     with Project.create(folder, clip, copy_media=options.copy_video) as project:
         print(f"Made the project {folder}: {len(clip)} frames of {clip.name}")
         if project.media.problem:
             print(project.media.problem, file=sys.stderr)
     return folder
+
+
+def folder_of(clip: Clip) -> Path:
+    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
+    # A name becomes a folder here only: not one part of it may lead elsewhere.
+    return Path(name_of_file(clip.name).replace("/", "_").replace("\\", "_") + SUFFIX)
+
+
+def is_project(path: Path) -> bool:
+    """Whether a path is a project's folder."""
+    return (path / database.NAME).is_file()

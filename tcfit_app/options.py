@@ -157,6 +157,44 @@ class NewOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ServerOptions:
+    """Where the review is served."""
+
+    host: Annotated[str, _shown("NAME", "127.0.0.1, this computer alone")] = "127.0.0.1"
+    """Name or address of this computer to listen at; others than the default let other computers in."""
+    port: Annotated[int, _shown("N", "8080, or the next free one")] = 8080
+    """0 takes any."""
+    browser: bool = True
+    """Open the link in a browser, where there is one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReviewOptions:
+    """Open a project in the browser: see its fits, correct keypoints, fit again, compare.
+
+    With a video instead of a project, its project is made first, or opened if it was made before.
+    """
+
+    video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
+    """A project's folder; or what `tcfit new` takes."""
+    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    """For a new project. OpenPose JSON: a folder with a file for each frame, or one file."""
+    out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
+    """For a new project: its folder."""
+    copy_video: bool = False
+    """For a new project: copy the video or images into it."""
+    read_only: bool = False
+    """Only look."""
+    fit: bool = False
+    """Start a fit at once if the project has none."""
+    models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
+    """Folder with body models, which alone is searched then."""
+    clip: ClipOptions = field(default_factory=ClipOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    server: ServerOptions = field(default_factory=ServerOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
 class DemoOptions:
     """Make the demo clip (once), fit it, and compare the fit with the truth."""
 

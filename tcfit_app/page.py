@@ -1,15 +1,16 @@
 """One browser tab: its state, and what its gestures do. Everything here runs on the thread that draws."""
 
+import html
 import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.actions import ACTIONS, bindings
+from tcfit_app.actions import ACTIONS, bindings, keys_table
 from tcfit_app.changes import Changes
 from tcfit_app.correcting import Correcting, describe
 from tcfit_app.desk import Desk
@@ -18,6 +19,7 @@ from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.panels import PANELS
 from tcfit_app.picture import Picture
 from tcfit_app.playback import Playback
+from tcfit_app.reviewing import Reviewing
 from tcfit_app.session import Notice
 from tcfit_app.status import Status
 from tcfit_app.strip import Strip
@@ -29,7 +31,7 @@ from tcfit_app.view_state import Mode, ViewState
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
-_COLORS = {"info": "blue", "done": "green", "error": "red"}
+_COLORS: dict[str, Literal["blue", "green", "red"]] = {"info": "blue", "done": "green", "error": "red"}
 _SHORT, _LONG = 4.0, 12.0
 """Seconds for which a message stays."""
 _log = logging.getLogger(__name__)
@@ -51,7 +53,7 @@ class Page:
         self.state = ViewState()
         self.author = f"browser {client.client_id}"
         self.changes = Changes()
-        self.correcting = Correcting(self)
+        self.correcting, self.reviewing = Correcting(self), Reviewing(self)
         self.playback = Playback(self.session.project.clip.frame_rate)
         self._do, self._remembered = do, remembered
         self._tab: str | None = None
@@ -114,6 +116,15 @@ class Page:
     def say(self, text: str) -> None:
         """Say in passing what was done."""
         self.message = (text, time.monotonic() + _SHORT)
+
+    def show_keys(self) -> None:
+        """Show all keys in a window."""
+        rows = "".join(
+            f"<tr><td>{html.escape(group)}</td><td><kbd>{html.escape(keys)}</kbd></td><td>{html.escape(title)}</td></tr>"
+            for group, keys, title in keys_table()
+        )
+        with self.client.gui.add_modal("Keys"):
+            self.client.gui.add_html(f"<table class='tcfit-table'>{rows}</table>")
 
     def saved(self, edit: Edit) -> None:
         """An edit is on the disk."""

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _AHEAD = 24
 """Frames that are decoded before they are played."""
 _LEGEND_COLORS = 9
+_MARGIN = 40.0
+"""Pixels of the image around keypoints that are zoomed to."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +37,7 @@ class Picture:
 
     def __init__(self, page: "Page") -> None:
         self._page, self._desk = page, page.desk
-        self._view = SceneView(page.client)
+        self._view = SceneView(page.client, strip_height=0)  # the timeline lies below the canvas
         self._size = (0, 0)
         self._image: tuple[Hashable, FrameImage | None] = (None, None)
         self._layers: dict[Hashable, BodyLayer] = {}
@@ -46,7 +48,7 @@ class Picture:
 
     def reset_camera(self) -> None:
         """Show the whole picture again."""
-        self._view.reset_camera()
+        self._view.reset_view()
 
     def zoom_to_selection(self) -> None:
         """Zoom to the selected keypoints. Raises InputError without any."""
@@ -54,7 +56,8 @@ class Picture:
         if not page.state.selection or page.state.mode == "space":
             raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
         xy = page.session.project.corrected.xy[page.state.frame, list(page.state.selection)]
-        self._view.zoom_to(xy.min(0), xy.max(0))
+        low, high = xy.min(0) - _MARGIN, xy.max(0) + _MARGIN
+        self._view.zoom_to((*low.tolist(), *high.tolist()))
 
     def draw(self) -> bool:
         """Send what changed; False if the frame is not decoded yet, and then nothing was sent."""
@@ -136,13 +139,13 @@ class Picture:
         camera = page.session.project.clip.camera
         if state.mode == "space":
             ground = self._desk.ground(b) if b is not None else None
-            self._view.show(Space(camera=camera, bodies=bodies[0] if bodies else (), image=image, ground=ground))
+            self._show(Space(camera=camera, bodies=bodies[0] if bodies else (), image=image, ground=ground))
             if page.changes.of("layout", "space"):
                 page.channel.send("layout", Layout(mode="space"))
             return
         count = 2 if state.mode == "ab" else 1
         posters = [Poster(image=image, bodies=bodies[i] if bodies else ()) for i in range(count)]
-        self._view.show(Posters(camera=camera, posters=tuple(posters)), canvas=self._size)
+        self._show(Posters(camera=camera, posters=tuple(posters)))
         labels = self._labels(a, b)
         if page.changes.of("layout", state.mode, labels):
             places = poster_places(count, camera.size)
@@ -150,6 +153,11 @@ class Picture:
                 PosterPlace(x=x, label=label, colour=color) for x, (label, color) in zip(places, labels, strict=True)
             )
             page.channel.send("layout", Layout(mode="poster", image=camera.size, posters=shown))
+
+    def _show(self, snapshot: Posters | Space) -> None:
+        self._view.follow(self._size if self._size[0] else None)
+        for problem in self._view.show(snapshot):
+            self._page.status.problem = problem
 
     def _labels(self, a: Shown | None, b: Shown | None) -> tuple[tuple[str, str], ...]:
         """Label and colour of each poster."""
@@ -203,10 +211,11 @@ def css(color: tuple[int, int, int]) -> str:
 
 PLAIN = FrameImage.uniform((38, 40, 44))
 """In place of the video where that is switched off."""
+_SHADES = color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()
 LEGEND = Legend(
     title="Distance between A and B",
     unit="mm",
     low=0.0,
     high=1e3 * DISTANCE_LIMIT,
-    colours=tuple(css(tuple(color)) for color in color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()),
+    colours=tuple(css((r, g, b)) for r, g, b in _SHADES),
 )

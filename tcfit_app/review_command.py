@@ -1,18 +1,16 @@
 """`tcfit review`: open a project, or make one of a clip, and show it in the browser."""
 
 import logging
-import sys
 from pathlib import Path
 
 from fitting_core.errors import InputError
 from tcfit_app.app import ReviewApp
 from tcfit_app.bodies import Bodies
-from tcfit_app.new_command import make_project, project_folder
-from tcfit_app.options import ReviewOptions
+from tcfit_app.new_command import is_project, make_project
+from tcfit_app.options import ReviewOptions, ServerOptions
 from tcfit_app.project import Project
 from tcfit_app.server import review_server, tell
 from tcfit_app.session import Session
-from tcfit_app.storage import database
 from tcfit_app.storage.lock import ProjectLocked
 
 
@@ -24,19 +22,20 @@ def run_review(options: ReviewOptions) -> None:
         KeyboardInterrupt: The user ended it; everything done is on the disk.
     """
     with opened(options) as project:
-        review(project, options)
+        review(project, options.server, models=options.models, fit=options.fit)
 
 
-def review(project: Project, options: ReviewOptions, *, fit: bool = False) -> None:
+def review(project: Project, options: ServerOptions, *, models: Path | None = None, fit: bool = False) -> None:
     """Serve the review of an open project until Ctrl-C.
 
     Args:
         project: stays open.
-        options: address, browser and body models.
+        options: address and browser.
+        models: folder with body models that alone is searched.
         fit: start a fit if the project has none.
     """
     logging.basicConfig(level=logging.WARNING, format="tcfit: %(message)s")
-    session = Session(project, Bodies(options.models))
+    session = Session(project, Bodies(models))
     title = f"tcfit: {project.clip.name}"
     server = review_server(title, host=options.host, port=options.port, open_browser=options.browser)
     with server as running:
@@ -51,19 +50,14 @@ def review(project: Project, options: ReviewOptions, *, fit: bool = False) -> No
 
 def opened(options: ReviewOptions) -> Project:
     """The project that the options name: opened, made of a clip, or read-only if somebody else has it."""
-    folder = options.video if options.video is not None and is_project(options.video) else None
-    if folder is not None and options.keypoints is not None:
-        raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
-    if folder is None:
-        made = project_folder(options)
-        folder = made if options.video is None or is_project(made) else make_project(options)
+    if options.video is not None and is_project(options.video):
+        folder = options.video
+        if options.keypoints is not None:
+            raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
+    else:
+        folder = make_project(options, reopen=True)
     try:
         return Project.open(folder, read_only=options.read_only)
     except ProjectLocked as error:
         tell(f"{error} It opens read-only here: nothing can be changed.")
         return Project.open(folder, read_only=True)
-
-
-def is_project(path: Path) -> bool:
-    """Whether a path is a project's folder."""
-    return (path / database.NAME).is_file()

@@ -20,6 +20,8 @@ HOST = "127.0.0.1"
 PORT = 8080
 BRAND_COLOR = (40, 140, 220)
 """Of buttons and sliders, RGB."""
+PANEL_WIDTH = 340
+"""CSS pixels of the panels at the right."""
 
 Say = Callable[[str], None]
 """Tells the user something, normally in the terminal."""
@@ -109,6 +111,8 @@ def _aside(say: Say, text: str) -> None:
 def _dress(server: viser.ViserServer, title: str) -> None:
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND_COLOR)
     server.gui.set_panel_label(title)
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(PANEL_WIDTH)
     # viser has no setting for the tab's title.
     script = f"document.title = {json.dumps(title)};"
     server._websock_server.queue_message(_messages.RunJavascriptMessage(source=script))

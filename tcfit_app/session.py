@@ -284,6 +284,11 @@ class Session:
         if drag:
             drag.release()
 
+    @property
+    def dragging(self) -> bool:
+        """Whether the fit follows a drag."""
+        return bool(self._drags) or self._following is not None
+
     # --- news from the worker ---
 
     def take_news(self) -> None:

@@ -41,7 +41,7 @@ class Status:
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
         if not session.jobs and not session.fits.showable():
-            chips.append(Chip(text="No fit yet: choose “Fit everything” in the Fit panel, or press Shift+R", kind="info"))
+            chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
         media = page.desk.video.problem_of(page.state.frame) or session.project.media.problem
         for text in (media, self.problem):
             if text:

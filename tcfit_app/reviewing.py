@@ -1,0 +1,59 @@
+"""Going through a clip's suspicious frames in one tab."""
+
+from typing import TYPE_CHECKING
+
+from fitting_core.errors import InputError
+from tcfit_app.suspicion import Suspect
+
+if TYPE_CHECKING:
+    from tcfit_app.page import Page
+
+
+class Reviewing:
+    """The review queue of one page, about the fit that corrections are made to."""
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+        self._last: Suspect | None = None
+
+    @property
+    def suspects(self) -> tuple[Suspect, ...] | None:
+        """Suspicious frames, the worst first; None while they are looked for, or without a fit."""
+        shown = self._page.corrected_fit()
+        return None if shown is None else self._page.desk.suspects(shown)
+
+    def go(self, step: int) -> None:
+        """To the next (1) or previous (-1) entry of the queue. Raises InputError if there is none."""
+        suspects = self.suspects if self._page.session.fits.showable() else ()
+        if suspects is None:
+            raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
+        if not suspects:
+            raise InputError("There is no suspicious frame: either there is no fit yet, or all of them were looked at.")
+        at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), -1 if step > 0 else 0)
+        self.show(suspects[(at + step) % len(suspects)])
+
+    def _is_last(self, suspect: Suspect) -> bool:
+        last = self._last
+        return last is not None and (suspect.frame, suspect.kind) == (last.frame, last.kind)
+
+    def show(self, suspect: Suspect) -> None:
+        """Go to an entry, and select what it is about."""
+        self._last = suspect
+        self._page.pause()
+        self._page.seek(suspect.frame)
+        self._page.set(selection=suspect.joints)
+        self._page.say(suspect.reason)
+
+    def dismiss(self) -> None:
+        """The frames of the entry on show, or those selected, look fine; on to the next entry."""
+        page, last = self._page, self._last
+        page.refuse_read_only()
+        shown = last is not None and page.state.frames is None and page.state.frame in last.frames
+        frames = last.frames if shown and last is not None else page.correcting.frames
+        page.session.mark(frames, "checked", author=page.author)
+        page.say("Looks fine")
+        following = self.suspects
+        if shown and following:
+            rest = [suspect for suspect in following if suspect.frame not in frames]
+            if rest:
+                self.show(rest[0])
