@@ -12,7 +12,7 @@ import viser
 from tcfit_app.desk import Desk
 from tcfit_app.page import Page
 from tcfit_app.session import Notice, Session
-from tcfit_app.view_state import FitSettings, ViewState
+from tcfit_app.view_state import ViewState
 
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
@@ -59,11 +59,6 @@ class ReviewApp:
     def _tell(self, notice: Notice) -> None:
         for page in self.pages.values():
             page.notify(notice)
-
-    def fit_by_default(self) -> None:
-        """Submit a whole fit as it is by default."""
-        settings = FitSettings()
-        self.session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender)
 
     def run(self) -> None:
         """Draw until `stop` is called."""

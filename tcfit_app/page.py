@@ -254,7 +254,9 @@ class Page:
     # --- drawing ---
 
     def draw(self, now: float) -> None:
-        """Send what has changed since the last time."""
+        """Send what has changed since the last time, once the page is ready for it."""
+        if self._tab is None:
+            return
         if self.state.playing and not self._advance(now):
             return
         drawn = self.picture.draw()
