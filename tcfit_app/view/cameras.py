@@ -10,7 +10,16 @@ import viser
 from jaxtyping import Float
 from viser import _messages
 
-from tcfit_app.view.poses import Pose, Rectangle, Window, is_straight, poster_pose, space_pose, straightened
+from tcfit_app.view.poses import (
+    Pose,
+    Rectangle,
+    Window,
+    is_straight,
+    overview_pose,
+    poster_pose,
+    space_pose,
+    straightened,
+)
 
 Mode = Literal["posters", "space"]
 
@@ -18,11 +27,6 @@ STRIP_HEIGHT = 132.0
 """Of the timeline that covers the canvas's bottom, CSS pixels."""
 _ECHO_SECONDS = 0.7
 """For how long after a command an old pose that the browser still reports is not taken for the user's doing."""
-# Buttons as camera-controls numbers them: the left one turns in 3D, and in 2D it is free for keypoints.
-_BUTTONS: dict[Mode, str] = {
-    "posters": "c.mouseButtons.left = 0; c.touches.one = 0; c.dollyToCursor = true;",
-    "space": "c.mouseButtons.left = 1; c.touches.one = 64; c.dollyToCursor = false;",
-}
 
 
 @dataclass
@@ -68,8 +72,16 @@ class Cameras:
             self._enter("space")
 
     def reset(self) -> None:
-        """Back to the whole view of the current mode."""
-        if self._mode is not None:
+        """Back to the whole view of the current mode. In 3D, where nothing is left to reset, it takes the video camera
+        into view as well, and back again.
+        """
+        if self._mode is None:
+            return
+        self.follow()
+        bodies = space_pose(self._bounds, self._window)
+        if self._mode == "space" and self._places["space"].pose.close_to(bodies):
+            self._go(overview_pose(self._bounds, self._window))
+        else:
             self._go(self._fitted(self._mode))
 
     def zoom_to(self, rectangle: Rectangle) -> None:
@@ -127,7 +139,6 @@ class Cameras:
     def _enter(self, mode: Mode) -> None:
         self._mode = mode
         place = self._places.get(mode)
-        self._run(_BUTTONS[mode])
         self._go(place.pose if place and place.moved else self._fitted(mode), moved=bool(place and place.moved))
 
     def _fitted(self, mode: Mode) -> Pose:
@@ -142,10 +153,6 @@ class Cameras:
         # viser's own setters leave out what equals the last report, which may be older than the last command.
         for message in _pose_messages(pose):
             self._client._websock_connection.queue_message(message)
-
-    def _run(self, script: str) -> None:
-        source = f"const c = window.__viserMutable.cameraControl; if (c) {{ {script} }}"
-        self._client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
 
 
 def _pose_messages(pose: Pose) -> list[_messages.Message]:
