@@ -23,7 +23,7 @@ _MARGIN = 1.03
 _BODY_FROM = np.array([0.62, -0.28, -0.73])
 """From the body towards the viewer in 3D: the video camera's side, from the right and a little from above."""
 _OVERVIEW_FROM = np.array([0.9, -0.4, -0.35])
-_SPACE_DISTANCE = 1.2
+_SPACE_DISTANCE = 1.3
 """Of the viewer, in diagonals of the bodies' bounding box."""
 
 
@@ -130,10 +130,11 @@ def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
 
 
 def _space_pose(bounds: Float[np.ndarray, "2 3"], window: Window, view_from: Float[np.ndarray, "3"]) -> Pose:
-    middle = bounds.mean(0)
+    middle = bounds.mean(0)  # what the user turns around
     free = (window.height - window.covered) / window.height
     # A window higher than wide must stand further off.
     distance = _SPACE_DISTANCE * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
+    middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above what is covered
     position = middle + view_from / np.linalg.norm(view_from) * distance
     return Pose(
         position=_vector(position),
