@@ -86,7 +86,7 @@ def test_values_become_colours_and_go_again(shown: Screen):
         picture = shown.picture().astype(int)
         mask = expected_body(posters, shown.view.cameras.pose, WINDOW)
         yellow = (picture[..., 0] > 140) & (picture[..., 1] > 110)
-        assert (0.2 < yellow[mask].mean() < 0.8) is painted
+        assert (0.2 < yellow[mask].mean() < 0.9) == painted
 
 
 def test_what_is_behind_the_camera_is_said_and_not_drawn(shown: Screen):
