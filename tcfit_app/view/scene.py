@@ -5,10 +5,10 @@ import viser
 
 from tcfit_app.view.cameras import STRIP_HEIGHT, Cameras
 from tcfit_app.view.lighting import light_scene
+from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.poses import Rectangle
 from tcfit_app.view.poster import PosterNodes, Posters, world_of_pixels
 from tcfit_app.view.space import Space, SpaceNodes
-from tcfit_app.view.vertex_colors import VertexColors
 
 Snapshot = Posters | Space
 
@@ -27,8 +27,8 @@ class SceneView:
         self._client = client
         with client.atomic():
             light_scene(client)
-            colors = VertexColors(client)
-            self._posters, self._space = PosterNodes(client, colors), SpaceNodes(client, colors)
+            dressing = MeshDressing(client)
+            self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
         self.cameras = Cameras(client, strip_height=strip_height)
         self._last: Snapshot | None = None
 
