@@ -9,7 +9,7 @@ const CAMERA_ARROWS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"];
 function keyIsTaken(event) {
   const target = event.target instanceof Element ? event.target : document.body;
   if (target.closest(TEXT_FIELDS)) return true;
-  return target !== document.body && target.matches(":focus-visible") && !box.contains(target);
+  return target !== document.body && target.matches(":focus-visible");
 }
 
 function bindingFor(event) {
