@@ -79,21 +79,19 @@ class Tab:
         with self.clients[-1].atomic():
             camera.near, camera.far, camera.fov = 1.0, 4000.0, FOV
             camera.position, camera.look_at, camera.up_direction = (x, 0.0, -distance), (x, 0.0, 0.0), (0.0, -1.0, 0.0)
-        height = self.page.evaluate("() => __viserMutable.canvas.clientHeight")
-        for _ in range(500):  # the page reports what its camera does, smoothed and a little later
-            there = np.allclose(camera.position, (x, 0, -distance), atol=1e-3) and camera.image_height == height
-            self.page.wait_for_timeout(20)
-            if there and np.allclose(camera.position, (x, 0, -distance), atol=1e-3):
-                break
+        there = "(distance) => Math.abs(__viserMutable.camera.position.length() - distance) < 1e-3"
+        self.page.wait_for_function(there, arg=math.hypot(distance, x))
         self.settle()
 
     def screen(self, u: float, v: float, *, poster: float = 0.0) -> tuple[float, float]:
         """Where an image's pixel is on the screen, from the camera that viser reports."""
         camera = self.clients[-1].camera
         x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
-        scale = camera.image_height / 2 / math.tan(camera.fov / 2) / distance
+        # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
+        width, height = self.page.evaluate("() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]")
+        scale = height / 2 / math.tan(camera.fov / 2) / distance
         world = ((u - WIDTH / 2) / HEIGHT + poster, (v - HEIGHT / 2) / HEIGHT)
-        return (camera.image_width / 2 + (world[0] - x) * scale, camera.image_height / 2 + (world[1] - y) * scale)
+        return (width / 2 + (world[0] - x) * scale, height / 2 + (world[1] - y) * scale)
 
     def scale(self) -> float:
         """Screen pixels of an image's pixel."""
