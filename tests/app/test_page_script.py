@@ -88,7 +88,9 @@ class Tab:
         camera = self.clients[-1].camera
         x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
         # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
-        width, height = self.page.evaluate("() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]")
+        width, height = self.page.evaluate(
+            "() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]"
+        )
         scale = height / 2 / math.tan(camera.fov / 2) / distance
         world = ((u - WIDTH / 2) / HEIGHT + poster, (v - HEIGHT / 2) / HEIGHT)
         return (width / 2 + (world[0] - x) * scale, height / 2 + (world[1] - y) * scale)
@@ -182,6 +184,7 @@ def open_tab(server: ReviewServer, browser: "Browser") -> Tab:
     TABS.append(tab)
     tab.page.goto(server.gate.link)
     tab.await_event(Hello)
+    tab.page.locator(".mantine-Notification-closeButton").click()  # viser's remark about software WebGL
     return tab
 
 
