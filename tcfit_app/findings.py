@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.reliability import SEEN, unswapped
+from fitting_core.reliability import PAIRED, SEEN, unswapped
 from tcfit_app.body_regions import KEYPOINT_OF_JOINT, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.posed_fit import GROUPS, PosedFit
 
@@ -146,20 +146,13 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
             yield Finding(frame=frame, score=float(score), reason=reason, joints=tuple(tracked))
 
 
-_PAIRS = {
-    "arms": ("elbow", "wrist"),
-    "legs": ("knee", "ankle"),
-}
-"""Limbs that detectors take for one another, and the keypoints that tell."""
-
-
 def _swaps(fit: PosedFit) -> Iterator[Finding]:
     by_detector = unswapped(fit.clip.keypoints)[1]
-    for name, parts in _PAIRS.items():
-        sides = [[kp.INDEX[f"{side}_{part}"] for part in parts] for side in ("left", "right")]
-        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *_crossed(fit, *sides)}
+    for name, (left, right, others) in PAIRED.items():
+        by_fit = _crossed(fit, left[:2], right[:2])
+        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *by_fit}
+        joints = (*left, *right, *others[0], *others[1])
         for frame in sorted(frames):
-            joints = (*sides[0], *sides[1])
             yield Finding(frame=frame, score=_SWAP_SCORE, reason=f"{name} may be swapped", joints=joints)
 
 
