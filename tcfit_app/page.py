@@ -253,9 +253,14 @@ class Page:
 
     # --- drawing ---
 
+    @property
+    def ready(self) -> bool:
+        """Whether the page's script has said hello."""
+        return self._tab is not None
+
     def draw(self, now: float) -> None:
         """Send what has changed since the last time, once the page is ready for it."""
-        if self._tab is None:
+        if not self.ready:
             return
         if self.state.playing and not self._advance(now):
             return

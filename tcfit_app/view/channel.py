@@ -30,6 +30,7 @@ SCRIPTS = (
     "timeline_data",
     "timeline",
     "timeline_pointer",
+    "camera",
     "keys",
     "notice",
     "start",
