@@ -25,6 +25,7 @@ from tcfit_app.view.space import Space
 from tests.app.screens import (
     PLATE,
     Screen,
+    canvas_camera,
     expected_body,
     overlap,
     plain_body,
@@ -68,10 +69,15 @@ def in_view(vertices: np.ndarray, camera: Camera, demo: Camera) -> np.ndarray:
 
 
 def zooms(vertices: np.ndarray, camera: Camera) -> dict[str, tuple[float, float, float, float] | None]:
-    """Whole posters, and a rectangle of image pixels around the upper body."""
+    """Whole posters, and rectangles of image pixels: the upper body, and the crown of the head."""
     pixels = vertices[:, :2] / vertices[:, 2:] * camera.focal + camera.center
     low, high = pixels.min(0), pixels.max(0)
-    return {"whole": None, "head and arms": (low[0], low[1], high[0], low[1] + 0.35 * (high[1] - low[1]))}
+    height, (x, y) = high[1] - low[1], pixels[pixels[:, 1].argmin()]
+    return {
+        "whole": None,
+        "head and arms": (low[0], low[1], high[0], low[1] + 0.35 * height),
+        "crown": (x - 0.03 * height, y - 0.01 * height, x + 0.03 * height, y + 0.05 * height),
+    }
 
 
 def exactness_rows(shown: Screen, name: str, camera: Camera, body: BodyLayer, window: tuple[int, int]) -> list[Row]:
@@ -86,7 +92,9 @@ def exactness_rows(shown: Screen, name: str, camera: Camera, body: BodyLayer, wi
         seen = seen_body(shown.picture())
         expected = expected_body(posters, shown.view.cameras.pose, window)
         row: dict[str, str | float | None] = {"camera": name, "window": f"{window[0]} x {window[1]}", "zoom": zoom}
-        row |= {"silhouette px": float(expected.sum()), "IoU": f"{overlap(seen, expected):.4f}"}
+        factor = canvas_camera(camera, shown.view.cameras.pose, window).focal[0] / camera.focal[0]
+        row |= {"screen px per image px": factor, "silhouette px": float(expected.sum())}
+        row |= {"IoU": f"{overlap(seen, expected):.4f}"}
         if rectangle is None:
             shown.view.show(replace(posters, posters=(Poster(image=PLATE),)))
             shown.settle()

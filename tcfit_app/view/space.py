@@ -13,7 +13,7 @@ from tcfit_app.view.layers import RGB, BodyLayer, FrameImage, drawable
 from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.poster import PLATE
 
-FRUSTUM_DEPTH = 0.6
+FRUSTUM_DEPTH = 0.9
 """Metres from the video camera to its image."""
 _SLOTS = 2
 _ROOT = "/space"
