@@ -62,7 +62,7 @@ class SpaceNodes:
         self._client = client
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
         self._bodies = [BodyNode(client, f"{_ROOT}/body{i}", dressing) for i in range(_SLOTS)]
-        self._image = ImageNode(client, f"{_ROOT}/image", PLATE)
+        self._image = ImageNode(client, f"{_ROOT}/image", dressing, PLATE)
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 

@@ -1,5 +1,6 @@
 """Where the viewer's camera stands, and what of it is the user's doing. No browser."""
 
+import contextlib
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -84,6 +85,7 @@ class Tab:
             image_height=900,
         )
         self.sent: list[_messages.Message] = []
+        self.atomic = contextlib.nullcontext
         self._websock_connection = SimpleNamespace(queue_message=self.sent.append)
 
     def obey(self) -> None:
