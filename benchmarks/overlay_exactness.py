@@ -25,6 +25,7 @@ from tcfit_app.view.space import Space
 from tests.app.screens import (
     PLATE,
     Screen,
+    canvas_camera,
     expected_body,
     overlap,
     plain_body,
@@ -68,10 +69,15 @@ def in_view(vertices: np.ndarray, camera: Camera, demo: Camera) -> np.ndarray:
 
 
 def zooms(vertices: np.ndarray, camera: Camera) -> dict[str, tuple[float, float, float, float] | None]:
-    """Whole posters, and a rectangle of image pixels around the upper body."""
+    """Whole posters, and rectangles of image pixels: the upper body, and the crown of the head."""
     pixels = vertices[:, :2] / vertices[:, 2:] * camera.focal + camera.center
     low, high = pixels.min(0), pixels.max(0)
-    return {"whole": None, "head and arms": (low[0], low[1], high[0], low[1] + 0.35 * (high[1] - low[1]))}
+    height, (x, y) = high[1] - low[1], pixels[pixels[:, 1].argmin()]
+    return {
+        "whole": None,
+        "head and arms": (low[0], low[1], high[0], low[1] + 0.35 * height),
+        "crown": (x - 0.03 * height, y - 0.01 * height, x + 0.03 * height, y + 0.05 * height),
+    }
 
 
 def exactness_rows(shown: Screen, name: str, camera: Camera, body: BodyLayer, window: tuple[int, int]) -> list[Row]:
@@ -86,7 +92,9 @@ def exactness_rows(shown: Screen, name: str, camera: Camera, body: BodyLayer, wi
         seen = seen_body(shown.picture())
         expected = expected_body(posters, shown.view.cameras.pose, window)
         row: dict[str, str | float | None] = {"camera": name, "window": f"{window[0]} x {window[1]}", "zoom": zoom}
-        row |= {"silhouette px": float(expected.sum()), "IoU": f"{overlap(seen, expected):.4f}"}
+        factor = canvas_camera(camera, shown.view.cameras.pose, window).focal[0] / camera.focal[0]
+        row |= {"screen px per image px": factor, "silhouette px": float(expected.sum())}
+        row |= {"IoU": f"{overlap(seen, expected):.4f}"}
         if rectangle is None:
             shown.view.show(replace(posters, posters=(Poster(image=PLATE),)))
             shown.settle()
@@ -145,12 +153,13 @@ def play(shown: Screen, what: str, snapshots: list[Posters | Space], pace: float
     shown.page.wait_for_timeout(2000)
     before, processor = busy(), time.process_time()
     idle = (before - idle) / 2  # seconds in a second
-    began, times = time.perf_counter(), []
+    began, times, own = time.perf_counter(), [], []
     for i, snapshot in enumerate(snapshots):
         shown.page.wait_for_timeout(max(0.0, 1e3 * (began + i / pace - time.perf_counter())))
-        start = time.perf_counter()
+        start, own_start = time.perf_counter(), time.thread_time()
         shown.view.show(snapshot)
         times.append(1e3 * (time.perf_counter() - start))
+        own.append(1e3 * (time.thread_time() - own_start))
     shown.page.wait_for_timeout(1e3 / pace)
     length = time.perf_counter() - began
     used = busy() - before - idle * length
@@ -158,6 +167,7 @@ def play(shown: Screen, what: str, snapshots: list[Posters | Space], pace: float
         "frame": what,
         "server ms, median": float(np.median(times)),
         "p95": float(np.percentile(times, 95)),
+        "its CPU ms, median": float(np.median(own)),
         "server CPU ms with sending": 1e3 * (time.process_time() - processor) / len(snapshots),
         "browser main thread ms": 1e3 * used / len(snapshots),
     }

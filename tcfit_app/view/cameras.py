@@ -163,8 +163,9 @@ class Cameras:
         self._before = self._seen(pose)
         self._sent_at = time.monotonic()
         # viser's own setters leave out what equals the last report, which may be older than the last command.
-        for message in _pose_messages(pose):
-            self._client._websock_connection.queue_message(message)
+        with self._client.atomic():
+            for message in _pose_messages(pose):
+                self._client._websock_connection.queue_message(message)
 
 
 def _pose_messages(pose: Pose) -> list[_messages.Message]:

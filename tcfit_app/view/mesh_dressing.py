@@ -1,4 +1,4 @@
-"""What viser's plain meshes cannot do, by a script in the page: colours at vertices, and clean transparency."""
+"""What viser's meshes cannot do, by a script in the page: colours at vertices, clean transparency, dark plates."""
 
 import base64
 import json
@@ -36,6 +36,10 @@ class MeshDressing:
     def show_front_only(self, name: str, front: bool) -> None:
         """Whether the node's mesh hides its own far side although it is transparent, or a wireframe."""
         self._dress(name, front=front)
+
+    def keep_dark(self, name: str) -> None:
+        """Draws an image node dark, and not white, until the browser has decoded its first image."""
+        self._dress(name, dark=True)
 
     def _dress(self, name: str, **wish: object) -> None:
         self._run(f"window.tcfitDress({json.dumps(name)}, {json.dumps(wish)});")
@@ -89,21 +93,23 @@ window.tcfitDress ??= (() => {
   };
   const prepare = (mesh) => {
     const { geometry, material } = mesh;
+    if (mesh.userData.tcfitDark) material.color.setScalar(material.map ? 1 : 0.02);
     const on = mesh.userData.tcfitColors?.length === geometry.attributes.position.array.length;
     if (material.vertexColors !== on) { material.vertexColors = on; material.needsUpdate = true; }
   };
-  const parts = { colors: paint, front: cover };
+  const darken = (mesh, wish) => { mesh.userData.tcfitDark = wish.dark; };
+  const parts = { colors: paint, front: cover, dark: darken };
   const dress = (name, wish, tries) => {
     const mesh = find(name);
     if (mesh) {
       mesh.onBeforeRender = () => prepare(mesh);
       for (const part in wish) if (wishes[name][part] === wish[part]) parts[part](mesh, wish);
       viser().requestRender();
-    } else if (tries) setTimeout(() => dress(name, wish, tries - 1), 20);
+    } else if (tries) setTimeout(() => dress(name, wish, tries - 1), 5);
   };
   return (name, wish) => {
     wishes[name] = { ...wishes[name], ...wish };
-    dress(name, wish, 200);
+    dress(name, wish, 1000);
   };
 })();
 """

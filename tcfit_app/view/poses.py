@@ -22,9 +22,9 @@ _TARGET_DEPTH = 0.1
 _MARGIN = 1.03
 _BODY_FROM = np.array([0.62, -0.28, -0.73])
 """From the body towards the viewer in 3D: the video camera's side, from the right and a little from above."""
-_OVERVIEW_FROM = np.array([0.9, -0.4, -0.35])
-_SPACE_DISTANCE = 1.3
-"""Of the viewer, in diagonals of the bodies' bounding box."""
+_OVERVIEW_FROM = np.array([0.74, -0.38, -0.6])
+_BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
+"""Of the viewer, in diagonals of what is looked at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +108,9 @@ def _distance(scale: float, window: Window) -> float:
 
 
 def straightened(pose: Pose) -> Pose:
-    """The same view of the posters, without any turn."""
-    x, y, _ = pose.position
-    return replace(pose, look_at=(x, y, _TARGET_DEPTH), up=(0.0, -1.0, 0.0))
+    """From as far away at the same point of the posters, without any turn."""
+    x, y, z = pose.look_at
+    return replace(pose, position=(x, y, z - pose.distance), up=(0.0, -1.0, 0.0))
 
 
 def is_straight(pose: Pose) -> bool:
@@ -120,20 +120,22 @@ def is_straight(pose: Pose) -> bool:
 
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
     """Looks at bodies in a box (least and greatest coordinates), half from the side."""
-    return _space_pose(bounds, window, _BODY_FROM)
+    return _space_pose(bounds, window, _BODY_FROM, _BODY_DISTANCE)
 
 
 def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
     """Looks at bodies in a box and at the video camera, which is in the origin, from the side."""
     everything = np.stack([np.minimum(bounds[0], 0.0), np.maximum(bounds[1], 0.0)])
-    return _space_pose(everything, window, _OVERVIEW_FROM)
+    return _space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
 
 
-def _space_pose(bounds: Float[np.ndarray, "2 3"], window: Window, view_from: Float[np.ndarray, "3"]) -> Pose:
+def _space_pose(
+    bounds: Float[np.ndarray, "2 3"], window: Window, view_from: Float[np.ndarray, "3"], diagonals: float
+) -> Pose:
     middle = bounds.mean(0)  # what the user turns around
     free = (window.height - window.covered) / window.height
     # A window higher than wide must stand further off.
-    distance = _SPACE_DISTANCE * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
+    distance = diagonals * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
     middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above what is covered
     position = middle + view_from / np.linalg.norm(view_from) * distance
     return Pose(

@@ -128,11 +128,11 @@ class PosterNodes:
 
 
 class _Slot:
-    """One poster's nodes, made once: a new image node would flash white until the browser has decoded its image."""
+    """One poster's nodes, made once, so that frames replace each other without a gap."""
 
     def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing) -> None:
         self._frame = client.scene.add_frame(name, show_axes=False, visible=False)
-        self._image = ImageNode(client, f"{name}/video", PLATE)
+        self._image = ImageNode(client, f"{name}/video", dressing, PLATE)
         # Transparent things are drawn from far to near by their nodes' places: the bodies' lie in front of the image's.
         front = (0.0, 0.0, -_CLEARANCE)
         self._bodies = [BodyNode(client, f"{name}/body{i}", dressing, front) for i in range(_SLOTS)]

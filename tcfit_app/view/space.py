@@ -13,7 +13,7 @@ from tcfit_app.view.layers import RGB, BodyLayer, FrameImage, drawable
 from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.poster import PLATE
 
-FRUSTUM_DEPTH = 0.6
+FRUSTUM_DEPTH = 0.9
 """Metres from the video camera to its image."""
 _SLOTS = 2
 _ROOT = "/space"
@@ -62,7 +62,7 @@ class SpaceNodes:
         self._client = client
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
         self._bodies = [BodyNode(client, f"{_ROOT}/body{i}", dressing) for i in range(_SLOTS)]
-        self._image = ImageNode(client, f"{_ROOT}/image", PLATE)
+        self._image = ImageNode(client, f"{_ROOT}/image", dressing, PLATE)
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 

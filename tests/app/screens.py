@@ -1,14 +1,16 @@
 """A scene in a real browser, what is seen there, and what should be seen."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+import viser
 from jaxtyping import Bool, Float, Int, UInt8
+from viser import _messages
 
 from fitting_core.camera import Camera
 from fitting_core.evaluation.rasterize import rasterize
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 PLATE_COLOR: RGB = (0, 0, 160)
 BODY_COLOR: RGB = (255, 60, 60)
 PLATE = FrameImage.uniform(PLATE_COLOR)
-SETTLE_MS = 700
+PATIENCE_SECONDS = 30.0
 
 # Everything but the canvas: panels, messages.
 _HIDE = """() => {
@@ -35,21 +37,43 @@ _HIDE = """() => {
 }"""
 
 
+_DRAW = """async () => {
+  for (let i = 0; i < 12; i++) {
+    window.__viserMutable.requestRender();
+    await new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20));
+  }
+}"""
+
+
 @dataclass(frozen=True)
 class Screen:
     """A browser tab and the scene in it."""
 
     view: SceneView
+    client: viser.ClientHandle
     page: "Page"
 
     def settle(self, size: tuple[int, int] | None = None) -> None:
         """Waits until all is drawn, at another window size if one is given."""
         if size is not None:
             self.page.set_viewport_size({"width": size[0], "height": size[1]})
-            self.page.wait_for_timeout(SETTLE_MS)
+            self._until(lambda: abs(self.client.camera.aspect / (size[0] / size[1]) - 1) < 5e-3)
+        window = self.page.viewport_size
+        assert window is not None
+        self.view.follow((window["width"], window["height"]))
+        # Messages are carried out in their order; then React and the decoding of images take their time.
+        mark = time.monotonic_ns()
+        script = _messages.RunJavascriptMessage(source=f"window.tcfitMark = '{mark}';")
+        self.client._websock_connection.queue_message(script)
+        self.page.wait_for_function(f"window.tcfitMark === '{mark}'")
+        self.page.evaluate(_DRAW)
         self.view.follow()
-        self.page.wait_for_timeout(SETTLE_MS)
-        self.view.follow()
+
+    def _until(self, done: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE_SECONDS
+        while not done():
+            assert time.monotonic() < end, "the browser did not answer"
+            self.page.wait_for_timeout(20)
 
     def picture(self) -> UInt8[np.ndarray, "H W 3"]:
         """A screenshot of the canvas alone, RGB."""
@@ -63,18 +87,19 @@ class Screen:
 @contextmanager
 def screen(size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
     """An empty scene in a browser window of that size (width, height)."""
-    views: list[SceneView] = []
+    clients: list[viser.ClientHandle] = []
     with review_server("Scene", port=0, open_browser=False, say=lambda text: None) as server, chromium() as browser:
-        server.viser.on_client_connect(lambda client: views.append(SceneView(client)))
+        server.viser.on_client_connect(clients.append)
         page = browser.new_page(viewport={"width": size[0], "height": size[1]})
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(server.gate.link)
-        end = time.monotonic() + 30
-        while not views and time.monotonic() < end:
+        end = time.monotonic() + PATIENCE_SECONDS
+        while not clients and time.monotonic() < end:
             page.wait_for_timeout(20)
-        page.wait_for_timeout(SETTLE_MS)
-        yield Screen(views[0], page)
+        shown = Screen(SceneView(clients[0]), clients[0], page)
+        shown.settle()
+        yield shown
         assert not errors, errors
 
 

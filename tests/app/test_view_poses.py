@@ -1,5 +1,6 @@
 """Where the viewer's camera stands, and what of it is the user's doing. No browser."""
 
+import contextlib
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -48,17 +49,27 @@ def test_depth_shifts_nothing_even_when_zoomed_in():
     assert 0.2 / -pose.position[2] * WINDOW.width / 2 < 1.0
 
 
-def test_both_views_of_space_hold_what_they_are_for():
-    for pose, corners in [(space_pose(BOUNDS, WINDOW), BOUNDS), (overview_pose(BOUNDS, WINDOW), BOUNDS * [[0], [1]])]:
-        forward = np.subtract(pose.look_at, pose.position) / pose.distance
-        right = np.cross(forward, pose.up) / np.linalg.norm(np.cross(forward, pose.up))
-        down = np.cross(forward, right)
-        box = np.array(np.meshgrid(*corners.T)).reshape(3, -1).T - pose.position
-        slope = math.tan(pose.fov / 2)
-        y = box @ down / (box @ forward) / slope
-        x = box @ right / (box @ forward) / slope * WINDOW.height / WINDOW.width
-        assert abs(x).max() < 1 and y.min() > -1
-        assert y.max() < 1 - 2 * WINDOW.covered / WINDOW.height + 0.1
+def extent(pose: Pose, box: np.ndarray) -> tuple[float, float, float, float]:
+    """Of a box (least and greatest coordinates) in the window: left, top, right, bottom, in -1 ... 1."""
+    forward = np.subtract(pose.look_at, pose.position) / pose.distance
+    right = np.cross(forward, pose.up) / np.linalg.norm(np.cross(forward, pose.up))
+    corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T - pose.position
+    slope = math.tan(pose.fov / 2) * (corners @ forward)
+    x = corners @ right / slope * WINDOW.height / WINDOW.width
+    y = corners @ np.cross(forward, right) / slope
+    return x.min(), y.min(), x.max(), y.max()
+
+
+def test_bodies_in_space_are_seen_above_what_is_covered():
+    left, top, right, bottom = extent(space_pose(BOUNDS, WINDOW), BOUNDS)
+    assert -1 < left < right < 1 and top > -1
+    assert bottom < 1 - 2 * WINDOW.covered / WINDOW.height + 0.05
+    assert bottom - top > 1.2
+
+
+def test_the_overview_holds_bodies_and_video_camera():
+    pose = overview_pose(BOUNDS, WINDOW)
+    assert all(-1 < edge < 1 for box in (BOUNDS, np.zeros((2, 3))) for edge in extent(pose, box))
 
 
 class Tab:
@@ -74,6 +85,7 @@ class Tab:
             image_height=900,
         )
         self.sent: list[_messages.Message] = []
+        self.atomic = contextlib.nullcontext
         self._websock_connection = SimpleNamespace(queue_message=self.sent.append)
 
     def obey(self) -> None:
@@ -162,11 +174,13 @@ def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
 
 
 def test_a_turned_camera_is_put_straight(tab: Tab, view: Cameras):
+    looked_at = tab.camera.look_at
     tab.camera.position = np.add(tab.camera.position, (300.0, 0.0, 20.0))
     view._sent_at = -math.inf
     view.follow()
     tab.obey()
-    np.testing.assert_allclose(tab.camera.position[:2], tab.camera.look_at[:2])
+    np.testing.assert_allclose(tab.camera.look_at, looked_at)
+    np.testing.assert_allclose(tab.camera.position[:2], looked_at[:2])
 
 
 def test_resetting_space_twice_takes_the_camera_into_view(tab: Tab, view: Cameras):
