@@ -248,6 +248,9 @@ class Page:
     def _drag(self, event: page_events.Drag) -> None:
         self.correcting.take(event)
 
+    def _gesture(self, event: page_events.Gesture) -> None:
+        self.picture.touched()
+
     def _drawn(self, event: page_events.Drawn) -> None:
         self.playback.drawn(event.frame)
 
@@ -299,5 +302,6 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Range: Page._range,
     page_events.Select: Page._select,
     page_events.Drag: Page._drag,
+    page_events.Gesture: Page._gesture,
     page_events.Drawn: Page._drawn,
 }

@@ -1,7 +1,5 @@
 """The viewer's camera in one browser tab: fits posters into the window, and remembers where the user went."""
 
-import math
-import time
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,7 +12,6 @@ from tcfit_app.view.poses import (
     Pose,
     Rectangle,
     Window,
-    is_straight,
     overview_pose,
     poster_pose,
     space_pose,
@@ -26,10 +23,6 @@ Scene = Rectangle | Literal["space"]
 
 STRIP_HEIGHT = 132.0
 """Of the timeline that covers the canvas's bottom, CSS pixels."""
-_ECHO_SECONDS = 0.7
-"""For how long after a command another pose that the browser reports is not taken for the user's doing."""
-_STALE_SECONDS = 15.0
-"""The same for the pose of before: a busy browser keeps it until it gets to the command."""
 
 
 @dataclass
@@ -39,12 +32,15 @@ class _Place:
     pose: Pose
     moved: bool = False
     """By the user, or by a zoom that the user asked for."""
+    by_hand: bool = False
+    """The browser knows the pose, which the user has changed since."""
 
 
 class Cameras:
-    """Sets the camera of a client and follows what the user does with it.
+    """Sets the camera of a client, and leaves it alone once the user has moved it.
 
-    Nothing here runs in a callback: `follow` is called by the draw loop and looks at what the browser last reported.
+    That the user moves it comes from the page (`touched`), not from the camera that the browser reports: a busy browser
+    goes on reporting an old one for seconds.
     """
 
     def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
@@ -54,8 +50,6 @@ class Cameras:
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
         self._canvas: tuple[float, float] | None = None
         self._window = self._current_window()
-        self._sent_at = -math.inf
-        self._before: Pose | None = None
 
     def show_posters(self, whole: Rectangle) -> None:
         """To 2D, with posters in that part of the poster world: where the user was, or all of them."""
@@ -72,7 +66,6 @@ class Cameras:
         """
         if self._scene is None:
             return
-        self.follow()
         fitted = self._fitted(self._scene)
         if self._scene == "space" and self.pose.close_to(fitted):
             fitted = overview_pose(self._bounds, self._window)
@@ -83,19 +76,21 @@ class Cameras:
         if self._scene is not None and self._scene != "space":
             self._go(poster_pose(rectangle, self._scene, self._window), moved=True)
 
+    def touched(self) -> None:
+        """The user moves the camera."""
+        if self._scene is not None:
+            self._places[self._scene].moved = self._places[self._scene].by_hand = True
+
     def follow(self, canvas: tuple[float, float] | None = None) -> None:
-        """Notices what the user did to camera and window, and refits posters to a new window unless they are zoomed.
+        """Refits posters to a new window unless they are zoomed.
 
         Args:
             canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
                 counts device pixels.
         """
         self._canvas = canvas or self._canvas
-        if self._scene is None:
-            return
-        self._notice_user(self._scene)
         window = self._current_window()
-        if window != self._window:
+        if self._scene is not None and window != self._window:
             self._window = window
             if self._scene != "space" and not self.moved:
                 self._go(self._fitted(self._scene))
@@ -109,24 +104,11 @@ class Cameras:
     def pose(self) -> Pose:
         """Where the camera is, as far as is known; something must have been shown."""
         assert self._scene is not None
-        return self._places[self._scene].pose
-
-    def _notice_user(self, scene: Scene) -> None:
-        seen = self._seen(self.pose)
-        if seen.close_to(self.pose):
-            self._sent_at = -math.inf
-        elif not self._is_echo(seen):
-            if scene != "space" and not is_straight(seen):
-                self._go(straightened(seen), moved=True)
-            else:
-                self._places[scene] = _Place(seen, moved=True)
-
-    def _is_echo(self, seen: Pose) -> bool:
-        """Whether this is no news of the user, but from before the browser had carried out the last command."""
-        passed = time.monotonic() - self._sent_at
-        before = self._before
-        stale = before is not None and before.close_to(replace(seen, fov=before.fov))
-        return passed < (_STALE_SECONDS if stale else _ECHO_SECONDS)
+        place = self._places[self._scene]
+        if not place.by_hand:
+            return place.pose
+        seen = self._seen(place.pose)
+        return seen if self._scene == "space" else straightened(seen)
 
     def _seen(self, like: Pose) -> Pose:
         camera = self._client.camera
@@ -135,7 +117,6 @@ class Cameras:
             position=tuple(camera.position.tolist()),
             look_at=tuple(camera.look_at.tolist()),
             up=tuple(camera.up_direction.tolist()),
-            fov=camera.fov,
         )
 
     def _current_window(self) -> Window:
@@ -146,7 +127,8 @@ class Cameras:
     def _enter(self, scene: Scene) -> None:
         if scene == self._scene:
             return
-        self.follow()
+        if self._scene is not None:
+            self._places[self._scene] = _Place(self.pose, self.moved)
         self._scene = scene
         place = self._places.get(scene)
         moved = place is not None and place.moved
@@ -160,8 +142,6 @@ class Cameras:
     def _go(self, pose: Pose, *, moved: bool = False) -> None:
         assert self._scene is not None
         self._places[self._scene] = _Place(pose, moved)
-        self._before = self._seen(pose)
-        self._sent_at = time.monotonic()
         # viser's own setters leave out what equals the last report, which may be older than the last command.
         with self._client.atomic():
             for message in _pose_messages(pose):

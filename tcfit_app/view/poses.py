@@ -113,11 +113,6 @@ def straightened(pose: Pose) -> Pose:
     return replace(pose, position=(x, y, z - pose.distance), up=(0.0, -1.0, 0.0))
 
 
-def is_straight(pose: Pose) -> bool:
-    """Whether the camera looks along z, up to a tenth of a pixel on the poster."""
-    return math.dist(pose.position[:2], pose.look_at[:2]) < 1e-4 * pose.height
-
-
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
     """Looks at bodies in a box (least and greatest coordinates), half from the side."""
     return _space_pose(bounds, window, _BODY_FROM, _BODY_DISTANCE)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from viser import _messages
 
-from tcfit_app.view import cameras
 from tcfit_app.view.cameras import Cameras
 from tcfit_app.view.poses import POSTER_FOV, Pose, Window, overview_pose, poster_pose, space_pose
 
@@ -126,7 +125,7 @@ def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cam
     view.follow()
     assert tab.sent
     tab.obey()
-    view.follow()
+    view.touched()
     tab.move(0.1, 0.0, 500.0)
     view.follow()
     assert view.moved
@@ -135,32 +134,25 @@ def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cam
     assert not tab.sent and view.moved
 
 
-def test_an_old_report_is_not_taken_for_the_user(tab: Tab, view: Cameras):
+def test_what_the_browser_reports_is_not_taken_for_the_user(tab: Tab, view: Cameras):
+    """A busy browser reports where its camera was before the last command."""
+    pose = view.pose
     tab.move(0.2, 0.1, 800.0)
     view.follow()
-    view.reset()
-    view.follow()
-    assert not view.moved
-    tab.obey()
-    view.follow()
-    assert not view.moved
+    assert not view.moved and view.pose == pose and not tab.sent
 
 
-def test_a_browser_that_is_slow_to_obey_is_waited_for(tab: Tab, view: Cameras, monkeypatch: pytest.MonkeyPatch):
+def test_a_reset_takes_the_camera_back(tab: Tab, view: Cameras):
+    pose = view.pose
+    view.touched()
     tab.move(0.2, 0.1, 800.0)
-    view.follow()
+    assert not view.pose.close_to(pose)
     view.reset()
-    later = cameras.time.monotonic() + 5.0
-    monkeypatch.setattr(cameras.time, "monotonic", lambda: later)
-    view.follow()
-    assert not view.moved
-    tab.obey()
-    tab.move(0.01, 0.0, 0.0)
-    view.follow()
-    assert view.moved
+    assert not view.moved and view.pose == pose and tab.sent
 
 
 def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
+    view.touched()
     tab.move(0.2, 0.1, 800.0)
     was = tab.camera.position
     for go in (lambda: view.show_space(BOUNDS), lambda: view.show_posters(TWO), lambda: view.show_posters(ONE)):
@@ -168,16 +160,16 @@ def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
         tab.obey()
         view.follow()
     np.testing.assert_allclose(tab.camera.position, was)
-    tab.move(0.0, 0.0, -300.0)
     view.show_posters(ONE)  # the next frame
     assert not tab.sent
 
 
-def test_a_turned_camera_is_put_straight(tab: Tab, view: Cameras):
+def test_a_turned_camera_comes_back_straight(tab: Tab, view: Cameras):
     looked_at = tab.camera.look_at
+    view.touched()
     tab.camera.position = np.add(tab.camera.position, (300.0, 0.0, 20.0))
-    view._sent_at = -math.inf
-    view.follow()
+    view.show_space(BOUNDS)
+    view.show_posters(ONE)
     tab.obey()
     np.testing.assert_allclose(tab.camera.look_at, looked_at)
     np.testing.assert_allclose(tab.camera.position[:2], looked_at[:2])

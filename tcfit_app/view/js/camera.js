@@ -6,5 +6,5 @@ function cameraGesture(event) {
   if (event.type === "wheel" || turning) emitSoon({ type: "gesture" });
 }
 
-window.addEventListener("wheel", cameraGesture, listening);
+window.addEventListener("wheel", cameraGesture, { ...capturing, passive: true });
 window.addEventListener("pointerdown", cameraGesture, capturing);
