@@ -28,7 +28,7 @@ _OFF_MM = {"body": 40.0, "hands": 20.0, "face": 20.0}
 _DETECTION_JUMP_MM = 60.0
 """Distance of a detection from the middle of the ones before and after it, likewise."""
 _JUMP = 40.0
-"""m/s^2: what hands reach that sign quickly (64 mm/frame^2 at 25 frames per second)."""
+"""m/s^2: what a joint must reach to be worth a look, four times the acceleration of free fall."""
 _LEAST_JUMP_MM = 12.0
 """mm/frame^2: no less is a jump at high frame rates, where the joints' noise is as large as their acceleration."""
 _HANDS = JOINT["left_index1"]
