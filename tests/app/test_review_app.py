@@ -1,6 +1,5 @@
 """The review app as its users have it: a real browser, the demo project with few frames, a fit that runs."""
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -211,12 +210,13 @@ def chips(review: Reviewing) -> list[str]:
 
 
 def body_in_page(review: Reviewing, poster: int) -> list[float]:
-    """The first coordinates of a poster's body, as viser's scene in the page has them; empty if it is hidden."""
+    """The first bytes of a poster's body, as viser's scene in the page has them; empty if there is none."""
     return review.tab.evaluate(
         """(poster) => {
-          const nodes = window.__viserSceneTree.getState();
-          const name = Object.keys(nodes).find((n) => n.startsWith(`/posters/${poster}/`) && nodes[n].message.props.vertices);
-          return name ? [...new Float32Array(nodes[name].message.props.vertices.buffer.slice(0, 24))] : [];
+          const nodes = Object.entries(window.__viserSceneTree.getState());
+          const mine = nodes.filter(([name]) => name.startsWith(`/posters/${poster}/`)).map(([, n]) => n.message.props);
+          const body = mine.find((props) => props.vertices);
+          return body ? [...body.vertices.slice(0, 240)] : [];
         }""",
         poster,
     )
