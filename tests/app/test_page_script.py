@@ -1,4 +1,4 @@
-"""The app's script in viser's page, in a real browser: pointer, keyboard, timeline, and the way to the server and back."""
+"""The app's script in viser's page, in a real browser: pointer, keyboard, timeline, and the way to the server."""
 
 import logging
 import math
