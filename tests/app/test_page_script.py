@@ -576,3 +576,13 @@ def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(
     other = open_tab(server, browser)
     assert other.await_event(Hello).tab != again.tab
     other.page.close()
+
+
+def test_a_newer_script_takes_the_place_of_an_older_one(tab: Tab) -> None:
+    """The last test: from here on the page's events are counted anew, which the server takes for repeated ones."""
+    newer = script().replace('const VERSION = "', 'const VERSION = "newer ')
+    newer = newer.replace('version !== "', 'version !== "newer ')
+    tab.page.evaluate(newer)
+    assert tab.page.evaluate("() => tcfit.version").startswith("newer ")
+    assert tab.page.locator(".tcfit").count() == tab.page.locator(".tcfit-strip").count() == 1
+    assert tab.page.evaluate("() => __viserMutable.canvas.parentElement.getBoundingClientRect().height") == 640

@@ -1,7 +1,7 @@
 // The left button on a poster: it selects and drags keypoints, and never moves viser's camera.
 
 const DRAG_THRESHOLD = 3; // CSS pixels
-const PATIENCE = 500; // ms that keypoints stay where they were left, for the server to show them there
+const PATIENCE = 2000; // ms that keypoints stay where they were left, for the server to show them there
 
 function press(event) {
   if (gesture || event.button !== 0 || !overPoster(event) || !skeletonReady()) return;
