@@ -8,6 +8,7 @@ from jaxtyping import Float32
 
 from fitting_core.errors import InputError
 from tcfit_app.background import Background, Value
+from tcfit_app.between_runs import between_runs
 from tcfit_app.curves import Curve, curve
 from tcfit_app.fits import Shown
 from tcfit_app.meshes import Meshes
@@ -89,6 +90,14 @@ class Desk:
     def curve(self, name: str, shown: Shown) -> Curve | None:
         """A curve of the timeline; None while it is made."""
         return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
+
+    def between(self, a: Shown, b: Shown) -> Curve | None:
+        """How far two runs lie apart along the clip; None while it is made."""
+        try:
+            one, other = self.posed(a), self.posed(b)
+        except InputError:
+            return None
+        return self.background.get(("between", self.key(a), self.key(b)), lambda: between_runs(one, other))
 
     def ground(self, shown: Shown) -> float | None:
         """Height of the floor under a run's person (y in camera space, metres); None while it is made."""

@@ -59,6 +59,8 @@ class Page:
         self._tab: str | None = None
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
+        self._presses: dict[str, Callable[[str], None]] = {}
+        self.on_press("action", lambda name: ACTIONS[name].run(self))
         self.channel = Channel(client, lambda event: do(self._guarded(lambda: self.receive(event))))
         self.channel.send("skeleton", Skeleton())
         self.channel.send("keys", Keys(bindings=bindings()))
@@ -89,6 +91,12 @@ class Page:
     def do(self, command: Callable[[], None]) -> None:
         """Run something on the drawing thread; for callbacks of panels. What goes wrong is told in the tab."""
         self._do(self._guarded(command))
+
+    def on_press(self, command: str, run: Callable[[str], None]) -> None:
+        """What a button in a panel's HTML does (`panels/html.py`), given its value. The command "action" is taken: it
+        runs one of ACTIONS."""
+        assert command not in self._presses, f"{command} is taken"
+        self._presses[command] = run
 
     def _guarded(self, command: Callable[[], None]) -> Callable[[], None]:
         def run() -> None:
@@ -128,7 +136,7 @@ class Page:
 
     def saved(self, edit: Edit) -> None:
         """An edit is on the disk."""
-        self.say(f"Saved: {describe(edit)}")
+        self.say(f"Saved: {describe(edit, self.first_frame)}")
 
     def refuse_read_only(self) -> None:
         """Raises InputError where nothing can be changed."""
@@ -174,6 +182,11 @@ class Page:
         if self.state.playing:
             self.set(playing=False)
             self.desk.video.leave(self)
+
+    @property
+    def first_frame(self) -> int:
+        """The number that users see for frame 0."""
+        return self.session.project.clip.first_frame
 
     @property
     def played(self) -> range:
@@ -248,6 +261,9 @@ class Page:
     def _drag(self, event: page_events.Drag) -> None:
         self.correcting.take(event)
 
+    def _press(self, event: page_events.Press) -> None:
+        self._presses[event.command](event.value)
+
     def _drawn(self, event: page_events.Drawn) -> None:
         self.playback.drawn(event.frame)
 
@@ -292,5 +308,6 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Range: Page._range,
     page_events.Select: Page._select,
     page_events.Drag: Page._drag,
+    page_events.Press: Page._press,
     page_events.Drawn: Page._drawn,
 }

@@ -32,6 +32,7 @@ SCRIPTS = (
     "timeline_pointer",
     "keys",
     "notice",
+    "panels",
     "start",
 )
 """In the order in which they run, all in one scope."""

@@ -1,4 +1,4 @@
-"""What the page tells the server: the user's gestures on the picture, the timeline and the keyboard.
+"""What the page tells the server: gestures on the picture and the timeline, keys, buttons in panels.
 
 Frames are indices into the clip, from 0. Image pixels: x right, y down.
 """
@@ -86,13 +86,20 @@ class Drag(_Event, frozen=True, tag="drag"):
     """The one whose keypoints are on the screen."""
 
 
+class Press(_Event, frozen=True, tag="press"):
+    """A button in the HTML of a panel was pressed."""
+
+    command: Text
+    value: Text
+
+
 class Drawn(_Event, frozen=True, tag="drawn"):
     """What was sent for this frame has been drawn: the sign that the next can be sent. A hidden tab sends none."""
 
     frame: Frame
 
 
-PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Drawn
+PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Drawn
 
 
 class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
