@@ -42,6 +42,8 @@ class Reviewing:
         self._page.pause()
         self._page.seek(suspect.frame)
         self._page.set(selection=suspect.joints)
+        if self._page.state.frames is not None and suspect.frame not in self._page.state.frames:
+            self._page.set(frames=None)  # else "looks fine" would be about other frames than those on show
         self._page.say(suspect.reason)
 
     @property

@@ -1,7 +1,7 @@
 """An input of viser's that shows part of a page's state."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import viser
 
@@ -49,7 +49,7 @@ class Field(Generic[Value]):
 class Dropdown(Field[str]):
     """A Field whose options come and go."""
 
-    def __init__(self, page: "Page", handle: viser.GuiDropdownHandle[str], take: Callable[[str], None]) -> None:
+    def __init__(self, page: "Page", handle: viser.GuiDropdownHandle[Any], take: Callable[[str], None]) -> None:
         super().__init__(page, handle, take)
         self._dropdown = handle
 

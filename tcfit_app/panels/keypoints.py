@@ -94,30 +94,37 @@ class KeypointsPanel:
         """Bring it to the page's state."""
         page, state, session = self._page, self._page.state, self._page.session
         self._name.show(_FULL_NAMES[state.selection[0]] if len(state.selection) == 1 else _NOTHING)
-        if page.changes.of("selected", state.selection, state.frame, session.edits):
+        if page.changes.of("selected", state.selection, state.frame if state.selection else 0, session.edits):
             self._selected.show(*selection_table(selected_keypoints(page), state.frame + page.first_frame))
-        if page.changes.of("keypoint buttons", state.selection, state.frame, state.frames, session.edits):
-            self._draw_buttons()
-        if page.changes.of("groups", state.frame, state.frames):
-            self._groups.show(heading("Whole groups", self._where()), self._group_table())
+        where, bad = self._where(), self._bad()
+        if page.changes.of("keypoint buttons", where, bad, not state.selection):
+            self._draw_buttons(where, bad)
+        if page.changes.of("groups", where):
+            self._groups.show(heading("Whole groups", where), self._group_table())
         if page.changes.of("history", session.edits, session.follow_edits, page.author):
             self._draw_history()
 
     def _where(self) -> str:
         page = self._page
+        if page.state.playing and page.state.frames is None:  # else it would change with each frame
+            return "apply to the frame on show"
         numbers = [page.first_frame + frame for frame in page.correcting.frames]
         return f"apply to frame{'s' if len(numbers) > 1 else ''} {spans(numbers).replace('-', '–')}"
 
-    def _draw_buttons(self) -> None:
+    def _bad(self) -> bool:
+        """Whether all that is selected is bad."""
+        page, chosen = self._page, self._page.state.selection
+        if not chosen or page.state.playing:
+            return False
+        return bool(page.session.project.corrected.at(page.correcting.frames, chosen).bad.all())
+
+    def _draw_buttons(self, where: str, bad: bool) -> None:
         page, state = self._page, self._page.state
-        corrected, frames = page.session.project.corrected, page.correcting.frames
-        none = not state.selection or page.session.project.read_only
-        bad = bool(state.selection) and bool(corrected.at(frames, state.selection).bad.all())
-        edit = partial(action, disabled=none)
         off = page.session.project.read_only
-        here = f"frame {state.frame + page.first_frame} only" if state.frames is not None else ""
+        none = off or not state.selection
+        edit = partial(action, disabled=none)
         self._buttons.show(
-            heading("Correct", self._where()),
+            heading("Correct", where),
             row(edit("bad", "Restore" if bad else "Mark bad"), edit("reset", "Reset")),
             row(edit("copy", "Copy previous"), edit("interpolate", "Interpolate")),
             row(
@@ -128,7 +135,7 @@ class KeypointsPanel:
         )
         self._exactly.show(
             row(
-                button("Move", "keypoints.move", disabled=none, hint=f"By these pixels, {here or 'in this frame'}"),
+                button("Move", "keypoints.move", disabled=none, hint="In the frame on show"),
                 button("Set confidence", "keypoints.confidence", disabled=none),
             ),
         )

@@ -1,5 +1,6 @@
 """The panel that leads through suspicious frames, and finds a video that was moved."""
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -8,6 +9,7 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.frame_names import spans
+from tcfit_app.fits import Shown
 from tcfit_app.panels.html import Board, Html, action, button, heading, line, paragraph, row, table
 from tcfit_app.session import Notice
 from tcfit_app.suspicion import Suspect
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 _MOST = 40
 """Entries that are listed; one that is checked makes room for the next."""
+_PATIENCE = 0.2
+"""Seconds between two questions whether the queue is there."""
 _FLAGS = 24
 """Runs of flagged frames that are listed."""
 
@@ -33,6 +37,11 @@ class ReviewPanel:
         """The last that were found; None until then."""
         self._looking = False
         """Newer ones are being looked for."""
+        self._next = 0.0
+        """When to ask for them again."""
+        self._problem = ""
+        self._flagged: list[int] = []
+        self._checked = 0
         self._media = Board(page)
         self._path = page.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
         self._relink = Board(page)
@@ -65,27 +74,43 @@ class ReviewPanel:
         if media.problem:
             page.notify(Notice(title="Linked, but look at it", text=media.problem))
         else:
-            page.notify(Notice(title="The video is found", text=str(media.path), kind="done"))
+            page.notify(Notice(title="The video is found", text=str(media.path and media.path.resolve()), kind="done"))
 
     # --- drawing ---
 
     def draw(self) -> None:
         """Bring it to the page's state."""
-        page, state, session = self._page, self._page.state, self._page.session
+        page, session = self._page, self._page.session
         self._draw_media()
         shown = page.corrected_fit()
-        key = None if shown is None else page.desk.key(shown)
-        if page.changes.of("suspects of", key, session.marked) or self._looking:
-            found = None if shown is None else page.reviewing.suspects
-            self._looking = shown is not None and found is None
-            self._suspects = found if found is not None or shown is None else self._suspects
-        if page.changes.of(
-            "counts", id(self._suspects), session.marked, state.frames, page.reviewing.dismissed, state.frame
-        ):
-            self._draw_head()
-        here = self._here()
-        if page.changes.of("queue", id(self._suspects), self._looking, key is None, here):
+        self._look(shown)
+        if page.changes.of("marks of the queue", session.marked):
+            marks = session.project.marks.all()
+            self._flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
+            self._checked = sum(mark.state == "checked" for mark in marks.values())
+        here, where = self._here(), self._applies()
+        flagged = set(page.correcting.frames) <= set(self._flagged)
+        if page.changes.of("review head", id(self._suspects), session.marked, where, flagged):
+            self._draw_head(where, flagged)
+        if page.changes.of("queue", id(self._suspects), self._looking, self._problem, shown is None, here):
             self._queue.show(*self._entries(here, fitted=shown is not None))
+
+    def _look(self, shown: Shown | None) -> None:
+        """Take up the queue if it is another one; the last one stays meanwhile."""
+        page = self._page
+        key = None if shown is None else page.desk.key(shown)
+        changed = page.changes.of("suspects of", key, page.session.marked)
+        if not changed and not (self._looking and time.monotonic() > self._next):
+            return
+        self._next = time.monotonic() + _PATIENCE
+        if shown is None:
+            self._suspects, self._looking, self._problem = None, False, ""
+            return
+        found = page.reviewing.suspects
+        self._problem = page.desk.suspects_problem(shown) if found is None else ""
+        self._looking = found is None and not self._problem
+        if not self._looking:
+            self._suspects = found
 
     def _here(self) -> int | None:
         """The place of the entry on show in the queue."""
@@ -94,15 +119,10 @@ class ReviewPanel:
         exact = [i for i in places if (self._suspects or ())[i].frame == frame]
         return next(iter(exact + places), None)
 
-    def _draw_head(self) -> None:
-        page = self._page
-        marks = page.session.project.marks.all()
-        by_state = {name: [f for f, mark in marks.items() if mark.state == name] for name in ("flag", "checked")}
+    def _draw_head(self, where: str, flagged: bool) -> None:
         count = "–" if self._suspects is None else len(self._suspects)
-        counts = f"{count} suspicious, {len(by_state['flag'])} flagged, {len(by_state['checked'])} checked"
-        off = page.session.project.read_only
-        chosen = page.correcting.frames
-        flagged = all(frame in by_state["flag"] for frame in chosen)
+        counts = f"{count} suspicious, {len(self._flagged)} flagged, {self._checked} checked"
+        off = self._page.session.project.read_only
         self._head.show(
             heading("Suspicious frames", counts, first=True),
             row(
@@ -113,11 +133,17 @@ class ReviewPanel:
                 action("fine", "Looks fine", disabled=off),
                 action("flag", "Take flag away" if flagged else "Flag", disabled=off),
             ),
-            paragraph(
-                f"Looks fine is for {self._where(page.reviewing.dismissed)}, Flag for {self._where(chosen)}.", "dim"
-            ),
-            *self._flags(by_state["flag"]),
+            paragraph(where, "dim"),
+            *self._flags(self._flagged),
         )
+
+    def _applies(self) -> str:
+        """What "Looks fine" and "Flag" are about."""
+        page = self._page
+        if page.state.playing and page.state.frames is None:  # else it would change with each frame
+            return "Both are for the frame on show."
+        fine, flag = self._where(page.reviewing.dismissed), self._where(page.correcting.frames)
+        return f"Both are for {fine}." if fine == flag else f"Looks fine is for {fine}, Flag for {flag}."
 
     def _where(self, frames: Sequence[int]) -> str:
         numbers = spans([self._page.first_frame + frame for frame in frames]).replace("-", "–")
@@ -138,6 +164,8 @@ class ReviewPanel:
     def _entries(self, here: int | None, *, fitted: bool) -> list[Html]:
         if not fitted:
             return [paragraph("There is no fit yet. Suspicious frames are found in one.", "dim")]
+        if self._problem:
+            return [paragraph(f"Suspicious frames cannot be looked for: {self._problem}", "warn")]
         if self._suspects is None:
             return [paragraph("Looking for suspicious frames …", "dim")]
         if not self._suspects:
@@ -157,7 +185,7 @@ class ReviewPanel:
             )
             for i, suspect in enumerate(self._suspects[:_MOST])
         ]
-        parts = [table(rows, ("", "frame", "what, where it is worst"))]
+        parts = [heading("Queue", "the worst first"), table(rows, ("", "frame", "what, where it is worst"))]
         if (more := len(self._suspects) - _MOST) > 0:
             parts.append(paragraph(f"and {more} more, less suspicious", "dim"))
         if self._looking:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
+from fitting_core.errors import InputError
 from tcfit_app.fits import TITLES, FitChoice
 from tcfit_app.panels.field import Dropdown
 from tcfit_app.panels.html import Board, Html, action, button, choice, dot, heading, joined, row, text
@@ -57,7 +58,9 @@ class RunsShown:
         """Bring it to the page's state."""
         page, state = self._page, self._page.state
         fits = page.session.fits
-        if not page.changes.of("runs shown", state.a, state.b, state.blinked, fits.changes):
+        runs = fits.showable()
+        there = {side: self._phases_of(self._run(side, runs)) for side in _SIDES}
+        if not page.changes.of("runs shown", state.a, state.b, state.blinked, fits.changes, *there.values()):
             return
         self._head.show(
             heading("Fits on show", _LEGEND),
@@ -66,24 +69,31 @@ class RunsShown:
                 button("Swap A and B", "runs.swap", hint="What was A becomes B: corrections are then made to it"),
             ),
         )
-        runs = fits.showable()
         names = run_names(runs)
         self._numbers = {NEWEST: None, **{name: run.id for run, name in zip(runs, names, strict=True)}}
         for side in _SIDES:
-            self._draw_side(side, runs)
+            self._draw_side(side, runs, there[side])
 
-    def _draw_side(self, side: str, runs: list[Run]) -> None:
+    def _run(self, side: str, runs: list[Run]) -> Run | None:
+        number = self._choice(side).run
+        return next((run for run in reversed(runs) if number in (None, run.id)), None)
+
+    def _phases_of(self, run: Run | None) -> tuple[int, ...]:
+        try:
+            return () if run is None else self._page.session.fits.phases(run)
+        except InputError:  # the status line says what is wrong with its file
+            return ()
+
+    def _draw_side(self, side: str, runs: list[Run], there: tuple[int, ...]) -> None:
         now = self._choice(side)
         names = {number: name for name, number in self._numbers.items()}
         options = [NEWEST, *(names[run.id] for run in reversed(runs))]
         if now.run not in names:
             options.append(_GONE)
         self._runs[side].offer(options, names.get(now.run, _GONE))
-        self._phases[side].show(row(choice(*self._phase_buttons(side, now, runs))))
+        self._phases[side].show(row(choice(*self._phase_buttons(side, now, there))))
 
-    def _phase_buttons(self, side: str, now: FitChoice, runs: list[Run]) -> list[Html]:
-        shown = next((run for run in reversed(runs) if now.run in (None, run.id)), None)
-        there = self._page.session.fits.phases(shown) if shown is not None else ()
+    def _phase_buttons(self, side: str, now: FitChoice, there: tuple[int, ...]) -> list[Html]:
         return [
             button(
                 name,

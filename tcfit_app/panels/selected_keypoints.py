@@ -10,7 +10,7 @@ from tcfit_app.panels.html import Html, heading, joined, line, paragraph, table,
 if TYPE_CHECKING:
     from tcfit_app.page import Page
 
-_MOST = 6
+_MOST = 5
 """Keypoints that are listed one by one."""
 _STATES = {"bad": "bad", "corrected": "corrected", "detected": "detected", "missing": "not detected"}
 """In words; the names are those of the style sheet."""
@@ -69,7 +69,7 @@ def selection_table(chosen: list[Selected], frame: int) -> list[Html]:
     title = f"{len(chosen) or 'No'} keypoint{'s' if len(chosen) != 1 else ''} selected"
     if not chosen:
         return [
-            heading(title, f"frame {frame}", first=True),
+            heading(title, first=True),
             paragraph("Click one in the picture, or draw a rectangle with Shift held.", "dim"),
         ]
     head = ("keypoint", "state", "conf.", "x, y in pixels")

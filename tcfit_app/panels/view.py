@@ -43,7 +43,7 @@ class ViewPanel:
         self._opacity = Field(page, opacity, lambda value: page.set(opacity=value))
         self._keypoints = Board(page)
         minimum = gui.add_slider(
-            "Confidence ≥", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of less confidence are left out, unless selected"
+            "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of less confidence are left out, unless selected"
         )
         self._minimum = Field(page, minimum, lambda value: page.set(minimum=value))
         curve = gui.add_dropdown("Timeline", tuple(_CURVES))
@@ -99,11 +99,13 @@ class ViewPanel:
         self._top.show(
             row(choice(*modes)),
             row(
-                action("previous10", "−10"),
-                action("previous", "−1"),
-                action("play", "Pause" if state.playing else "Play", kind="main"),
-                action("next", "+1"),
-                action("next10", "+10"),
+                choice(
+                    action("previous10", "−10"),
+                    action("previous", "−1"),
+                    action("play", "Pause" if state.playing else "Play", kind="main"),
+                    action("next", "+1"),
+                    action("next10", "+10"),
+                )
             ),
         )
         speeds = (button(f"{speed:g}×", "view.speed", f"{speed:g}", pressed=state.speed == speed) for speed in SPEEDS)

@@ -21,6 +21,7 @@ const PANEL_SHEET = `
 .tcfit-panel button:focus-visible { outline: 2px solid ${COLOURS.accent}; outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }
 .tcfit-panel button[aria-pressed=true] { background: #1f5482; border-color: #3b8ad0; color: #fff; }
+.tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: #27649a; border-color: #5aa3e0; }
 .tcfit-panel button.tcfit-main { background: #1c6fb5; border-color: #3b8ad0; color: #fff; font-weight: 600; }
 .tcfit-panel button.tcfit-main:hover:not(:disabled) { background: #2680ca; }
 .tcfit-panel button.tcfit-left { justify-content: space-between; }
@@ -30,6 +31,7 @@ const PANEL_SHEET = `
 .tcfit-panel i { display: inline-block; width: 8px; height: 8px; margin-right: 5px; border-radius: 50%; }
 .tcfit-joined { display: flex; flex: 1 1 auto; min-width: 0; }
 .tcfit-joined button { border-radius: 0; margin-left: -1px; padding: 0 5px; }
+.tcfit-joined kbd { margin-left: 4px; }
 .tcfit-joined button:first-child { border-radius: 4px 0 0 4px; margin-left: 0; }
 .tcfit-joined button:last-child { border-radius: 0 4px 4px 0; }
 .tcfit-joined button[aria-pressed=true] { position: relative; z-index: 1; }
