@@ -13,26 +13,33 @@ from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
 from fitting_core import keypoints as kp
-from fitting_core.reliability import SEEN, unswapped
+from fitting_core.body.model import JOINT, JOINTS
+from fitting_core.reliability import PAIRED, SEEN, unswapped
 from tcfit_app.body_regions import KEYPOINT_OF_JOINT, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.posed_fit import GROUPS, PosedFit
 
 _SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
+_MOST = 3.0
+"""Times the least distance: so far a clip's own median and spread can excuse a value. The neck's offset from the body's
+is 90 mm in each frame, and nothing to look at; half of a clip that is far off is."""
 _OFF_MM = {"body": 40.0, "hands": 20.0, "face": 20.0}
 """Reprojection errors below are nothing to look at, whatever the median; at the body's distance."""
 _DETECTION_JUMP_MM = 60.0
-_JUMP = 25.0
-"""m/s^2: what signing hands reach (40 mm/frame^2 at 25 frames per second)."""
+_JUMP = 40.0
+"""m/s^2: what hands reach that sign quickly (64 mm/frame^2 at 25 frames per second)."""
 _LEAST_JUMP_MM = 12.0
 """mm/frame^2: the noise of a joint at high frame rates."""
+_HANDS = JOINT["left_index1"]
+_MANY = JOINT["right_wrist"] // 2
+"""More joints than these, of all but the fingers, are the whole body."""
 _USUAL, _LOW = 0.4, 0.4
 """A region's confidence is low below this share of what it has around that frame, if it has at least so much there."""
 _AROUND = 25
 """Frames."""
 _SWAP_MM = 150.0
 _SWAP_SCORE = 3.0
-_COST_RATIO = 1.0
+_COST_RATIO = 1.5
 """Part of the usual cost by which a frame must exceed it."""
 
 
@@ -60,7 +67,8 @@ def scores(values: Float[np.ndarray, "T K"], least: Float[np.ndarray, "T K"] | f
     filled = np.where(known.any(0), values, 0)  # Columns without any value have no median.
     middle = np.nanmedian(filled, 0)
     sigma = _MAD_TO_SIGMA * np.nanmedian(abs(filled - middle), 0)
-    return np.where(known, (filled - middle) / np.maximum(_SIGMAS * sigma, least), 0)
+    threshold = np.clip(_SIGMAS * sigma, least, _MOST * least)
+    return np.where(known, (filled - np.minimum(middle, _MOST * least)) / threshold, 0)
 
 
 def _pixels_per_mm(fit: PosedFit) -> Float[np.ndarray, "T 1"]:
@@ -111,8 +119,16 @@ def _jumps(fit: PosedFit) -> Iterator[Finding]:
     for frame, bones in _above(found):
         worst = bones[0]
         concerned = dict.fromkeys(joint for bone in bones if (joint := KEYPOINT_OF_JOINT[bone]) is not None)
-        reason = f"{spoken_bone(worst)} jumps {fit.jumps[frame, worst]:.0f} mm/frame²"
+        reason = f"{_jumping(bones)} {fit.jumps[frame, worst]:.0f} mm/frame²"
         yield Finding(frame=frame, score=float(found[frame, worst]), reason=reason, joints=tuple(concerned))
+
+
+def _jumping(bones: list[int]) -> str:
+    """What jumps: a joint; a hand, whose fingers hang on one wrist; or all of the body at once."""
+    worst = bones[0]
+    if sum(bone < _HANDS for bone in bones) > _MANY:
+        return "whole body jumps up to"
+    return f"{JOINTS[worst].partition('_')[0]} hand jumps up to" if worst >= _HANDS else f"{spoken_bone(worst)} jumps"
 
 
 def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
@@ -130,20 +146,13 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
             yield Finding(frame=frame, score=float(score), reason=reason, joints=tuple(tracked))
 
 
-_PAIRS = {
-    "arms": ("elbow", "wrist"),
-    "legs": ("knee", "ankle"),
-}
-"""Limbs that detectors take for one another, and the keypoints that tell."""
-
-
 def _swaps(fit: PosedFit) -> Iterator[Finding]:
     by_detector = unswapped(fit.clip.keypoints)[1]
-    for name, parts in _PAIRS.items():
-        sides = [[kp.INDEX[f"{side}_{part}"] for part in parts] for side in ("left", "right")]
-        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *_crossed(fit, *sides)}
+    for name, (left, right, others) in PAIRED.items():
+        by_fit = _crossed(fit, left[:2], right[:2])
+        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *by_fit}
+        joints = (*left, *right, *others[0], *others[1])
         for frame in sorted(frames):
-            joints = (*sides[0], *sides[1])
             yield Finding(frame=frame, score=_SWAP_SCORE, reason=f"{name} may be swapped", joints=joints)
 
 
@@ -177,7 +186,7 @@ def _costs(fit: PosedFit) -> Iterator[Finding]:
         yield Finding(
             frame=frame,
             score=float(found[frame]),
-            reason=f"pose is unlikely: cost {ratio:.1f} times the usual",
+            reason=f"unlikely pose: costs {ratio:.1f} times the usual",
             joints=(),
         )
 

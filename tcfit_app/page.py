@@ -264,13 +264,23 @@ class Page:
     def _press(self, event: page_events.Press) -> None:
         self._presses[event.command](event.value)
 
+    def _gesture(self, event: page_events.Gesture) -> None:
+        self.picture.touched()
+
     def _drawn(self, event: page_events.Drawn) -> None:
         self.playback.drawn(event.frame)
 
     # --- drawing ---
 
+    @property
+    def ready(self) -> bool:
+        """Whether the page's script has said hello."""
+        return self._tab is not None
+
     def draw(self, now: float) -> None:
-        """Send what has changed since the last time."""
+        """Send what has changed since the last time, once the page is ready for it."""
+        if not self.ready:
+            return
         if self.state.playing and not self._advance(now):
             return
         drawn = self.picture.draw()
@@ -309,5 +319,6 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Select: Page._select,
     page_events.Drag: Page._drag,
     page_events.Press: Page._press,
+    page_events.Gesture: Page._gesture,
     page_events.Drawn: Page._drawn,
 }

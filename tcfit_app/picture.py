@@ -46,6 +46,10 @@ class Picture:
         """The canvas has another size, in CSS pixels."""
         self._size = (width, height)
 
+    def touched(self) -> None:
+        """The user moves the camera: it is the user's until it is reset."""
+        self._view.cameras.touched()
+
     def reset_camera(self) -> None:
         """Show the whole picture again."""
         self._view.reset_view()

@@ -72,7 +72,7 @@ class PosedFit:
     ) -> "PosedFit":
         """Any parameters over a whole clip, such as those of a window that has just been fitted."""
         assert len(clip) == len(params)
-        tracked = (clip.keypoints.confidence > 0).any(0)
+        tracked = np.asarray((clip.keypoints.confidence > 0).any(0))
         return PosedFit(clip=clip, params=params, meshes=meshes, space=space, tracked=tracked, frame_cost=frame_cost)
 
     def __len__(self) -> int:

@@ -115,7 +115,7 @@ class VideoFrames:
             shown: In which size.
             reader: Who plays; the frames take the place of what it asked for before.
         """
-        coming = deque((frame, shown) for frame in _forward(list(frames)) if 0 <= frame < self.count)
+        coming: deque[Wanted] = deque((frame, shown) for frame in _forward(list(frames)) if 0 <= frame < self.count)
         with self._changed:
             self._coming[reader] = coming
             self._changed.notify_all()

@@ -30,6 +30,7 @@ SCRIPTS = (
     "timeline_data",
     "timeline",
     "timeline_pointer",
+    "camera",
     "keys",
     "notice",
     "panels",
@@ -91,7 +92,7 @@ class Channel:
 @cache
 def script() -> str:
     """The whole script; it does nothing in a page that has it already."""
-    parts = [files(__package__).joinpath("js", f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
+    parts = [files("tcfit_app.view").joinpath("js", f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
     body = "\n".join(parts)
     version = hashlib.sha256(body.encode()).hexdigest()[:16]
     return (

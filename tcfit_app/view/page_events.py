@@ -93,13 +93,17 @@ class Press(_Event, frozen=True, tag="press"):
     value: Text
 
 
+class Gesture(_Event, frozen=True, tag="gesture"):
+    """The user begins to move viser's camera, or goes on."""
+
+
 class Drawn(_Event, frozen=True, tag="drawn"):
     """What was sent for this frame has been drawn: the sign that the next can be sent. A hidden tab sends none."""
 
     frame: Frame
 
 
-PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Drawn
+PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn
 
 
 class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -15,7 +15,7 @@ function confidenceColour(confidence) {
 }
 
 /** Points keep their size on the screen, but for a little growth when zoomed in. */
-const zoomFactor = (scale) => Math.min(Math.max(0.65 + 0.35 * scale, 0.7), 1.9);
+const zoomFactor = (scale) => Math.min(Math.max(0.45 + 0.5 * scale, 0.6), 1.9);
 
 function jointRadius(joint, scale) {
   return states.skeleton.groups[groupOf[joint]].radius * states.style.size * zoomFactor(scale);
@@ -32,7 +32,11 @@ function drawOverlay() {
   lastMaps = posterMaps();
   drawPosterLabels(context);
   tooltip.hidden = true;
-  if (!skeletonReady()) return;
+  if (skeletonReady()) drawSkeleton(context);
+  showPointerShape();
+}
+
+function drawSkeleton(context) {
   hovered = gesture ? hovered : pick(pointerPlace, HOVER_REACH);
   const joints = shownJoints();
   for (const map of lastMaps) {
@@ -42,7 +46,6 @@ function drawOverlay() {
   }
   drawHovered(context);
   drawMarquee(context);
-  showPointerShape();
 }
 
 /** The posters' maps as they were drawn last: what the pointer meets. */
@@ -93,8 +96,8 @@ function drawJoint(context, map, joint) {
   const radius = jointRadius(joint, map.scale);
   if (badJoints.has(joint)) drawBad(context, x, y, radius);
   else drawDisc(context, x, y, radius, joint);
-  if (editedJoints.has(joint)) ring(context, x, y, radius + 2.2, COLOURS.edited, 1.6);
-  if (selected.has(joint)) ring(context, x, y, radius + 4.5, COLOURS.selected, 2.2);
+  if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLOURS.edited, 1.6);
+  if (selected.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLOURS.selected, Math.min(1 + radius / 5, 2.2));
 }
 
 /** A dark rim in a light one is seen on any picture. */
@@ -102,8 +105,8 @@ function drawDisc(context, x, y, radius, joint) {
   const disc = circle(x, y, radius);
   const missing = states.keypoints.confidence[joint] === 0;
   const { colour, alpha } = jointPaint(joint);
-  stroke(context, disc, "rgba(255, 255, 255, 0.75)", radius > 4 ? 2.6 : 1.8);
-  stroke(context, disc, "rgba(8, 10, 14, 0.9)", radius > 4 ? 1.3 : 0.9);
+  stroke(context, disc, "rgba(255, 255, 255, 0.75)", Math.min(0.9 + 0.4 * radius, 2.6));
+  stroke(context, disc, "rgba(8, 10, 14, 0.9)", Math.min(0.5 + 0.2 * radius, 1.3));
   if (missing) return;
   context.globalAlpha = alpha;
   context.fillStyle = colour;

@@ -15,6 +15,13 @@ const COLOURS = {
   checked: "#55c26a",
 };
 const FIT_COLOURS = { queued: "#39414d", fitting: "#f0c44a", phase1: "#35618a", phase2: "#2f86c9", done: "#46b37b" };
+const FIT_NAMES = {
+  queued: "waiting",
+  fitting: "in work",
+  phase1: "phase 1 done",
+  phase2: "phase 2 done",
+  done: "finished",
+};
 const KIND_COLOURS = {
   info: COLOURS.accent,
   loading: COLOURS.accent,

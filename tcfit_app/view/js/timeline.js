@@ -3,14 +3,14 @@
 const RULER = 19;
 const CURVES = { top: 22, bottom: 78 };
 const MARK_ROWS = [
-  { name: "edited", y: 82 },
-  { name: "bad", y: 92 },
-  { name: "flagged", y: 102 },
-  { name: "checked", y: 112 },
+  { name: "edited", y: 84 },
+  { name: "bad", y: 94 },
+  { name: "flagged", y: 104 },
+  { name: "checked", y: 114 },
 ];
 const ROW = 7; // height of a mark
-const FIT_ROW = 123;
-const FULL_HEIGHT = 134;
+const FIT_ROW = 125;
+const FULL_HEIGHT = 136;
 
 let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
 let pointedCursor = null; // the frame that is being pointed at: { frame, until }
@@ -125,7 +125,7 @@ const valueY = ({ low, high }) => (value) =>
   CURVES.bottom - ((value - low) / (high - low)) * (CURVES.bottom - CURVES.top);
 
 function drawValueLabels(context, scale, y) {
-  const step = niceStep(scale.high - scale.low, 3);
+  const step = niceStep(scale.high - scale.low, 4);
   for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
     if (y(value) < CURVES.top + 3) break;
     fillBox(context, "#222730", GUTTER, Math.round(y(value)), plotWidth(), 1);
@@ -138,15 +138,16 @@ function drawCurveLegend(context, curves) {
   const entries = curves.map(({ label, colour }) => ({ text: label, colour }));
   const heading = unit && title ? `${title} [${unit}]` : title || unit;
   if (heading) entries.unshift({ text: heading, colour: null });
-  let x = strip.clientWidth - MARGIN - 6;
-  for (const { text, colour } of entries.reverse()) {
-    context.font = `11px ${FONT}`;
-    const width = context.measureText(text).width;
-    fillBox(context, "rgba(20, 23, 28, 0.8)", x - width - 20, CURVES.top + 1, width + 26, 15);
-    write(context, text, x - width, CURVES.top + 8.5, colour ? COLOURS.text : COLOURS.dim, "left", 11);
-    if (colour) fillBox(context, colour, x - width - 15, CURVES.top + 7, 11, 3);
-    x -= width + (colour ? 28 : 14);
-  }
+  context.font = `11px ${FONT}`;
+  const widths = entries.map(({ text, colour }) => context.measureText(text).width + (colour ? 30 : 14));
+  const whole = widths.reduce((sum, width) => sum + width, 0);
+  let x = strip.clientWidth - MARGIN - whole;
+  fillBox(context, "rgba(20, 23, 28, 0.82)", x - 6, CURVES.top, whole + 6, 16);
+  entries.forEach(({ text, colour }, i) => {
+    if (colour) fillBox(context, colour, x, CURVES.top + 6.5, 11, 3);
+    write(context, text, x + (colour ? 16 : 0), CURVES.top + 8.5, colour ? COLOURS.text : COLOURS.dim, "left", 11);
+    x += widths[i];
+  });
 }
 
 function drawCursor(context) {
@@ -188,7 +189,10 @@ function frameLines(frame) {
   const marked = MARK_ROWS.map(({ name }) => name).filter((name) =>
     (states.marks?.[name] ?? []).some(([first, last]) => first <= frame && frame <= last),
   );
-  return marked.length ? [...lines, marked.join(", ")] : lines;
+  if (marked.length) lines.push(marked.join(", "));
+  const fitted = (states.fit?.spans ?? []).find(({ first, last }) => first <= frame && frame <= last);
+  if (fitted) lines.push(`fit: ${FIT_NAMES[fitted.state]}`);
+  return lines;
 }
 
 painters.timeline = drawTimeline;
