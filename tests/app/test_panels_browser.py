@@ -13,7 +13,7 @@ from tcfit_app.page import Page
 from tcfit_app.server import review_server
 from tcfit_app.session import Session
 from tests.app.browser import chromium
-from tests.app.review_pages import sample_project
+from tests.app.lone_page import sample_project
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page as BrowserPage
