@@ -50,6 +50,8 @@ class Page:
     def __init__(self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, ViewState]) -> None:
         self.client, self.desk, self.session = client, desk, desk.session
         self.length = desk.length
+        self.first_frame = desk.session.project.clip.first_frame
+        """The number that users see for frame 0."""
         self.state = ViewState()
         self.author = f"browser {client.client_id}"
         self.changes = Changes()
@@ -182,11 +184,6 @@ class Page:
         if self.state.playing:
             self.set(playing=False)
             self.desk.video.leave(self)
-
-    @property
-    def first_frame(self) -> int:
-        """The number that users see for frame 0."""
-        return self.session.project.clip.first_frame
 
     @property
     def played(self) -> range:

@@ -5,6 +5,7 @@ from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 import viser
 
 from fitting_core.frame_names import spans
@@ -57,6 +58,7 @@ class KeypointsPanel:
         self._exactly = Board(page)
         self._groups = Board(page)
         self._history = Board(page)
+        self._all_bad = False
         self._listen()
 
     def _listen(self) -> None:
@@ -113,10 +115,13 @@ class KeypointsPanel:
 
     def _bad(self) -> bool:
         """Whether all that is selected is bad."""
-        page, chosen = self._page, self._page.state.selection
-        if not chosen or page.state.playing:
+        page, state = self._page, self._page.state
+        if not state.selection or state.playing:
             return False
-        return bool(page.session.project.corrected.at(page.correcting.frames, chosen).bad.all())
+        if page.changes.of("bad", state.selection, page.correcting.frames, page.session.edits):
+            bad = page.session.project.corrected.bad
+            self._all_bad = bool(bad[np.ix_(page.correcting.frames, state.selection)].all())
+        return self._all_bad
 
     def _draw_buttons(self, where: str, bad: bool) -> None:
         page, state = self._page, self._page.state
@@ -135,7 +140,7 @@ class KeypointsPanel:
         )
         self._exactly.show(
             row(
-                button("Move", "keypoints.move", disabled=none, hint="In the frame on show"),
+                button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show"),
                 button("Set confidence", "keypoints.confidence", disabled=none),
             ),
         )

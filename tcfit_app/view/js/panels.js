@@ -82,3 +82,9 @@ window.addEventListener("click", (event) => {
   const command = event.detail === 0 ? commandOf(event) : null; // by keyboard, or by assistive software
   if (command) emit(command);
 }, capturing);
+
+// Of a dropdown's text, so that what is typed is looked for and not added to it.
+window.addEventListener("click", ({ target }) => {
+  const field = target instanceof HTMLInputElement && target.matches("[aria-haspopup=listbox]") ? target : null;
+  if (field && field.selectionStart === field.selectionEnd) field.select();
+}, capturing);
