@@ -90,7 +90,7 @@ class ReviewPanel:
             self._checked = sum(mark.state == "checked" for mark in marks.values())
         here, where = self._here(), self._applies()
         flagged = set(page.correcting.frames) <= set(self._flagged)
-        if page.changes.of("review head", id(self._suspects), session.marked, where, flagged):
+        if page.changes.of("review head", id(self._suspects), self._path.visible, session.marked, where, flagged):
             self._draw_head(where, flagged)
         if page.changes.of("queue", id(self._suspects), self._looking, self._problem, shown is None, here):
             self._queue.show(*self._entries(here, fitted=shown is not None))
@@ -120,11 +120,11 @@ class ReviewPanel:
         return next(iter(exact + places), None)
 
     def _draw_head(self, where: str, flagged: bool) -> None:
-        count = "–" if self._suspects is None else len(self._suspects)
-        counts = f"{count} suspicious, {len(self._flagged)} flagged, {self._checked} checked"
+        found = [] if self._suspects is None else [f"{len(self._suspects)} suspicious"]
+        counts = ", ".join([*found, f"{len(self._flagged)} flagged", f"{self._checked} checked"])
         off = self._page.session.project.read_only
         self._head.show(
-            heading("Suspicious frames", counts, first=True),
+            heading("Suspicious frames", counts, first=not self._path.visible),
             row(
                 action("previous_suspect", "Previous", disabled=not self._suspects),
                 action("next_suspect", "Next", disabled=not self._suspects, kind="main"),
@@ -163,7 +163,7 @@ class ReviewPanel:
 
     def _entries(self, here: int | None, *, fitted: bool) -> list[Html]:
         if not fitted:
-            return [paragraph("There is no fit yet. Suspicious frames are found in one.", "dim")]
+            return [paragraph("There is no fit yet: suspicious frames are looked for once there is one.", "dim")]
         if self._problem:
             return [paragraph(f"Suspicious frames cannot be looked for: {self._problem}", "warn")]
         if self._suspects is None:
