@@ -143,7 +143,8 @@ class Picture:
         camera = page.session.project.clip.camera
         if state.mode == "space":
             ground = self._desk.ground(b) if b is not None else None
-            self._show(Space(camera=camera, bodies=bodies[0] if bodies else (), image=image, ground=ground))
+            both = bodies[0] if bodies else ()
+            self._show(Space(camera=camera, bodies=both, image=image, ground=ground, apart=state.apart))
             if page.changes.of("layout", "space"):
                 page.channel.send("layout", Layout(mode="space"))
             return
@@ -174,14 +175,15 @@ class Picture:
     def _draw_keypoints(self) -> None:
         page, state = self._page, self._page.state
         session = page.session
-        if page.changes.of("style", state.groups, state.color_by, state.keypoints, state.bones, state.detections):
-            style = Style(
-                groups=tuple(sorted(state.groups)),
-                colour_by=state.color_by,
-                points=state.keypoints,
-                bones=state.keypoints and state.bones,
-                ghosts=state.detections,
-            )
+        style = Style(
+            groups=tuple(sorted(state.groups)),
+            colour_by=state.color_by,
+            points=state.keypoints,
+            bones=state.keypoints and state.bones,
+            minimum=state.minimum,
+            ghosts=state.detections,
+        )
+        if page.changes.of("style", style):
             page.channel.send("style", style)
         if not page.changes.of("keypoints", state.frame, session.edits):
             return

@@ -36,6 +36,7 @@ SCRIPTS = (
     "camera",
     "keys",
     "notice",
+    "panels",
     "start",
 )
 """In the order in which they run, all in one scope."""

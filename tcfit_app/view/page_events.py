@@ -1,4 +1,4 @@
-"""What the page tells the server: the user's gestures on the picture, the timeline and the keyboard.
+"""What the page tells the server: gestures on the picture and the timeline, keys, buttons in panels.
 
 Frames are indices into the clip, from 0. Image pixels: x right, y down.
 """
@@ -86,6 +86,13 @@ class Drag(_Event, frozen=True, tag="drag"):
     """The one whose keypoints are on the screen."""
 
 
+class Press(_Event, frozen=True, tag="press"):
+    """A button in the HTML of a panel was pressed."""
+
+    command: Text
+    value: Text
+
+
 class Gesture(_Event, frozen=True, tag="gesture"):
     """The user begins to move viser's camera, or goes on."""
 
@@ -96,7 +103,7 @@ class Drawn(_Event, frozen=True, tag="drawn"):
     frame: Frame
 
 
-PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Gesture | Drawn
+PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn
 
 
 class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
