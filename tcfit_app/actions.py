@@ -208,12 +208,16 @@ ACTIONS: dict[str, Action] = {
     ),
     "fine": Action(title="Looks fine", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
     "flag": Action(title="Flag, or not", run=lambda p: _toggle_mark(p, "flag"), keys=_keys("KeyT"), group="Frames"),
-    "rerun": Action(title="Re-run the selected frames", run=lambda p: p.submitting.frames(), keys=_keys("KeyR"), group="Fit"),
+    "rerun": Action(
+        title="Re-run the selected frames", run=lambda p: p.submitting.frames(), keys=_keys("KeyR"), group="Fit"
+    ),
     "rerun_edited": Action(
         title="Re-run around edited and flagged frames", run=lambda p: p.submitting.edited(), group="Fit"
     ),
     "rerun_shape": Action(title="Re-run the shape", run=lambda p: p.submitting.shape(), group="Fit"),
-    "fit": Action(title="Fit everything", run=lambda p: p.submitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"),
+    "fit": Action(
+        title="Fit everything", run=lambda p: p.submitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"
+    ),
     "cancel": Action(title="Cancel all fitting", run=lambda p: p.session.cancel(), group="Fit"),
     "help": Action(title="Show all keys", run=lambda p: p.show_keys(), keys=_keys("KeyH"), group="View"),
 }

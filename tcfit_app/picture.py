@@ -117,7 +117,8 @@ class Picture:
         compared = desk.body(other, state.frame) if state.difference and other is not None else None
         if compared is not None and compared.vertices.shape != drawn.vertices.shape:
             compared = None
-        key = (drawn.version, shown.camera, color, state.opacity, state.wireframe, compared.version if compared else None)
+        look = (color, state.opacity, state.wireframe, compared.version if compared else None)
+        key = (drawn.version, shown.camera, *look)
         if key not in self._layers:
             values = None if compared is None else np.linalg.norm(drawn.vertices - compared.vertices, axis=1)
             if len(self._layers) > 4:

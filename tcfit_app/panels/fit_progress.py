@@ -111,14 +111,17 @@ def _series(name: str, color: str) -> uplot.Series:
 
 def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     none = np.array([0.0, 1.0])
-    axis = uplot.Axis(stroke=_AXIS, grid=_GRID, size=26)
+    ticks = uplot.Axis_Ticks(stroke=_AXIS, width=1, size=3)
+    font = "10px sans-serif"
+    x_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=30, font=font)
+    y_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=40, font=font)
     return gui.add_uplot(
         (none, none),
         (uplot.Series(label="s"), _series("total", _COLORS[0])),
         title="Mean cost of a frame, by term",
         scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
-        axes=(axis, uplot.Axis(stroke=_AXIS, grid=_GRID, size=46)),
-        height=150,
+        axes=(x_axis, y_axis),
+        height=170,
         visible=False,
     )
 

@@ -29,7 +29,7 @@ LABELS = {
     "temporal.mode": "Mode",
     "temporal.space": "Temporal space",
     "shape_sample.size": "Shape frames",
-    "shape_sample.strategy": "Chosen",
+    "shape_sample.strategy": "Chosen by",
     "shape_sample.seed": "Seed",
     "solver": "Solver",
     "pose_prior": "Pose prior",
@@ -51,6 +51,11 @@ def differences(config: FitConfig, preset: str) -> list[str]:
     """Dotted names of the settings that are not the preset's."""
     base = PRESETS[preset]
     return [name for name in settings() if value_of(config, name) != value_of(base, name)]
+
+
+def nearest_preset(config: FitConfig) -> str:
+    """The preset from which a configuration differs least."""
+    return min(PRESETS, key=lambda name: len(differences(config, name)))
 
 
 def words(name: str) -> str:

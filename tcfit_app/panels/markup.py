@@ -62,4 +62,4 @@ def table(rows: Iterable[Sequence[str]], *, head: Sequence[str] = (), numbers: i
 def _row(cells: Sequence[str], numbers: int) -> str:
     right = ";text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums"
     styles = [_CELL + right if i >= len(cells) - numbers else _CELL for i in range(len(cells))]
-    return f"<tr>{''.join(f'<td style={chr(34)}{s}{chr(34)}>{c}</td>' for s, c in zip(styles, cells, strict=True))}</tr>"
+    return "<tr>" + "".join(f'<td style="{s}">{c}</td>' for s, c in zip(styles, cells, strict=True)) + "</tr>"
