@@ -124,7 +124,7 @@ def _heads(a: ShownFit, b: ShownFit) -> str:
 
 
 def _table(rows: Iterable[Comparison]) -> str:
-    return markup.table([_row(r) for r in rows], head=("", "A", "B", "B − A"), numbers=3)
+    return markup.table([_row(r) for r in rows], head=("", "A", "B", "B − A"), numbers=3, dense=True)
 
 
 def _row(figure: Comparison) -> tuple[str, str, str, str]:

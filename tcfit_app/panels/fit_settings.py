@@ -125,7 +125,7 @@ class FitInputs:
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
         if options := get_args(setting.type):
-            shown = tuple(_WORDS.get(option, option) for option in options)
+            shown = tuple(str(_WORDS.get(option, option)) for option in options)
             return self._gui.add_dropdown(label, shown, initial_value=_WORDS.get(value, value), hint=hint)
         # Without bounds: viser would put a wrong number right without a word.
         return self._gui.add_number(label, value, step=1 if isinstance(value, int) else 0.1, hint=hint)

@@ -22,6 +22,7 @@ LISTED = 30
 """Runs in the table, the newest; the choice has them all."""
 _NONE = "no runs yet"
 _AS_A, _AS_B = "Show as A", "Show as B"
+_RENAME, _DELETE = "Rename", "Delete"
 
 
 class RunsPanel:
@@ -39,15 +40,15 @@ class RunsPanel:
         self._options = (_NONE,)
         self._show = gui.add_button_group("", (_AS_A, _AS_B))
         on_choice(page, self._show, self._show_as)
-        self._name = gui.add_text("Name", "", hint="Enter another name, then Rename")
-        self._rename = self._button("Rename", self._rename_chosen, icon=viser.Icon.PENCIL)
-        self._restore = self._button("Use its settings", self._use_settings, icon=viser.Icon.SETTINGS)
-        self._delete = self._button("Delete", self._delete_chosen, icon=viser.Icon.TRASH)
+        self._restore = self._button("Use its settings for the next fit", self._use_settings, icon=viser.Icon.SETTINGS)
         self._cancel = self._button("Cancel", self._cancel_chosen, color="red", icon=viser.Icon.PLAYER_STOP)
-        with gui.add_folder("Details"):
-            self._details = Shown(gui.add_html(""))
         with gui.add_folder("All runs"):
             self._table = Shown(gui.add_html(""))
+        with gui.add_folder("This run"):
+            self._name = gui.add_text("Name", "", hint="Enter another name, then Rename")
+            self._change = Shown(gui.add_button_group("", (_RENAME, _DELETE)))
+            on_choice(page, self._change.handle, self._change_chosen)
+            self._details = Shown(gui.add_html(""))
         with gui.add_folder("All its settings", expand_by_default=False):
             self._toml = Shown(gui.add_html(""))
         self._deleted = _DeletedRuns(page)
@@ -83,13 +84,14 @@ class RunsPanel:
             raise InputError(f"{run.name} has no result that could be shown.")
         self._page.set(**{"a" if which == _AS_A else "b": FitChoice(run=run.id)})
 
-    def _rename_chosen(self) -> None:
-        self._page.session.rename(self._run.id, self._name.value)
-        self._page.say("Renamed")
-
-    def _delete_chosen(self) -> None:
-        run = self._run
-        self._page.session.delete(run.id)
+    def _change_chosen(self, how: str) -> None:
+        run, session = self._run, self._page.session
+        self._page.refuse_read_only()
+        if how == _RENAME:
+            session.rename(run.id, self._name.value)
+            self._page.say("Renamed")
+            return
+        session.delete(run.id)
         self._chosen = None
         self._page.say(f"Deleted: {run.name}; it can be restored below")
 
@@ -155,13 +157,9 @@ class RunsPanel:
 
     def _draw_chosen(self, listed: list[Listed]) -> None:
         session = self._page.session
-        ready = not session.project.read_only
         chosen = next((one for one in listed if one.run.id == self._run.id), None) if listed else None
-        going = chosen is not None and chosen.job is not None
-        for button in (self._rename, self._delete):
-            button.show(disabled=chosen is None or not ready)
-        self._delete.show(visible=not going)
-        self._cancel.show(visible=going)
+        self._change.show(visible=chosen is not None)
+        self._cancel.show(visible=chosen is not None and chosen.job is not None)
         self._restore.show(disabled=chosen is None)
         if chosen is None:
             self._details.show(content="")
