@@ -1,6 +1,7 @@
 """A tiny clip on the free body, options that fit it in about a second, and that fit."""
 
 import io
+from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import viser
 
 from fitting_core.body.files import load_body
 from fitting_core.body.model import BodyModel
@@ -104,3 +106,11 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
     Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
     return folder / "demo.tcfit"
+
+
+@pytest.fixture(scope="session")
+def panel_server() -> Iterator[viser.ViserServer]:
+    """A server that panels are made on; nobody connects."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()

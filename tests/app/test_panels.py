@@ -14,8 +14,8 @@ from tcfit_app.fits import FitChoice
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
 from tcfit_app.suspicion import Suspect
-from tests.app.project_samples import FRAMES
 from tests.app.lone_page import LonePage, lone_page, sample_project
+from tests.app.project_samples import FRAMES
 
 ATTACK = "<img src=x onerror=alert(1)>"
 FIRST = 7
