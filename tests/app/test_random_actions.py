@@ -94,9 +94,14 @@ def _reload(user: Reviewing, rng: np.random.Generator) -> None:
 def _click(user: Reviewing, rng: np.random.Generator) -> None:
     """Some button or tab of the panels."""
     user.tab.keyboard.press("Escape")
-    shown = [b for b in user.tab.locator("button:visible, [role=tab]:visible").all() if "Purge" not in b.inner_text()]
-    if shown:
-        shown[int(rng.integers(len(shown)))].click(timeout=5000, force=True)
+    places = user.tab.evaluate(
+        """() => [...document.querySelectorAll("button, [role=tab]")]
+          .filter((b) => b.checkVisibility() && !/purge/i.test(b.textContent))
+          .map((b) => b.getBoundingClientRect()).filter((r) => r.width && r.bottom < innerHeight)
+          .map((r) => [r.x + r.width / 2, r.y + r.height / 2])"""
+    )
+    if places:
+        user.tab.mouse.click(*places[int(rng.integers(len(places)))])
 
 
 def _wait(user: Reviewing, rng: np.random.Generator) -> None:
