@@ -57,5 +57,5 @@ def between_runs(a: PosedFit, b: PosedFit, *, placed: Placed = "camera") -> Curv
     one, other = a.joints, b.joints
     if placed == "pelvis":
         one, other = (joints - joints[:, [JOINT["pelvis"]]] for joints in (one, other))
-    values: Float[np.ndarray, T] = 1e3 * np.linalg.norm(other - one, axis=-1).mean(1)
+    values = 1e3 * np.linalg.norm(other - one, axis=-1).mean(1)
     return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)

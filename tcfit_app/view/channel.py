@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 
 import msgspec
+import numpy as np
 import viser
 from viser import _messages
 
@@ -22,8 +23,10 @@ SCRIPTS = (
     "style",
     "elements",
     "connection",
+    "arrival",
     "projection",
     "skeleton",
+    "shapes",
     "overlay",
     "picking",
     "dragging",
@@ -103,4 +106,11 @@ def script() -> str:
 
 def _json(value: object) -> str:
     """As JSON that may stand in a script, even within HTML."""
-    return msgspec.json.encode(value).decode().replace("</", "<\\/")
+    return msgspec.json.encode(value, enc_hook=_plain_number).decode().replace("</", "<\\/")
+
+
+def _plain_number(value: object) -> object:
+    """numpy's numbers come out of arrays wherever frames and keypoints are counted."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(f"{type(value)} cannot be sent to the page")

@@ -74,7 +74,7 @@ class Drag(_Event, frozen=True, tag="drag"):
     """Keypoints are being dragged.
 
     After `start` come any number of `move` and one of `end` and `cancel`. The page draws them itself while it lasts,
-    and until a `keypoints` state shows them where they were left (or half a second has passed).
+    and until a `keypoints` state shows them where they were left (or two seconds have passed).
     """
 
     phase: Literal["start", "move", "end", "cancel"]

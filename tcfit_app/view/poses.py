@@ -12,7 +12,7 @@ Rectangle = tuple[float, float, float, float]
 
 POSTER_FOV = 0.0004
 """Radians. The further away and the narrower, the less a relief's depth shifts it: by depth / distance of what lies off
-the middle of the window. With this it stays below 0.5 px at 20-fold zoom."""
+the middle of the window. With this a body shifts by less than a pixel at 20-fold zoom."""
 SPACE_FOV = 0.75
 _MOST_ZOOM = 60.0
 """How much nearer than the whole poster the user may get."""

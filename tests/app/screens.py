@@ -90,6 +90,7 @@ def screen(size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
     clients: list[viser.ClientHandle] = []
     with review_server("Scene", port=0, open_browser=False, say=lambda text: None) as server, chromium() as browser:
         server.viser.on_client_connect(clients.append)
+        server.viser.gui.main_panel.float(x=15, y=15)  # the canvas is the whole window
         page = browser.new_page(viewport={"width": size[0], "height": size[1]})
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))

@@ -128,5 +128,7 @@ def test_after_a_change_a_part_is_as_good_as_all(tiny_body: BodyModel, name: str
 def test_only_what_has_changed_is_evaluated(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     fit = still_fit(tiny_body, 40)
     old = curve("jitter", fit)
-    monkeypatch.setattr(PosedFit, "joints", property(lambda self: np.zeros((len(self), 55, 3)) if len(self) <= 6 else 1 / 0))
+    monkeypatch.setattr(
+        PosedFit, "joints", property(lambda self: np.zeros((len(self), 55, 3)) if len(self) <= 6 else 1 / 0)
+    )
     assert len(updated(old, fit, range(20, 22)).values) == 40

@@ -24,7 +24,7 @@ def test_flat_holes_are_closed_where_they_are():
     assert len(sides) < len(cylinder.faces)
     open_tube = Enclosed.of_faces(sides)
     assert len(np.unique(open_tube.hole)) == 2
-    moved = (cylinder.vertices + (0.5, 1.0, -2.0))[None]
+    moved = (cylinder.vertices + np.array([0.5, 1.0, -2.0]))[None]
     np.testing.assert_allclose(open_tube(moved), 1e3 * cylinder.volume, rtol=1e-9)
 
 

@@ -1,7 +1,8 @@
-"""The app's script in viser's page, in a real browser: pointer, keyboard, timeline, and the way to the server and back."""
+"""The app's script in viser's page, in a real browser: pointer, keyboard, timeline, and the way to the server."""
 
 import logging
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
@@ -43,6 +44,8 @@ class Tab:
     events: list[PageEvent] = field(default_factory=list)
     complaints: list[str] = field(default_factory=list)
     sent: int = 0
+    frame: int = 0
+    """Of the keypoints: another one for each test, so that a drag of the one before is over."""
 
     def connect(self, client: viser.ClientHandle) -> None:
         """As a server's callback."""
@@ -68,7 +71,8 @@ class Tab:
         self.send("cursor", states.Cursor(frame=frame))
         for _ in range(500):
             if Drawn(frame=frame) in self.events:
-                self.events[:] = [event for event in self.events if not isinstance(event, Drawn)]
+                for event in [event for event in self.events if isinstance(event, Drawn)]:
+                    self.events.remove(event)  # one by one: more may come meanwhile
                 return
             self.page.wait_for_timeout(20)
         raise AssertionError("the page did not draw")
@@ -101,6 +105,7 @@ class Tab:
 
     def painted(self, x: float, y: float) -> bool:
         """Whether the overlay has something there."""
+        self.settle()
         look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 1, 1).data[3]"
         return self.page.evaluate(look, [round(x), round(y)]) > 100
 
@@ -114,12 +119,14 @@ class Tab:
         xy, confidence = np.zeros((COUNT, 2)), np.zeros(COUNT)
         for joint, place in joints.items():
             xy[joint], confidence[joint] = place, 0.83
-        self.send(
-            "keypoints",
-            states.Keypoints(
-                frame=5, xy=states.pixel_pairs(xy), confidence=states.shares(confidence), edited=(WRIST,), bad=(KNEE,)
-            ),
+        state = states.Keypoints(
+            frame=self.frame,
+            xy=states.pixel_pairs(xy),
+            confidence=states.shares(confidence),
+            edited=(WRIST,),
+            bad=(KNEE,),
         )
+        self.send("keypoints", state)
         self.send("selection", states.Selection(joints=selection))
 
     def drag(self, start: tuple[float, float], way: tuple[float, float]) -> None:
@@ -203,6 +210,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     opened.send("layout", POSTER)
     opened.send("timeline", TIMELINE)
     opened.send("keys", KEYS)
+    opened.frame += 1
     opened.show()
     opened.page.mouse.move(2, 300)
     opened.look(300.0)
@@ -235,7 +243,7 @@ def test_a_drag_moves_by_what_the_pointer_moved(tab: Tab, distance: float) -> No
     assert tab.events[0] == Select(joints=(WRIST,), how="replace")
     drags = [event for event in tab.events if isinstance(event, Drag)]
     assert [drags[0].phase, drags[1].phase, drags[-1].phase] == ["start", "move", "end"]
-    assert {drag.joints for drag in drags} == {(WRIST,)} and drags[-1].frame == 5
+    assert {drag.joints for drag in drags} == {(WRIST,)} and drags[-1].frame == tab.frame
     assert drags[-1].dx == pytest.approx(33 / tab.scale(), abs=0.01)
     assert drags[-1].dy == pytest.approx(21 / tab.scale(), abs=0.01)
 
@@ -262,18 +270,17 @@ def test_a_dragged_keypoint_follows_the_pointer_and_not_late_states(tab: Tab) ->
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
     tab.page.mouse.move(*target, steps=3)
+    tab.await_event(Drag, 2)
     tab.show(selection=(WRIST,))  # as it was before the drag
-    tab.settle()
     assert tab.painted(*target) and not tab.painted(x, y)
     tab.page.mouse.up()
     tab.show(selection=(WRIST,))
-    tab.settle()
     assert tab.painted(*target)  # the server's answer to the end is not here yet
     moved = tab.await_event(Drag)
     tab.show(joints=PLACES | {WRIST: (PLACES[WRIST][0] + moved.dx, PLACES[WRIST][1] + moved.dy)})
-    tab.page.wait_for_timeout(600)
-    tab.settle()
     assert tab.painted(*target) and not tab.painted(x, y)
+    tab.show()  # undone, say: from the answer on the server decides
+    assert tab.painted(x, y) and not tab.painted(*target)
 
 
 def test_escape_gives_a_drag_up(tab: Tab) -> None:
@@ -281,6 +288,7 @@ def test_escape_gives_a_drag_up(tab: Tab) -> None:
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
     tab.page.mouse.move(x + 60, y, steps=3)
+    tab.await_event(Drag, 2)
     tab.page.keyboard.press("Escape")
     tab.settle()
     assert tab.await_event(Drag).phase == "cancel"
@@ -296,11 +304,13 @@ def test_another_frame_gives_a_drag_up(tab: Tab) -> None:
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
     tab.page.mouse.move(x + 60, y, steps=3)
-    tab.send("keypoints", states.Keypoints(frame=6, xy=((9.0, 9.0),) * COUNT, confidence=(0.0,) * COUNT))
+    tab.await_event(Drag, 2)
+    tab.send("keypoints", states.Keypoints(frame=tab.frame + 1, xy=((9.0, 9.0),) * COUNT, confidence=(0.0,) * COUNT))
     tab.settle()
     tab.page.mouse.up()
     last = tab.await_event(Drag)
-    assert (last.phase, last.frame) == ("cancel", 5)
+    assert (last.phase, last.frame) == ("cancel", tab.frame)
+    tab.frame += 1
 
 
 def test_hovering_shows_name_confidence_and_marks(tab: Tab) -> None:
@@ -535,6 +545,27 @@ def test_the_script_is_put_in_once(tab: Tab) -> None:
     tab.settle()
 
 
+def test_states_do_not_have_viser_draw_its_scene(tab: Tab) -> None:
+    count = "() => { window.drawn = 0; __viserMutable.scene.onBeforeRender = () => { window.drawn += 1 } }"
+    tab.page.wait_for_timeout(400)  # viser goes on drawing for a quarter of a second
+    tab.page.evaluate(count)
+    begin = time.monotonic()
+    for _ in range(15):
+        tab.settle()
+    drawn = tab.page.evaluate("() => { delete __viserMutable.scene.onBeforeRender; return window.drawn }")
+    assert drawn <= 2 + time.monotonic() - begin  # viser draws once a second anyway
+
+
+def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewServer) -> None:
+    tab.send("notice", states.Notice(title="From before"))
+    tab.settle()
+    server.viser._websock_server.disconnect_all_clients()
+    assert tab.await_event(Hello).width > 0
+    tab.settle()
+    assert tab.text(".tcfit-card") is None and tab.page.locator(".tcfit").count() == 1
+    assert len(tab.clients) == 2
+
+
 def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(
     tab: Tab, server: ReviewServer, browser: "Browser"
 ) -> None:
@@ -546,3 +577,13 @@ def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(
     other = open_tab(server, browser)
     assert other.await_event(Hello).tab != again.tab
     other.page.close()
+
+
+def test_a_newer_script_takes_the_place_of_an_older_one(tab: Tab) -> None:
+    """The last test: from here on the page's events are counted anew, which the server takes for repeated ones."""
+    newer = script().replace('const VERSION = "', 'const VERSION = "newer ')
+    newer = newer.replace('version !== "', 'version !== "newer ')
+    tab.page.evaluate(newer)
+    assert tab.page.evaluate("() => tcfit.version").startswith("newer ")
+    assert tab.page.locator(".tcfit").count() == tab.page.locator(".tcfit-strip").count() == 1
+    assert tab.page.evaluate("() => __viserMutable.canvas.parentElement.getBoundingClientRect().height") == 640

@@ -1,6 +1,5 @@
 """The review app as its users have it: a real browser, the demo project with few frames, a fit that runs."""
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -194,7 +193,7 @@ def test_states_without_a_fit_a_video_or_the_lock(made: Path, browser: "Browser"
     with Project.open(folder), reviewing(folder, browser, read_only=True) as found:
         texts = until(lambda: chips(found), "the status line")
         assert any("No fit yet" in text for text in texts) and any("Read-only" in text for text in texts)
-        assert any("without a video" in text for text in texts)
+        assert any("There is no video" in text for text in texts)
         found.tab.keyboard.press("Shift+R")
         found.tab.get_by_text("open read-only").first.wait_for()
         assert not found.session.jobs and not found.complaints
@@ -211,12 +210,13 @@ def chips(review: Reviewing) -> list[str]:
 
 
 def body_in_page(review: Reviewing, poster: int) -> list[float]:
-    """The first coordinates of a poster's body, as viser's scene in the page has them; empty if it is hidden."""
+    """The first bytes of a poster's body, as viser's scene in the page has them; empty if there is none."""
     return review.tab.evaluate(
         """(poster) => {
-          const nodes = window.__viserSceneTree.getState();
-          const name = Object.keys(nodes).find((n) => n.startsWith(`/posters/${poster}/`) && nodes[n].message.props.vertices);
-          return name ? [...new Float32Array(nodes[name].message.props.vertices.buffer.slice(0, 24))] : [];
+          const nodes = Object.entries(window.__viserSceneTree.getState());
+          const mine = nodes.filter(([name]) => name.startsWith(`/posters/${poster}/`)).map(([, n]) => n.message.props);
+          const body = mine.find((props) => props.vertices);
+          return body ? [...body.vertices.slice(0, 240)] : [];
         }""",
         poster,
     )

@@ -120,6 +120,21 @@ def test_a_region_that_is_lost_for_some_frames(fine: PosedFit):
     assert set(found[1].joints) <= set(range(kp.COUNT)[kp.RIGHT_HAND]) and found[1].joints
 
 
+def test_several_parts_that_are_lost_at_once(fine: PosedFit):
+    fit = with_confidence(fine, slice(20, 21), kp.HANDS, 0.0)
+    fit = with_confidence(fit, slice(30, 31), slice(None), 0.0)
+    found = {s.frame: s for s in review_queue(fit, kinds=["confidence"])}
+    assert found[20].reason == "left hand not detected (1 more)" and found[30].reason == "nobody detected"
+    assert set(found[20].joints) == {joint for joint in range(kp.COUNT)[kp.HANDS] if fit.tracked[joint]}
+
+
+def test_what_a_person_marked_as_bad_is_not_missed(fine: PosedFit):
+    fit = with_confidence(fine, slice(20, 23), kp.RIGHT_HAND, 0.0)
+    bad = np.zeros(fit.bad.shape, bool)
+    bad[20:22, kp.RIGHT_HAND] = True
+    assert [s.frames for s in review_queue(replace(fit, bad=bad), kinds=["confidence"])] == [range(22, 23)]
+
+
 def test_a_region_that_is_rarely_seen_is_not_missed(fine: PosedFit):
     assert review_queue(with_confidence(fine, slice(0, 32), kp.HANDS, 0.0), kinds=["confidence"]) == ()
 
@@ -152,6 +167,13 @@ def test_a_pose_that_costs_more_than_its_errors_explain(fine: PosedFit):
     cost[9] += 6 * np.median(cost)
     (entry,) = review_queue(replace(fine, frame_cost=cost), kinds=["cost"])
     assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: costs")
+
+
+def test_a_frame_whose_fit_failed(fine: PosedFit):
+    cost = np.full(len(fine), 100.0)
+    cost[7] = np.inf
+    (entry,) = review_queue(replace(fine, frame_cost=cost))
+    assert entry.frame == 7 and entry.reason == "the fit failed here"
 
 
 def test_frames_that_were_checked_are_left_out(fine: PosedFit):

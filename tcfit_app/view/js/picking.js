@@ -49,7 +49,7 @@ function drawMarquee(context) {
   for (const joint of within(gesture))
     for (const map of lastMaps) {
       const [px, py] = toScreen(map, position(joint));
-      ring(context, px, py, 1.5 * jointRadius(joint, map.scale) + 1.8, COLOURS.selected, 1.2);
+      ring(context, px, py, 1.5 * jointRadius(joint, map) + 1.8, COLOURS.selected, 1.2);
     }
 }
 

@@ -10,6 +10,7 @@ const MARK_ROWS = [
 ];
 const ROW = 7; // height of a mark
 const FIT_ROW = 125;
+const LEGEND_ENTRY = 170; // widest
 const FULL_HEIGHT = 136;
 
 let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
@@ -61,16 +62,28 @@ function drawRuler(context) {
   fillBox(context, "#1b1f26", 0, 0, strip.clientWidth, RULER);
   const step = Math.max(niceStep(shownCount(), plotWidth() / 110), 1);
   const offset = states.timeline.first_frame;
+  const pill = cursorPill(context);
   const start = Math.ceil((axis.first + offset) / step) * step - offset;
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
     const x = frameX(frame);
     if (x > strip.clientWidth - 90) break; // for the buttons
     fillBox(context, COLOURS.line, Math.round(x), 0, 1, collapsed ? RULER : CURVES.bottom);
-    write(context, frameNumber(frame), x + 4, RULER / 2, COLOURS.text);
-    const after = x + 8 + context.measureText(frameNumber(frame)).width;
-    write(context, clockText(frame), after, RULER / 2, "#667080", "left", 9.5);
+    drawTick(context, frame, x + 4, pill);
   }
   write(context, "frame", GUTTER - 8, RULER / 2, COLOURS.dim, "right");
+}
+
+/** Frame number and time, each unless the cursor's number lies on it. */
+function drawTick(context, frame, x, pill) {
+  const free = (left, right) => !pill || right < pill.left || left > pill.left + pill.width;
+  const number = frameNumber(frame);
+  context.font = `10.5px ${FONT}`;
+  const after = x + context.measureText(number).width + 4;
+  if (free(x, after - 4)) write(context, number, x, RULER / 2, COLOURS.text);
+  context.font = `9.5px ${FONT}`;
+  const clock = clockText(frame);
+  const end = after + context.measureText(clock).width;
+  if (free(after, end)) write(context, clock, after, RULER / 2, "#667080", "left", 9.5);
 }
 
 function drawRange(context) {
@@ -117,7 +130,7 @@ function drawCurves(context) {
       context.lineJoin = "round";
       for (const { values, colour } of curves) stroke(context, curvePath(values, y), colour, 1.4);
     });
-  }
+  } else write(context, states.timeline.empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLOURS.dim, "left", 12);
   drawCurveLegend(context, curves);
 }
 
@@ -135,10 +148,10 @@ function drawValueLabels(context, scale, y) {
 
 function drawCurveLegend(context, curves) {
   const { title, unit } = states.timeline;
-  const entries = curves.map(({ label, colour }) => ({ text: label, colour }));
+  context.font = `11px ${FONT}`;
+  const entries = curves.map(({ label, colour }) => ({ text: shortened(context, label, LEGEND_ENTRY), colour }));
   const heading = unit && title ? `${title} [${unit}]` : title || unit;
   if (heading) entries.unshift({ text: heading, colour: null });
-  context.font = `11px ${FONT}`;
   const widths = entries.map(({ text, colour }) => context.measureText(text).width + (colour ? 30 : 14));
   const whole = widths.reduce((sum, width) => sum + width, 0);
   let x = strip.clientWidth - MARGIN - whole;
@@ -150,23 +163,29 @@ function drawCurveLegend(context, curves) {
   });
 }
 
-function drawCursor(context) {
+const CURSOR_FONT = `600 11px ${FONT}`;
+
+/** The cursor's number in the ruler, and where; null while the cursor is not on show. */
+function cursorPill(context) {
   const frame = cursorFrame();
-  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return;
-  const x = frameX(frame);
-  fillBox(context, COLOURS.cursor, x - 0.75, 0, 1.5, strip.clientHeight);
-  context.font = `600 11px ${FONT}`;
-  const text = frameNumber(frame);
-  const width = context.measureText(text).width + 12;
-  const left = Math.min(Math.max(x - width / 2, 2), strip.clientWidth - width - 2);
-  context.fillStyle = COLOURS.cursor;
+  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return null;
+  context.font = CURSOR_FONT;
+  const width = context.measureText(frameNumber(frame)).width + 12;
+  const left = Math.min(Math.max(frameX(frame) - width / 2, 2), strip.clientWidth - width - 2);
+  return { text: frameNumber(frame), x: frameX(frame), left, width };
+}
+
+function drawCursor(context) {
+  const pill = cursorPill(context);
+  if (!pill) return;
+  fillBox(context, COLOURS.cursor, pill.x - 0.75, 0, 1.5, strip.clientHeight);
   context.beginPath();
-  context.roundRect(left, 1.5, width, RULER - 3, 4);
+  context.roundRect(pill.left, 1.5, pill.width, RULER - 3, 4);
   context.fill();
-  context.font = `600 11px ${FONT}`;
+  context.font = CURSOR_FONT;
   context.textAlign = "center";
   context.fillStyle = "#10131a";
-  context.fillText(text, left + width / 2, RULER / 2 + 0.5);
+  context.fillText(pill.text, pill.left + pill.width / 2, RULER / 2 + 0.5);
 }
 
 /** A thin line and a list of what there is at the pointer. */
