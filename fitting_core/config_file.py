@@ -36,23 +36,35 @@ def read_config(path: Path, *, preset_name: str | None = None) -> FitConfig:
     Raises:
         InputError: The file cannot be read, or holds an unknown name or a wrong value.
     """
-    table = _read_table(path)
-    name = table.pop("preset", DEFAULT_PRESET)
-    base = preset(name, origin=path.name)
-    if preset_name is not None:
-        base = preset(preset_name)
-    return changed(base, dict(_flat(table, "", path.name)), origin=path.name)
-
-
-def _read_table(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}). Give a configuration in TOML.") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is no text in UTF-8. Give a configuration in TOML.") from error
+    return parsed(text, origin=path.name, preset_name=preset_name)[1]
+
+
+def parsed(text: str, *, origin: str, preset_name: str | None = None) -> tuple[str, FitConfig]:
+    """The preset that a configuration in TOML starts from, and the configuration.
+
+    Args:
+        text: What `read_config` reads.
+        origin: Where it stands, for messages.
+        preset_name: Use this preset and not the text's own.
+
+    Raises:
+        InputError: It is no TOML, or holds an unknown name or a wrong value.
+    """
+    try:
+        table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is no TOML ({error}). `tcfit settings` prints a file to start from.") from error
+        raise InputError(f"{origin}: is no TOML ({error}). `tcfit settings` prints a file to start from.") from error
+    name = table.pop("preset", DEFAULT_PRESET)
+    base = preset(name, origin=origin)
+    if preset_name is not None:
+        name, base = preset_name, preset(preset_name)
+    return name, changed(base, dict(_flat(table, "", origin)), origin=origin)
 
 
 def _flat(table: dict[str, Any], prefix: str, origin: str) -> Iterator[tuple[str, Any]]:

@@ -1,6 +1,6 @@
 """What the fitting generator yields. Events carry detached copies on the CPU."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fitting_core.body.params import BodyParams
 from fitting_core.result import FitResult, PhaseResult
@@ -25,6 +25,8 @@ class Iteration:
     """How much of the phase is done, 0 to 1, as far as that can be told."""
     cost: float
     """Mean cost of the frames that are being fitted."""
+    terms: dict[str, float] = field(default_factory=dict)
+    """Mean cost of a frame by term; empty but now and then (`phases.progress.TermSampling`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

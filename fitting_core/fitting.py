@@ -17,7 +17,7 @@ from fitting_core.events import Finished, FitEvent, Iteration, PhaseFinished, Ph
 from fitting_core.frame_names import spans
 from fitting_core.phases.consistency import Consistency
 from fitting_core.phases.independent import fit_frames
-from fitting_core.phases.progress import Step
+from fitting_core.phases.progress import Step, TermSampling
 from fitting_core.phases.shared_shape import fit_shape
 from fitting_core.phases.sharpening import sharp_settings, sharpened_for
 from fitting_core.reliability import SEEN
@@ -227,6 +227,7 @@ def _phase_result(
 
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
     """A phase's steps as events."""
+    sampling = TermSampling()
     while True:
         try:
             step = next(steps)
@@ -235,7 +236,7 @@ def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitE
         if step.final is not None:
             yield WindowFinished(frames=step.final[0], params=step.final[1])
         else:
-            yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost)
+            yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
 
 
 def _swap_notes(stages: Stages) -> list[str]:

@@ -13,7 +13,7 @@ from fitting_core.estimate import Estimate, View
 from fitting_core.objective import CHUNK, FrameObjective, chain_matrix
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.solvers.banded import solve_block_banded
-from fitting_core.solvers.problem import OnFrames, Step, damping_diagonal
+from fitting_core.solvers.problem import OnFrames, Step, damping_diagonal, mean_costs
 from fitting_core.state import Parametrisation, State
 
 STENCIL = ((-1, -1 / 3), (0, 2 / 3), (1, -1 / 3))
@@ -129,6 +129,11 @@ class Sequence(OnFrames):
         """E of the free frames."""
         own = self.objective.cost(state, self.coupling.free).sum()
         return (own + self.temporal_cost(self.joints(state).flatten(1)))[None]
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Of E_o, and E_T as "temporal"."""
+        temporal = self.temporal_cost(self.joints(state).flatten(1)) / len(self.local)
+        return {**mean_costs(self.objective.costs(state, self.coupling.free)), "temporal": float(temporal)}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
         """Cost, gradient, diagonal blocks, and the blocks one and two below."""

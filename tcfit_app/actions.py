@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT
 from tcfit_app.view.page_states import KeyBinding
 
@@ -92,28 +91,6 @@ def _toggle_mark(page: "Page", state: str) -> None:
     chosen = "checked" if state == "checked" else "flag"
     page.session.mark(frames, None if marked else chosen, author=page.author)
     page.say("Mark taken away" if marked else {"checked": "Looks fine", "flag": "Flagged"}[state])
-
-
-def _rerun(page: "Page") -> None:
-    shown = page.corrected_fit()
-    if shown is None:
-        raise InputError("There is no fit yet to re-run: fit everything first.")
-    frames = page.state.frames
-    if frames is None:
-        raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
-    page.session.rerun_frames(shown, page.state.settings.config, (frames,))
-
-
-def _fit_everything(page: "Page") -> None:
-    settings = page.state.settings
-    page.session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender)
-
-
-def _rerun_shape(page: "Page") -> None:
-    shown = page.corrected_fit()
-    if shown is None:
-        raise InputError("There is no fit yet whose shape could be found again: fit everything first.")
-    page.session.rerun_shape(shown, page.state.settings.config)
 
 
 ACTIONS: dict[str, Action] = {
@@ -231,9 +208,16 @@ ACTIONS: dict[str, Action] = {
     ),
     "fine": Action(title="Looks fine", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
     "flag": Action(title="Flag, or not", run=lambda p: _toggle_mark(p, "flag"), keys=_keys("KeyT"), group="Frames"),
-    "rerun": Action(title="Re-run the selected frames", run=_rerun, keys=_keys("KeyR"), group="Fit"),
-    "rerun_shape": Action(title="Re-run the shape", run=_rerun_shape, group="Fit"),
-    "fit": Action(title="Fit everything", run=_fit_everything, keys=_keys("KeyR", shift=True), group="Fit"),
+    "rerun": Action(
+        title="Re-run the selected frames", run=lambda p: p.submitting.frames(), keys=_keys("KeyR"), group="Fit"
+    ),
+    "rerun_edited": Action(
+        title="Re-run around edited and flagged frames", run=lambda p: p.submitting.edited(), group="Fit"
+    ),
+    "rerun_shape": Action(title="Re-run the shape", run=lambda p: p.submitting.shape(), group="Fit"),
+    "fit": Action(
+        title="Fit everything", run=lambda p: p.submitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"
+    ),
     "cancel": Action(title="Cancel all fitting", run=lambda p: p.session.cancel(), group="Fit"),
     "help": Action(title="Show all keys", run=lambda p: p.show_keys(), keys=_keys("KeyH"), group="View"),
 }

@@ -35,6 +35,10 @@ class Bodies:
         """
         return self._read(find_body(model=kind, gender=gender, search=self._search))
 
+    def check(self, *, kind: str, gender: str) -> None:
+        """Raise InputError, which says which file goes where, if there is no such body."""
+        find_body(model=kind, gender=gender, search=self._search)
+
     def of(self, record: BodyRecord) -> BodyModel:
         """The body that a run was fitted with.
 

@@ -13,6 +13,7 @@ from tcfit_app.curves import Curve, curve
 from tcfit_app.fits import Shown
 from tcfit_app.meshes import Meshes
 from tcfit_app.posed_fit import PosedFit
+from tcfit_app.run_metrics import MeasuredRun, Metric, run_metrics
 from tcfit_app.session import Session
 from tcfit_app.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.video_frames import VideoFrames
@@ -106,6 +107,32 @@ class Desk:
             return float(np.percentile(posed.joints[..., 1].max(1), _GROUND_PERCENTILE))
 
         return self._made(("ground", shown.run.id, shown.phase, shown.revision), shown, lowest)
+
+    def metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
+        """Figures of a run; None while they are taken."""
+        result = shown.result
+        if result is None:
+            return None
+        seconds = sum(p.seconds for p in self.session.fits.fit(shown.run).phases if p.phase <= shown.phase)
+        key = ("metrics", self.key(shown))
+        return self._made(key, shown, lambda posed: run_metrics(MeasuredRun(fit=posed, phase=result, seconds=seconds)))
+
+    def metrics_problem(self, shown: Shown) -> str:
+        """Why a run cannot be measured; empty if that is not so."""
+        try:
+            self.meshes(shown)
+        except InputError as error:
+            return str(error)
+        return self.background.problem(("metrics", self.key(shown)))
+
+    def distances(self, a: Shown, b: Shown) -> Curve | None:
+        """How far two runs lie apart, by frame; None while that is made."""
+        try:
+            one = self.posed(a)
+        except InputError:
+            return None
+        key = ("distances", a.run.id, a.phase, a.revision, b.run.id, b.phase, b.revision)
+        return self._made(key, b, lambda other: between_runs(one, other))
 
     def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
         """The review queue of a run; None while it is made."""

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.events import FitEvent, PhaseFinished, WindowFinished
@@ -49,6 +50,8 @@ class Shown:
     """Its figures; None while its windows come in."""
     revision: int
     """Another number whenever `params` is another."""
+    camera: Camera
+    """The one that it was fitted with: its focal length may not be the clip's."""
 
     @property
     def title(self) -> str:
@@ -179,12 +182,17 @@ class Fits:
         run = runs[-1]
         version = self._version(run)
         if version.partial is not None and choice.phase in (None, 3):
-            return Shown(run=run, phase=3, params=version.partial, result=None, revision=version.revision)
+            return self._shown(run, version, 3, version.partial, None)
         there = [p for p in version.fit.phases if choice.phase is None or p.phase <= choice.phase]
         if not there:
             return None
         last = there[-1]
-        return Shown(run=run, phase=last.phase, params=last.params, result=last, revision=version.revision)
+        return self._shown(run, version, last.phase, last.params, last)
+
+    @staticmethod
+    def _shown(run: Run, version: _Version, phase: int, params: BodyParams, result: PhaseResult | None) -> Shown:
+        camera = version.fit.camera
+        return Shown(run=run, phase=phase, params=params, result=result, revision=version.revision, camera=camera)
 
     def _version(self, run: Run) -> _Version:
         with self._lock:

@@ -39,6 +39,8 @@ class JobClock:
         """Learns from an event how far the job is."""
         if isinstance(event, Iteration):
             self._share = max(self._share, self._done(event.phase, event.share))
+            if event.terms:
+                self._terms = {**event.terms, "total": sum(event.terms.values())}
         elif isinstance(event, PhaseFinished):
             self._share = max(self._share, self._done(event.phase, 1.0))
             self._terms = event.result.objective

@@ -22,7 +22,7 @@ class JobProgress:
     cost: float
     """Mean cost of the frames that are being fitted."""
     terms: dict[str, float]
-    """Mean cost by term at the end of the last finished phase; empty before."""
+    """Mean cost of a frame by term, and "total", when it was evaluated last: another dict each time. Empty before."""
     elapsed: float
     """Seconds of work, without pauses."""
     remaining: float | None

@@ -1,6 +1,6 @@
 """overlay.mp4: the fit of phase 1 and the final one, side by side over the clip."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,7 +10,9 @@ from tqdm import tqdm
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
 from fitting_core.clip import Clip
+from fitting_core.errors import InputError
 from fitting_core.overlay import Panel, write_overlay
 from fitting_core.result import FitResult
 from fitting_core.video import FrameSource
@@ -47,6 +49,54 @@ def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
             keypoints=clip.keypoints,
             progress=advance,
         )
+
+
+def write_side_by_side(
+    path: Path,
+    clip: Clip,
+    fits: Sequence[tuple[str, BodyParams, BodyModel, Camera]],
+    *,
+    progress: Callable[[int], None],
+) -> None:
+    """Write an overlay video of any fits of one clip.
+
+    Args:
+        path: The mp4 file.
+        clip: With its keypoints, which are drawn, too.
+        fits: Label, all frames, body and camera of each.
+        progress: Called with the number of frames done; what it raises ends the video, of which nothing is kept.
+
+    Raises:
+        InputError: As `write_comparison`, or the bodies have other meshes than each other.
+    """
+    bodies = [body for _, _, body, _ in fits]
+    if any(not np.array_equal(body.faces, bodies[0].faces) for body in bodies):
+        kinds = " and ".join(body.kind for body in bodies)
+        raise InputError(f"The fits have bodies of different meshes ({kinds}): choose runs of one body model.")
+    panels = [
+        Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(Mesh(body), params)))
+        for label, params, body, camera in fits
+    ]
+    with _frames(clip) as frames:
+        write_overlay(
+            path,
+            frames,
+            panels,
+            faces=bodies[0].faces,
+            camera=clip.camera,
+            frame_rate=clip.frame_rate,
+            keypoints=clip.keypoints,
+            progress=progress,
+        )
+
+
+def _seen_by(camera: Camera, own: Camera, bodies: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+    """Bodies that `camera` sees at the pixels, and in the depth, at which their own camera sees them."""
+    scale = np.array(own.focal) / camera.focal
+    shift = (np.array(own.center) - camera.center) / camera.focal
+    for vertices in bodies:
+        plane = vertices[:, :2] * scale + vertices[:, 2:] * shift
+        yield np.concatenate([plane, vertices[:, 2:]], axis=1)
 
 
 def _vertices(mesh: Mesh, params: BodyParams) -> Iterator[np.ndarray]:

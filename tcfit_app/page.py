@@ -23,6 +23,7 @@ from tcfit_app.reviewing import Reviewing
 from tcfit_app.session import Notice
 from tcfit_app.status import Status
 from tcfit_app.strip import Strip
+from tcfit_app.submitting import Submitting
 from tcfit_app.view import page_events
 from tcfit_app.view.channel import Channel
 from tcfit_app.view.page_events import PageEvent
@@ -55,7 +56,7 @@ class Page:
         self.state = ViewState()
         self.author = f"browser {client.client_id}"
         self.changes = Changes()
-        self.correcting, self.reviewing = Correcting(self), Reviewing(self)
+        self.correcting, self.reviewing, self.submitting = Correcting(self), Reviewing(self), Submitting(self)
         self.playback = Playback(self.session.project.clip.frame_rate)
         self._do, self._remembered = do, remembered
         self._tab: str | None = None

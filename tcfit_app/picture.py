@@ -121,7 +121,8 @@ class Picture:
         compared = desk.body(other, state.frame) if state.difference and other is not None else None
         if compared is not None and compared.vertices.shape != drawn.vertices.shape:
             compared = None
-        key = (drawn.version, color, state.opacity, state.wireframe, compared.version if compared else None)
+        look = (color, state.opacity, state.wireframe, compared.version if compared else None)
+        key = (drawn.version, shown.camera, *look)
         if key not in self._layers:
             values = None if compared is None else np.linalg.norm(drawn.vertices - compared.vertices, axis=1)
             if len(self._layers) > 4:
@@ -130,6 +131,7 @@ class Picture:
                 vertices=drawn.vertices,
                 faces=desk.meshes(shown).faces,
                 color=color,
+                camera=shown.camera,
                 opacity=state.opacity,
                 wireframe=state.wireframe,
                 values=values,
@@ -142,6 +144,7 @@ class Picture:
         page, state = self._page, self._page.state
         camera = page.session.project.clip.camera
         if state.mode == "space":
+            camera = next((shown.camera for shown in (b, a) if shown is not None), camera)
             ground = self._desk.ground(b) if b is not None else None
             both = bodies[0] if bodies else ()
             self._show(Space(camera=camera, bodies=both, image=image, ground=ground, apart=state.apart))

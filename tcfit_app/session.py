@@ -10,11 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import PhaseStarted, WindowFinished
 from tcfit_app.bodies import Bodies, record_of
-from tcfit_app.edit_log import LogEntry
+from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edits import Edit, MoveKeypoint
 from tcfit_app.fits import CorrectionJob, Fits, RunJob, Shown
 from tcfit_app.jobs import FitEverything, FitShape, Job, RerunFrames
@@ -40,6 +42,11 @@ MOST_FOLLOWED = 60
 """Frames that follow an edit by themselves; more are fitted again when the user says so."""
 SETTLING = 0.4
 """Seconds without a further edit after which the fit follows: a key held down makes one job."""
+_OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
+    JobFinished: "finished",
+    JobCancelled: "cancelled",
+    JobFailed: "failed",
+}
 _log = logging.getLogger(__name__)
 
 
@@ -64,10 +71,20 @@ class RunningJob:
     started: bool = False
     phase: int | None = None
     progress: JobProgress | None = None
-    losses: list[tuple[float, float, dict[str, float]]] = field(default_factory=list)
-    """Seconds of work, mean cost, mean cost by term as far as known."""
+    losses: list[tuple[float, dict[str, float]]] = field(default_factory=list)
+    """Seconds of work, and mean cost of a frame by term, "total" among them; about twice a second."""
     windows: list[range] = field(default_factory=list)
     """Frames that are final."""
+    outcome: Literal["", "finished", "cancelled", "failed"] = ""
+    """Empty: it has not ended."""
+    reason: str = ""
+    """Why it failed."""
+
+    def take(self, progress: JobProgress) -> None:
+        """It has come further."""
+        self.progress = progress
+        if progress.terms and (not self.losses or progress.terms is not self.losses[-1][1]):
+            self.losses.append((progress.elapsed, progress.terms))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +121,8 @@ class Session:
         self.worker = Worker(self.fits)
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
+        self.ended: RunningJob | None = None
+        """The run's job that ended last."""
         self.live: LiveWindow | None = None
         self.follow_edits = True
         self.edits = 0
@@ -167,28 +186,39 @@ class Session:
 
     # --- fits ---
 
-    def fit_everything(self, config: FitConfig, *, kind: str, gender: str) -> Run:
+    def clip_of(self, camera: Camera) -> Clip:
+        """The clip with its keypoints as they stand, and the camera of a run."""
+        return replace(self.project.clip, camera=camera)
+
+    def fit_everything(self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None) -> Run:
         """Submit a whole fit.
+
+        Args:
+            config: All settings.
+            kind: Of the body model.
+            gender: Of the body model.
+            camera: None: the clip's. Runs that start from this one keep it.
 
         Raises:
             InputError: The body is not there, or the project cannot be written.
         """
         body = self.bodies.find(kind=kind, gender=gender)
-        job = FitEverything(clip=self.project.clip, body=body, config=config)
+        job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
         """Submit phase 3 of some frames again, as a new run. Raises InputError as `fit_everything`."""
         start = self.fits.fit(shown.run)
         body = self.bodies.of(shown.run.body)
-        job = RerunFrames(clip=self.project.clip, body=body, config=config, start=start, windows=windows)
+        job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         frames = range(min(w.start for w in windows), max(w.stop for w in windows))
         return self._submit(job, kind="frames", start=shown, frames=frames)
 
     def rerun_shape(self, shown: Shown, config: FitConfig) -> Run:
         """Submit phases 2 and 3 again, as a new run. Raises InputError as `fit_everything`."""
         body = self.bodies.of(shown.run.body)
-        job = FitShape(clip=self.project.clip, body=body, config=config, start=self.fits.fit(shown.run))
+        start = self.fits.fit(shown.run)
+        job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start)
         return self._submit(job, kind="shape", start=shown)
 
     def _submit(
@@ -248,6 +278,13 @@ class Session:
         """How many entries the log of edits has that a run did not see."""
         return sum(entry.id > run.edits_seen for entry in self.project.log)
 
+    def frames_edited_since(self, run: Run) -> frozenset[int]:
+        """The frames of these entries; those of an edit that was undone or redone, too."""
+        edits = {entry.id: entry.action for entry in self.project.log}
+        unseen = [entry.action for entry in self.project.log if entry.id > run.edits_seen]
+        actions = [edits.get(action.edit, action) if isinstance(action, Undo | Redo) else action for action in unseen]
+        return frozenset(frame for action in actions for frame in getattr(action, "frames", ()))
+
     # --- live correction ---
 
     def begin_drag(
@@ -261,7 +298,7 @@ class Session:
         if shown.phase != 3 or shown.result is None or self.project.read_only:
             return None
         correction = Correction(
-            clip=self.project.clip,
+            clip=self.clip_of(shown.camera),
             body=self.bodies.of(shown.run.body),
             config=shown.run.config,
             params=shown.params,
@@ -297,8 +334,7 @@ class Session:
         for report in news.reports:
             self._take(report)
         if news.progress is not None and (job := self.jobs.get(news.progress.job)):
-            job.progress = news.progress
-            job.losses.append((news.progress.elapsed, news.progress.cost, news.progress.terms))
+            job.take(news.progress)
             self.changes += 1
         if news.moved is not None and news.moved.drag in self._drags:
             self._show_live(news.moved)
@@ -333,6 +369,9 @@ class Session:
 
     def _take_end(self, job: RunningJob, report: JobFinished | JobCancelled | JobFailed) -> None:
         del self.jobs[job.number]
+        job.outcome = _OUTCOMES[type(report)]
+        job.reason = report.reason if isinstance(report, JobFailed) else ""
+        self.ended = self.ended if job.run is None else job
         if isinstance(report, JobCancelled):
             self._end_run(job, "cancelled", "")
         elif isinstance(report, JobFailed):
@@ -367,7 +406,7 @@ class Session:
         config = waiting.shown.run.config
         config = replace(config, solver="lm", temporal=replace(config.temporal, stages=(5,)))
         body = self.bodies.of(waiting.shown.run.body)
-        job = RerunFrames(clip=self.project.clip, body=body, config=config, start=start, windows=windows)
+        job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         self._enqueue(CorrectionJob(origin=waiting.shown.run.id, job=job), None)
 
     def _refuse_read_only(self, what: str) -> None:

@@ -21,6 +21,12 @@ class FitSettings:
     preset: str = DEFAULT_PRESET
     kind: str = "smplx"
     gender: str = "neutral"
+    focal: float | None = None
+    """Focal length along x for a whole fit, in pixels; None: the clip's."""
+    reach: int = 10
+    """Frames before and after an edited or flagged one that are fitted again with it."""
+    problems: tuple[tuple[str, str], ...] = ()
+    """What was entered and cannot be used: the name of the setting, and why. Nothing is fitted until it is right."""
 
 
 @dataclass(frozen=True, kw_only=True)

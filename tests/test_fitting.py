@@ -20,6 +20,7 @@ from fitting_core.errors import InputError
 from fitting_core.events import Finished, Iteration, PhaseFinished, PhaseStarted, WindowFinished
 from fitting_core.fitting import fit, fit_events, rerun_events
 from fitting_core.keypoints import Keypoints
+from fitting_core.phases import progress
 from fitting_core.result import FitResult
 from tests.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 
@@ -368,3 +369,31 @@ def test_seconds_are_of_the_phase(free_body: BodyModel, short_clip: Clip):
     start = time.perf_counter()
     result = fit(short_clip, free_body, replace(QUICK, last_phase=2))
     assert sum(p.seconds for p in result.phases) <= time.perf_counter() - start
+
+
+def test_costs_by_term_are_told_now_and_then_and_change_no_bit(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """Every time, never, and by the clock, with both solvers; the terms of a step add up to its cost."""
+    keypoints = body_only(tiny_body, 5)
+    for solver in ("lm", "lbfgs"):
+        config = replace(QUICK, solver=solver, settings=SolverSettings(iterations=6, rounds=1))
+        results = {}
+        for name, wait in (("every", 0.0), ("never", None), ("clock", progress.TERMS_EVERY)):
+            monkeypatch.setattr(progress, "TERMS_EVERY", wait or 0.0)
+            monkeypatch.setattr(progress, "_SHARE", 0.03 if name == "clock" else 1e9)
+            sampled = (lambda self, step: {}) if wait is None else TERMS
+            monkeypatch.setattr(progress.TermSampling, "terms", sampled)
+            events = list(fit_events(clip_of(keypoints), tiny_body, config))
+            told = [e for e in events if isinstance(e, Iteration) and e.terms]
+            results[name] = (events[-1].result, told, sum(isinstance(e, Iteration) for e in events))
+        every, told, steps = results["every"]
+        assert len(told) == steps > 20 and {e.phase for e in told} == {1, 2, 3}
+        assert not results["never"][1] and 3 <= len(results["clock"][1]) < steps
+        for other, *_ in (results["never"], results["clock"]):
+            for a, b in zip(every.phases, other.phases, strict=True):
+                assert all(torch.equal(x, getattr(b.params, n)) for n, x in vars(a.params).items())
+        second = [e for e in told if e.phase == 2]
+        assert all(sum(e.terms.values()) == pytest.approx(e.cost, rel=1e-6) for e in second)
+        assert all("temporal" in e.terms for e in told if e.phase == 3)
+
+
+TERMS = progress.TermSampling.terms

@@ -1,7 +1,10 @@
 """How phases report a running minimisation."""
 
-from collections.abc import Generator
+import time
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+
+import torch
 
 from fitting_core.body.params import BodyParams
 from fitting_core.solvers.solution import Progress, Solution
@@ -16,6 +19,8 @@ class Step:
     """How much of the phase is done, 0 to 1."""
     cost: float
     final: tuple[range, BodyParams] | None = None
+    terms: Callable[[], dict[str, float]] = dict
+    """Evaluates the mean cost of a frame by term; to be called before the phase goes on."""
 
 
 def reported(
@@ -30,4 +35,29 @@ def reported(
             return stop.value
         done = min(1.0, progress.iteration / iterations)
         finite = progress.cost[progress.cost.isfinite()]
-        yield Step(label, begin + (end - begin) * done, float(finite.mean()) if len(finite) else float("inf"))
+        cost = float(finite.mean()) if len(finite) else float("inf")
+        yield Step(label, begin + (end - begin) * done, cost, terms=progress.terms)
+
+
+TERMS_EVERY = 0.5
+"""Seconds between two evaluations of the cost by term."""
+_SHARE = 0.03
+"""Most of the time that these evaluations may take: of long clips they are rarer."""
+
+
+class TermSampling:
+    """Evaluates the cost by term now and then, by the clock: the fit itself is the same with and without."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def terms(self, step: Step) -> dict[str, float]:
+        """The step's, or empty if the last ones are recent."""
+        begin = time.monotonic()
+        if begin < self._due:
+            return {}
+        with torch.no_grad():
+            terms = step.terms()
+        end = time.monotonic()
+        self._due = end + max(TERMS_EVERY, (end - begin) / _SHARE)
+        return terms

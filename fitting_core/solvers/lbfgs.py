@@ -119,6 +119,8 @@ class Standing(NamedTuple):
     """Accepted steps of the row that took most."""
     running: int
     """Rows that have not ended."""
+    x: Float[Tensor, "b n"]
+    """Where the cost is `cost`; the minimiser's own, to be read before it goes on."""
 
 
 def lbfgs_steps(function: CostFunction, x0: Float[Tensor, "b n"], limits: Limits) -> Generator[Standing, None, Result]:
@@ -235,7 +237,7 @@ class _Minimiser:
         self.reason[rows] = int(reason)
 
     def standing(self) -> Standing:
-        return Standing(self.best_cost.clone(), int(self.iterations.max()), len(self.running()))
+        return Standing(self.best_cost.clone(), int(self.iterations.max()), len(self.running()), self.best_x)
 
     def result(self) -> Result:
         return Result(

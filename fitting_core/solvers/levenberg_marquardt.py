@@ -52,7 +52,12 @@ class LevenbergMarquardt:
             if not len(run.active):
                 break
             run.iterate(tolerance)
-            yield Progress(iteration=iteration + 1, cost=run.cost.clone(), running=len(run.active))
+            yield Progress(
+                iteration=iteration + 1,
+                cost=run.cost.clone(),
+                running=len(run.active),
+                terms=lambda: run.problem.terms(run.state),
+            )
         return run
 
 

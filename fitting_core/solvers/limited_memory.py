@@ -43,7 +43,12 @@ class LimitedMemory:
             except StopIteration as stop:
                 result = stop.value
                 break
-            yield Progress(iteration=standing.iterations, cost=standing.cost, running=standing.running)
+            yield Progress(
+                iteration=standing.iterations,
+                cost=standing.cost,
+                running=standing.running,
+                terms=lambda x=standing.x: problem.terms(start.moved(problem.spread(x))),
+            )
         state = start.moved(problem.spread(result.x))
         reason = tuple(_OUTCOME.get(r, "converged") for r in result.reasons)
         return Solution(state=state, cost=result.cost, reason=reason, evaluations=int(result.evaluations.sum()))

@@ -47,6 +47,10 @@ class Problem(Protocol):
         """The damped Gauss-Newton step of each group."""
         ...
 
+    def terms(self, state: State) -> dict[str, float]:
+        """Mean cost of a frame by term, see `mean_costs`; `state` holds the rows of all groups."""
+        ...
+
     def softened(self) -> "Problem | None":
         """A problem that is easier to descend, with its minima in about the same places; None where there is none."""
         ...
@@ -66,6 +70,12 @@ class OnFrames:
         other = copy(self)
         other.objective = objective
         return other
+
+
+def mean_costs(costs: dict[str, Float[Tensor, "B"]]) -> dict[str, float]:
+    """Of each term over the frames where it is finite; infinite where it is so nowhere."""
+    finite = {name: cost[cost.isfinite()] for name, cost in costs.items()}
+    return {name: float(cost.mean()) if len(cost) else float("inf") for name, cost in finite.items()}
 
 
 @dataclass(frozen=True)
@@ -106,6 +116,10 @@ class IndependentFrames(OnFrames):
     def cost(self, state: State, groups: Tensor) -> Tensor:
         """E_o of each frame."""
         return self.objective.cost(state, self.frames[groups])
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Of E_o."""
+        return mean_costs(self.objective.costs(state, self.frames))
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
         """Cost, gradient (g,d), matrix (g,d,d)."""
@@ -156,6 +170,11 @@ class SharedShape(OnFrames):
         """E_beta' + mean of E_o."""
         shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
         return (self.objective.cost(state, self.frames).mean() + shape)[None]
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Of E_o, and E_beta' as "shared_shape"."""
+        shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
+        return {**mean_costs(self.objective.costs(state, self.frames)), "shared_shape": float(shape)}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
         """Cost, frames' gradients and matrices (with the betas' share), and the betas' own prior."""

@@ -1,5 +1,6 @@
 """What every solver reports and returns."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from jaxtyping import Float
@@ -16,6 +17,8 @@ class Progress:
     cost: Float[Tensor, "g"]
     running: int
     """Groups that have not ended."""
+    terms: Callable[[], dict[str, float]]
+    """Evaluates `Problem.terms` where the minimisation stands; to be called before it goes on."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from fitting_core.camera import Camera
+
 RGB = tuple[int, int, int]
 """0 to 255, sRGB."""
 
@@ -36,6 +38,8 @@ class BodyLayer:
     wireframe: bool = False
     values: Float[np.ndarray, "V"] | None = None
     """Metres at each vertex, such as the distance to another run. They are drawn as colours, instead of `color`."""
+    camera: Camera | None = None
+    """What it was fitted with; None: the poster's own."""
     limit: float = DISTANCE_LIMIT
     """Metres at the top end of the colours; larger values look the same."""
 

@@ -85,20 +85,28 @@ def pixels_of_world(
     return (world - np.array([x, 0.0])) * size[1] + np.array(size) / 2
 
 
-def relief(bodies: Sequence[Float[np.ndarray, "V 3"]], camera: Camera) -> list[Float[np.ndarray, "V 3"]]:
+def relief(
+    bodies: Sequence[Float[np.ndarray, "V 3"]], camera: Camera, own: Sequence[Camera | None] = ()
+) -> list[Float[np.ndarray, "V 3"]]:
     """Vertices on a poster at x = 0, of bodies that hide each other by their depth.
 
     Depth is drawn as f/H log(z / furthest z): it keeps the order and stretches z as the projection stretches x and y,
     at every z, so that a body is shaded as it is shaped.
+
+    Args:
+        bodies: In camera space, metres.
+        camera: The poster's.
+        own: Of each body that has one of its own, of the same image size: its intrinsics.
     """
     if not bodies:
         return []
     depths = [np.maximum(vertices[:, 2:], NEAREST) for vertices in bodies]
     furthest = max(float(depth.max()) for depth in depths)
     scale = camera.focal[1] / camera.size[1]
+    cameras = [one or camera for one in own] or [camera] * len(bodies)
     out = []
-    for vertices, depth in zip(bodies, depths, strict=True):
-        pixels = vertices[:, :2] / depth * np.array(camera.focal) + np.array(camera.center)
+    for vertices, depth, one in zip(bodies, depths, cameras, strict=True):
+        pixels = vertices[:, :2] / depth * np.array(one.focal) + np.array(one.center)
         flat = np.clip(world_of_pixels(pixels, camera.size), -_FAR_OUT, _FAR_OUT)
         out.append(np.hstack([flat, scale * np.log(depth / furthest)]).astype(np.float32))
     return out
@@ -151,9 +159,10 @@ class _Slot:
 
     def _draw_bodies(self, bodies: tuple[BodyLayer, ...], camera: Camera) -> list[str]:
         shown, problems = drawable(bodies)
-        source = camera, *(body.vertices for body in shown if body)
+        own = [body.camera for body in shown if body]
+        source = camera, *own, *(body.vertices for body in shown if body)
         if not _same(source, self._source):
-            self._reliefs = relief([body.vertices for body in shown if body], camera)
+            self._reliefs = relief([body.vertices for body in shown if body], camera, own)
             self._source = source
         reliefs = iter(self._reliefs)
         for i, node in enumerate(self._bodies):

@@ -4,12 +4,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitting_core.config import PRESETS
 from fitting_core.keypoints import INDEX
 from tcfit_app.app import ReviewApp
 from tcfit_app.bodies import Bodies
@@ -22,6 +23,14 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
     from playwright.sync_api import Page as Tab
 
+QUICK = replace(
+    PRESETS["tcfit"],
+    relay_rounds=0,
+    yaws="side_view",
+    sharper_keypoints=False,
+    settings=replace(PRESETS["tcfit"].settings, iterations=8),
+)
+"""The default but for what takes long."""
 PATIENCE = 60.0
 """Seconds after which a test gives up."""
 _HARMLESS = ("WebGL", "GPU", "THREE.Clock", "GL Driver")

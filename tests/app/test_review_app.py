@@ -9,28 +9,16 @@ import numpy as np
 import pytest
 import torch
 
-from fitting_core.config import PRESETS
-from fitting_core.evaluation.demo_clip import make_demo
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.keypoints import INDEX
 from tcfit_app.fits import FitChoice
 from tcfit_app.project import Project
 from tests.app.browser import chromium
-from tests.app.review_page import Reviewing, opened, reviewing, until
+from tests.app.review_page import QUICK, Reviewing, opened, reviewing, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-RATE = 5.0
-"""Frames a second of the demo: 29 frames."""
 WRIST = INDEX["right_wrist"]
-QUICK = replace(
-    PRESETS["tcfit"],
-    relay_rounds=0,
-    yaws="side_view",
-    sharper_keypoints=False,
-    settings=replace(PRESETS["tcfit"].settings, iterations=8),
-)
 
 
 @pytest.fixture(scope="module")
@@ -40,20 +28,9 @@ def browser() -> Iterator["Browser"]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The demo project without a fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("demo")
-    demo = make_demo(folder / "clip", progress=False, frame_rate=RATE)
-    given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
-    clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
-    Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
-    return folder / "demo.tcfit"
-
-
-@pytest.fixture(scope="module")
-def review(made: Path, browser: "Browser") -> Iterator[Reviewing]:
+def review(demo_project: Path, browser: "Browser") -> Iterator[Reviewing]:
     """The project in a browser, after a fit that streamed in before its eyes."""
-    with reviewing(made, browser) as found:
+    with reviewing(demo_project, browser) as found:
         bodies = []
         found.app.post(lambda: found.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
         until(lambda: found.session.jobs)
@@ -186,9 +163,9 @@ def test_a_second_browser_has_its_own_frame_and_sees_the_same_project(review: Re
     until(lambda: len(review.app.pages) == 1)
 
 
-def test_states_without_a_fit_a_video_or_the_lock(made: Path, browser: "Browser", tmp_path: Path):
+def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "Browser", tmp_path: Path):
     folder = tmp_path / "copy.tcfit"
-    with Project.open(made, read_only=True) as project:
+    with Project.open(demo_project, read_only=True) as project:
         Project.create(folder, replace(project.clip, source=None)).close()
     with Project.open(folder), reviewing(folder, browser, read_only=True) as found:
         texts = until(lambda: chips(found), "the status line")
