@@ -39,7 +39,7 @@ _WORDS = {"sliding_window": "sliding window"}
 """Choices that read better otherwise."""
 _HINTS = {
     "temporal.weight": "Weight of consistency over time",
-    "temporal.window_size": "Frames of a sliding window",
+    "temporal.window_size": "Frames of a sliding window; mode global has none",
     "shape_sample.size": "How many frames find the shared shape",
     "shape_sample.seed": "Of the random choice of frames",
     "solver": "Levenberg-Marquardt, or L-BFGS as the paper has it",
@@ -87,7 +87,9 @@ class FitInputs:
         handle = self._gui.add_dropdown("Preset", tuple(PRESETS), initial_value=now.preset, hint="Sets all settings")
         self._add("preset", handle, self._take_preset, lambda s: s.preset)
         self._changed = Shown(self._gui.add_html(""))
-        self._back = Shown(self._gui.add_button("Back to the preset", visible=False, icon=viser.Icon.ARROW_BACK_UP))
+        self._back = Shown(
+            self._gui.add_button("Back to the preset", visible=False, color="gray", icon=viser.Icon.ARROW_BACK_UP)
+        )
         on_press(self._page, self._back.handle, lambda: self._take_preset(self._page.state.settings.preset))
 
     def add(self, *names: str) -> None:
