@@ -53,7 +53,10 @@ def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
     assert page.corrected_fit().camera == camera  # pyright: ignore
     page.set(frames=range(2, 4))
     panel.draw()
+    jobs, submit = [], page.session.worker.submit
+    page.session.worker.submit = lambda job: jobs.append(job) or submit(job)  # pyright: ignore
     page.press("Re-run frames 2–3")
+    assert jobs[0].job.clip.camera == camera, "it is fitted again as its own camera sees it"
     page.until(lambda: not page.session.jobs, panel)
     rerun = page.session.fits.runs[-1]
     assert (rerun.kind, rerun.frames, rerun.parent) == ("frames", range(2, 4), run.id)
