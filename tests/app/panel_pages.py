@@ -135,12 +135,7 @@ class PanelPage(Page):
     def html(self) -> str:
         """All HTML, of hidden elements too."""
         containers = self.client.gui._container_handle_from_uuid.values()
-        return "".join(
-            child.content
-            for container in containers
-            for child in container._children.values()
-            if hasattr(child, "content")
-        )
+        return "".join(getattr(element, "content", "") for one in containers for element in one._children.values())
 
 
 _CLIPS: dict[str, Clip] = {}
