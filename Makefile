@@ -18,7 +18,7 @@ help: ## This list
 
 install: $(INSTALLED) ## Set up .venv and nothing else
 
-demo: $(INSTALLED) ## Make a clip with known truth, fit it and write an overlay video
+demo: $(INSTALLED) ## Make a clip, fit it, and open it in the browser
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
 test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/body -k hands"

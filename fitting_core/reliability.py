@@ -43,7 +43,7 @@ def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 1
 
 
 _HAND = [kp.LEFT_HAND.start + i for i in range(21)], [kp.RIGHT_HAND.start + i for i in range(21)]
-_PAIRED = {
+PAIRED = {
     "arms": (
         [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]],
         [kp.INDEX["right_elbow"], kp.INDEX["right_wrist"]],
@@ -71,7 +71,7 @@ def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray
     """
     xy, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
     swaps = {}
-    for name, (left, right, others) in _PAIRED.items():
+    for name, (left, right, others) in PAIRED.items():
         frames = _swapped_frames(keypoints.xy[:, [left, right]], keypoints.confidence[:, [left, right]])
         if len(frames):
             one, other = [*left, *others[0]], [*right, *others[1]]

@@ -107,6 +107,9 @@ class Stages:
 
     def tensor(self, a: np.ndarray) -> Tensor:
         """The array in the fit's type and on its device."""
+        a = np.asarray(a)
+        # torch warns of arrays that cannot be written, as those of a project are.
+        a = a if a.flags.writeable else a.copy()
         return torch.as_tensor(a, dtype=self.dtype, device=self.device)
 
     def has(self, group: slice) -> bool:

@@ -12,7 +12,7 @@ import viser
 from tcfit_app.desk import Desk
 from tcfit_app.page import Page
 from tcfit_app.session import Notice, Session
-from tcfit_app.view_state import FitSettings, ViewState
+from tcfit_app.view_state import ViewState
 
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
@@ -33,7 +33,7 @@ class ReviewApp:
         self.session = session
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
-        self.desk = Desk(session, lambda: self._post(lambda: None))
+        self.desk = Desk(session, lambda: self.post(lambda: None))
         self.pages: dict[int, Page] = {}
         self._remembered: dict[str, ViewState] = {}
         session.tell = self._tell
@@ -41,16 +41,17 @@ class ReviewApp:
         server.on_client_disconnect(self._disconnected)
 
     async def _connected(self, client: viser.ClientHandle) -> None:
-        self._post(lambda: self._open(client))
+        self.post(lambda: self._open(client))
 
     async def _disconnected(self, client: viser.ClientHandle) -> None:
-        self._post(lambda: self._close(client.client_id))
+        self.post(lambda: self._close(client.client_id))
 
-    def _post(self, command: Callable[[], None]) -> None:
+    def post(self, command: Callable[[], None]) -> None:
+        """Do something on the drawing thread, soon; from any thread."""
         self._commands.put(command)
 
     def _open(self, client: viser.ClientHandle) -> None:
-        self.pages[client.client_id] = Page(client, self.desk, self._post, self._remembered)
+        self.pages[client.client_id] = Page(client, self.desk, self.post, self._remembered)
 
     def _close(self, client: int) -> None:
         if (page := self.pages.pop(client, None)) is not None:
@@ -59,11 +60,6 @@ class ReviewApp:
     def _tell(self, notice: Notice) -> None:
         for page in self.pages.values():
             page.notify(notice)
-
-    def fit_by_default(self) -> None:
-        """Submit a whole fit as it is by default."""
-        settings = FitSettings()
-        self.session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender)
 
     def run(self) -> None:
         """Draw until `stop` is called."""
@@ -77,7 +73,7 @@ class ReviewApp:
     def stop(self) -> None:
         """End `run`, from any thread."""
         self._stop.set()
-        self._post(lambda: None)
+        self.post(lambda: None)
 
     def close(self) -> None:
         """End all work. What was done is on the disk."""

@@ -10,6 +10,8 @@ from fitting_core.errors import InputError
 from tcfit_app.curves import Curve
 from tcfit_app.posed_fit import PosedFit
 
+BETWEEN = "between_runs"
+"""Name of the curve."""
 Placed = Literal["camera", "pelvis"]
 """Where the bodies stand, or moved so that their pelvises are at one place."""
 
@@ -55,5 +57,5 @@ def between_runs(a: PosedFit, b: PosedFit, *, placed: Placed = "camera") -> Curv
     one, other = a.joints, b.joints
     if placed == "pelvis":
         one, other = (joints - joints[:, [JOINT["pelvis"]]] for joints in (one, other))
-    values: Float[np.ndarray, T] = 1e3 * np.linalg.norm(other - one, axis=-1).mean(1)
-    return Curve(name="between_runs", title="Distance between the runs", unit="mm", values=values)
+    values = 1e3 * np.linalg.norm(other - one, axis=-1).mean(1)
+    return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)

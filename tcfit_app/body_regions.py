@@ -20,11 +20,17 @@ REGIONS: dict[str, tuple[int, ...]] = {
 }
 """Every keypoint in one region."""
 REGION_OF: dict[int, str] = {joint: region for region, joints in REGIONS.items() for joint in joints}
-_KEYPOINT_NAMES = {"pelvis": "mid_hip", "head": "nose", "jaw": "nose", "left_collar": "left_shoulder"} | {
-    "right_collar": "right_shoulder",
-    "left_foot": "left_big_toe",
-    "right_foot": "right_big_toe",
-    "spine3": "neck",
+_LIMBS = {
+    f"{side} {end}": f"{side} {limb}" for side in ("left", "right") for end, limb in (("hand", "arm"), ("foot", "leg"))
+}
+LIMB_OF: dict[int, str] = {
+    joint: (_LIMBS | {"face": "head"}).get(region, region) for joint, region in REGION_OF.items()
+}
+"""The same with hands and feet as parts of their limb, and the face as a part of the head."""
+_KEYPOINT_NAMES = {
+    **{f"{side}_collar": f"{side}_shoulder" for side in ("left", "right")},
+    **{f"{side}_foot": f"{side}_big_toe" for side in ("left", "right")},
+    **{"pelvis": "mid_hip", "spine3": "neck", "head": "nose", "jaw": "nose"},
 }
 KEYPOINT_OF_JOINT: tuple[int | None, ...] = tuple(kp.INDEX.get(_KEYPOINT_NAMES.get(name, name)) for name in JOINTS)
 """For each of SMPL-X's joints the keypoint at it or nearest to it on the same part; None for spine1 and spine2."""

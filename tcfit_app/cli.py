@@ -85,9 +85,12 @@ def _review(options: ReviewOptions, command: str) -> int:
 
 
 def _demo(options: DemoOptions, command: str) -> int:
-    from tcfit_app.demo_command import run_demo
+    from tcfit_app.demo_command import review_demo, run_demo
 
-    run_demo(options, command=command)
+    if options.review:
+        review_demo(options)
+    else:
+        run_demo(options, command=command)
     return 0
 
 

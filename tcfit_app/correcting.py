@@ -184,7 +184,7 @@ class Correcting:
         if page.state.frame not in edit.frames:
             page.seek(edit.frames[0])
         page.set(selection=edit.joints if len(edit.joints) <= _FEW else page.state.selection)
-        page.say(f"{verb}: {describe(edit)}")
+        page.say(f"{verb}: {describe(edit, page.first_frame)}")
 
     def _selected(self) -> tuple[int, ...]:
         if not self._page.state.selection:
@@ -211,11 +211,11 @@ VERBS: dict[type[Edit], str] = {
 }
 
 
-def describe(edit: Edit) -> str:
-    """An edit in words: what, which keypoints, which frames."""
+def describe(edit: Edit, first_frame: int = 0) -> str:
+    """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
     names = [NAMES[j].replace("_", " ") for j in edit.joints]
     what = ", ".join(names) if len(names) <= _FEW else f"{len(names)} keypoints"
     noun = "frame" if len(edit.frames) == 1 else "frames"
     verb = VERBS[type(edit)]
-    where = f"{noun} {spans(list(edit.frames))}"
+    where = f"{noun} {spans([first_frame + frame for frame in edit.frames])}"
     return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"

@@ -1,6 +1,8 @@
-"""`tcfit demo`: fit the demo clip, of which the truth is known, and say how far off the fit is."""
+"""`tcfit demo`: review the demo clip, or fit it, of which the truth is known, and say how far off the fit is."""
 
+import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -8,13 +10,38 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.positions import joints_in_space
 from fitting_core.errors import InputError
-from fitting_core.evaluation.demo_clip import Truth, cached_demo, read_truth
+from fitting_core.evaluation.demo_clip import DemoClip, Truth, cached_demo, read_truth
 from fitting_core.evaluation.metrics import jitter, mpjpe, pa_mpjpe
-from tcfit_app.fit_command import Outcome, check_out, run_fit
+from fitting_core.io.clip_reader import read_clip
+from tcfit_app.fit_command import Outcome, check_out, prepare_torch, run_fit
+from tcfit_app.new_command import is_project
 from tcfit_app.options import CameraOptions, DemoOptions, FitOptions, fit_config
+from tcfit_app.project import Project, check_free
 
+_PROJECT, _RESULT = Path("tcfit-demo.tcfit"), Path("tcfit-demo")
 _BODY = slice(0, JOINT["right_wrist"] + 1)
 _COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
+
+
+def review_demo(options: DemoOptions) -> None:
+    """Make the demo clip if it is not in the cache, a project of it if there is none, and review that until Ctrl-C.
+
+    Raises:
+        InputError: As `review`, or the cache or the project cannot be written.
+    """
+    from tcfit_app.review_command import open_project, review  # viser, which a fit in the terminal does not need
+
+    config = fit_config(options.method)
+    folder = options.out or _PROJECT
+    if not is_project(folder):
+        check_free(folder)
+        demo = _demo_clip()
+        given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
+        clip = dataclasses.replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
+        Project.create(folder, clip, copy_media=True).close()
+    prepare_torch(config, options.threads)
+    with open_project(folder) as project:
+        review(project, options.server, fit=config)
 
 
 def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
@@ -28,19 +55,15 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
         InputError: As `run_fit`, or the cache cannot be written.
     """
     fit_config(options.method)  # Wrong options should not wait for the clip.
-    check_out(options.out, overwrite=options.overwrite)
-    try:
-        clip = cached_demo(progress=sys.stderr.isatty())
-    except OSError as error:
-        raise InputError(
-            f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
-        ) from error
+    out = options.out or _RESULT
+    check_out(out, overwrite=options.overwrite)
+    clip = _demo_clip()
     truth = read_truth(clip.truth)
     camera = CameraOptions(focal_length=clip.camera.focal[0], center=clip.camera.center)
     fit_options = FitOptions(
         video=clip.video,
         keypoints=clip.keypoints,
-        out=options.out,
+        out=out,
         overwrite=options.overwrite,
         overlay=options.overlay,
         threads=options.threads,
@@ -50,6 +73,15 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     outcome = run_fit(fit_options, command=command)
     print("\n".join(truth_table(outcome, truth)))
     return outcome
+
+
+def _demo_clip() -> DemoClip:
+    try:
+        return cached_demo(progress=sys.stderr.isatty())
+    except OSError as error:
+        raise InputError(
+            f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
+        ) from error
 
 
 def truth_table(outcome: Outcome, truth: Truth) -> list[str]:

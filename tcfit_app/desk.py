@@ -92,6 +92,14 @@ class Desk:
         """A curve of the timeline; None while it is made."""
         return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
 
+    def between(self, a: Shown, b: Shown) -> Curve | None:
+        """How far two runs lie apart along the clip; None while it is made."""
+        try:
+            one, other = self.posed(a), self.posed(b)
+        except InputError:
+            return None
+        return self.background.get(("between", self.key(a), self.key(b)), lambda: between_runs(one, other))
+
     def ground(self, shown: Shown) -> float | None:
         """Height of the floor under a run's person (y in camera space, metres); None while it is made."""
 
@@ -130,8 +138,18 @@ class Desk:
         """The review queue of a run; None while it is made."""
         project = self.session.project
         checked = still_checked(project.marks.all(), project.log)
-        key = ("suspects", self.key(shown), self.session.marked)
-        return self._made(key, shown, lambda posed: review_queue(posed, checked=checked))
+        return self._made(self._suspects_key(shown), shown, lambda posed: review_queue(posed, checked=checked))
+
+    def suspects_problem(self, shown: Shown) -> str:
+        """Why there will be no review queue of a run; empty if nothing is wrong."""
+        try:
+            self.meshes(shown)
+        except InputError as error:
+            return str(error)
+        return self.background.problem(self._suspects_key(shown))
+
+    def _suspects_key(self, shown: Shown) -> Hashable:
+        return "suspects", self.key(shown), self.session.marked
 
     def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
         try:

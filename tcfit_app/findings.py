@@ -13,27 +13,37 @@ from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
 from fitting_core import keypoints as kp
-from fitting_core.reliability import SEEN, unswapped
+from fitting_core.body.model import JOINT, JOINTS
+from fitting_core.reliability import PAIRED, SEEN, unswapped
 from tcfit_app.body_regions import KEYPOINT_OF_JOINT, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.posed_fit import GROUPS, PosedFit
 
 _SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
+_MOST = 3.0
+"""Times the least distance: so far a clip's own median and spread can excuse a value. The neck's offset from the body's
+is 90 mm in each frame, and nothing to look at; half of a clip that is far off is."""
 _OFF_MM = {"body": 40.0, "hands": 20.0, "face": 20.0}
-"""Reprojection errors below are nothing to look at, whatever the median; at the body's distance."""
+"""Reprojection errors below are nothing to look at, whatever the median; lengths at the pelvis' distance."""
 _DETECTION_JUMP_MM = 60.0
-_JUMP = 25.0
-"""m/s^2: what signing hands reach (40 mm/frame^2 at 25 frames per second)."""
+"""Distance of a detection from the middle of the ones before and after it, likewise."""
+_JUMP = 40.0
+"""m/s^2: what a joint must reach to be worth a look, four times the acceleration of free fall."""
 _LEAST_JUMP_MM = 12.0
-"""mm/frame^2: the noise of a joint at high frame rates."""
+"""mm/frame^2: no less is a jump at high frame rates, where the joints' noise is as large as their acceleration."""
+_HANDS = JOINT["left_index1"]
+"""The first of the fingers' joints."""
+_MANY = JOINT["right_wrist"] // 2
+"""More joints than these, of all but the fingers, are the whole body."""
 _USUAL, _LOW = 0.4, 0.4
 """A region's confidence is low below this share of what it has around that frame, if it has at least so much there."""
 _AROUND = 25
 """Frames."""
 _SWAP_MM = 150.0
-_SWAP_SCORE = 3.0
-_COST_RATIO = 1.0
-"""Part of the usual cost by which a frame must exceed it."""
+"""By which each of the telling keypoints must come nearer to the fit, on average, when its side is changed."""
+_SWAP_SCORE, _FAILED_SCORE = 3.0, 5.0
+_COST_RATIO = 1.5
+"""Times the usual cost by which a frame must exceed it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +70,8 @@ def scores(values: Float[np.ndarray, "T K"], least: Float[np.ndarray, "T K"] | f
     filled = np.where(known.any(0), values, 0)  # Columns without any value have no median.
     middle = np.nanmedian(filled, 0)
     sigma = _MAD_TO_SIGMA * np.nanmedian(abs(filled - middle), 0)
-    return np.where(known, (filled - middle) / np.maximum(_SIGMAS * sigma, least), 0)
+    threshold = np.clip(_SIGMAS * sigma, least, _MOST * least)
+    return np.where(known, (filled - np.minimum(middle, _MOST * least)) / threshold, 0)
 
 
 def _pixels_per_mm(fit: PosedFit) -> Float[np.ndarray, "T 1"]:
@@ -111,39 +122,54 @@ def _jumps(fit: PosedFit) -> Iterator[Finding]:
     for frame, bones in _above(found):
         worst = bones[0]
         concerned = dict.fromkeys(joint for bone in bones if (joint := KEYPOINT_OF_JOINT[bone]) is not None)
-        reason = f"{spoken_bone(worst)} jumps {fit.jumps[frame, worst]:.0f} mm/frame²"
+        reason = f"{_jumping(bones)} {fit.jumps[frame, worst]:.0f} mm/frame²"
         yield Finding(frame=frame, score=float(found[frame, worst]), reason=reason, joints=tuple(concerned))
 
 
+def _jumping(bones: list[int]) -> str:
+    """What jumps: a joint; a hand, whose fingers hang on one wrist; or all of the body at once."""
+    worst = bones[0]
+    if sum(bone < _HANDS for bone in bones) > _MANY:
+        return "whole body jumps up to"
+    return f"{JOINTS[worst].partition('_')[0]} hand jumps up to" if worst >= _HANDS else f"{spoken_bone(worst)} jumps"
+
+
 def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
+    by_frame: dict[int, list[tuple[float, str, list[int]]]] = {}
     for region, joints in REGIONS.items():
         tracked = [joint for joint in joints if fit.tracked[joint]]
         if not tracked:
             continue
         confidence = fit.clip.keypoints.confidence[:, tracked].mean(1)
         usual = median_filter(confidence, _AROUND, mode="nearest")
-        low = (usual > _USUAL) & (confidence < _LOW * usual)
+        # A person who has marked keypoints as bad knows that they are.
+        low = (usual > _USUAL) & (confidence < _LOW * usual) & ~fit.bad[:, tracked].any(1)
         for frame in np.flatnonzero(low).tolist():
             value = confidence[frame]
             reason = f"{region} confidence {value:.2f}" if value > 0 else f"{region} not detected"
             score = (1 - value / usual[frame]) / (1 - _LOW)
-            yield Finding(frame=frame, score=float(score), reason=reason, joints=tuple(tracked))
+            by_frame.setdefault(frame, []).append((float(score), reason, tracked))
+    for frame, parts in by_frame.items():
+        yield _lost(
+            frame, sorted(parts, key=lambda part: -part[0]), nobody=not fit.clip.keypoints.confidence[frame].any()
+        )
 
 
-_PAIRS = {
-    "arms": ("elbow", "wrist"),
-    "legs": ("knee", "ankle"),
-}
-"""Limbs that detectors take for one another, and the keypoints that tell."""
+def _lost(frame: int, parts: list[tuple[float, str, list[int]]], *, nobody: bool) -> Finding:
+    """Parts with their scores, reasons and keypoints, the worst first."""
+    score, reason, _ = parts[0]
+    more = f" ({len(parts) - 1} more)" if len(parts) > 1 else ""
+    joints = tuple(joint for _, _, tracked in parts for joint in tracked)
+    return Finding(frame=frame, score=score, reason="nobody detected" if nobody else reason + more, joints=joints)
 
 
 def _swaps(fit: PosedFit) -> Iterator[Finding]:
     by_detector = unswapped(fit.clip.keypoints)[1]
-    for name, parts in _PAIRS.items():
-        sides = [[kp.INDEX[f"{side}_{part}"] for part in parts] for side in ("left", "right")]
-        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *_crossed(fit, *sides)}
+    for name, (left, right, others) in PAIRED.items():
+        by_fit = _crossed(fit, left[:2], right[:2])
+        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *by_fit}
+        joints = (*left, *right, *others[0], *others[1])
         for frame in sorted(frames):
-            joints = (*sides[0], *sides[1])
             yield Finding(frame=frame, score=_SWAP_SCORE, reason=f"{name} may be swapped", joints=joints)
 
 
@@ -154,7 +180,7 @@ def _crossed(fit: PosedFit, left: list[int], right: list[int]) -> list[int]:
     straight = np.linalg.norm(xy[:, left + right] - projected[:, left + right], axis=-1).sum(1)
     crossed = np.linalg.norm(xy[:, left + right] - projected[:, right + left], axis=-1).sum(1)
     # Sums over all four; a body behind the camera has NaN, which no comparison holds for.
-    better = (crossed < 0.5 * straight) & (straight - crossed > len(left) * _SWAP_MM * _pixels_per_mm(fit)[:, 0])
+    better = (crossed < 0.5 * straight) & (straight - crossed > 2 * len(left) * _SWAP_MM * _pixels_per_mm(fit)[:, 0])
     return np.flatnonzero(seen & better).tolist()
 
 
@@ -164,22 +190,21 @@ def _costs(fit: PosedFit) -> Iterator[Finding]:
     The cost of the data term depends on how many keypoints there are (with hands it is five times as large), so what
     the squared errors of body, hands and face explain is taken off first, by least squares.
     """
-    cost = fit.frame_cost
-    if cost is None or not np.isfinite(cost).all() or len(cost) < _AROUND:
+    if fit.frame_cost is None:
         return
-    weighted = (np.nan_to_num(fit.errors) * fit.clip.keypoints.confidence) ** 2
+    finite = np.isfinite(fit.frame_cost)
+    for frame in np.flatnonzero(~finite).tolist():
+        yield Finding(frame=frame, score=_FAILED_SCORE, reason="the fit failed here", joints=())
+    if finite.sum() < _AROUND:
+        return
+    cost, frames = fit.frame_cost[finite], np.flatnonzero(finite)
+    weighted = (np.nan_to_num(fit.errors[finite]) * fit.clip.keypoints.confidence[finite]) ** 2
     explaining = np.stack([np.ones(len(cost)), *(weighted[:, group].sum(1) for group in GROUPS.values())], 1)
-    coefficients, _ = nnls(explaining, cost)
-    usual = explaining @ coefficients
+    usual = np.maximum(explaining @ nnls(explaining, cost)[0], 1e-9)
     found = scores((cost - usual)[:, None], _COST_RATIO * usual[:, None])[:, 0]
-    for frame in np.flatnonzero(found >= 1).tolist():
-        ratio = cost[frame] / max(usual[frame], 1e-9)
-        yield Finding(
-            frame=frame,
-            score=float(found[frame]),
-            reason=f"pose is unlikely: cost {ratio:.1f} times the usual",
-            joints=(),
-        )
+    for i in np.flatnonzero(found >= 1).tolist():
+        reason = f"unlikely pose: costs {cost[i] / usual[i]:.1f} times the usual"
+        yield Finding(frame=int(frames[i]), score=float(found[i]), reason=reason, joints=())
 
 
 def _above(found: Float[np.ndarray, "T K"]) -> Iterator[tuple[int, list[int]]]:

@@ -196,14 +196,20 @@ class ReviewOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DemoOptions:
-    """Make the demo clip (once), fit it, and compare the fit with the truth."""
+    """Make the demo clip (once), and open it in the browser with its fit coming in.
 
-    out: Annotated[Path, arg(metavar="DIR")] = Path("tcfit-demo")
-    """Folder for the result."""
+    With --no-review it is fitted here, the result written to files and compared with the truth.
+    """
+
+    out: Annotated[Path | None, _shown("DIR", "tcfit-demo.tcfit; with --no-review tcfit-demo")] = None
+    """Folder of the project, or for the result. A project that lies there is opened as it is."""
+    review: bool = True
+    """Open the review; else fit in the terminal."""
+    server: ServerOptions = field(default_factory=ServerOptions)
     overwrite: bool = False
-    """Write into a folder that holds other files too."""
+    """With --no-review: write into a folder that holds other files too."""
     overlay: bool = True
-    """Write overlay.mp4: phase 1 and the final fit side by side."""
+    """With --no-review: write overlay.mp4, phase 1 and the final fit side by side."""
     threads: int = 1
     """Threads of torch on the CPU."""
     method: MethodOptions = field(default_factory=MethodOptions)

@@ -51,6 +51,8 @@ class Page:
     def __init__(self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, ViewState]) -> None:
         self.client, self.desk, self.session = client, desk, desk.session
         self.length = desk.length
+        self.first_frame = desk.session.project.clip.first_frame
+        """The number that users see for frame 0."""
         self.state = ViewState()
         self.author = f"browser {client.client_id}"
         self.changes = Changes()
@@ -60,6 +62,8 @@ class Page:
         self._tab: str | None = None
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
+        self._presses: dict[str, Callable[[str], None]] = {}
+        self.on_press("action", lambda name: ACTIONS[name].run(self))
         self.channel = Channel(client, lambda event: do(self._guarded(lambda: self.receive(event))))
         self.channel.send("skeleton", Skeleton())
         self.channel.send("keys", Keys(bindings=bindings()))
@@ -90,6 +94,12 @@ class Page:
     def do(self, command: Callable[[], None]) -> None:
         """Run something on the drawing thread; for callbacks of panels. What goes wrong is told in the tab."""
         self._do(self._guarded(command))
+
+    def on_press(self, command: str, run: Callable[[str], None]) -> None:
+        """What a button in a panel's HTML does (`panels/html.py`), given its value. The command "action" is taken: it
+        runs one of ACTIONS."""
+        assert command not in self._presses, f"{command} is taken"
+        self._presses[command] = run
 
     def _guarded(self, command: Callable[[], None]) -> Callable[[], None]:
         def run() -> None:
@@ -129,7 +139,7 @@ class Page:
 
     def saved(self, edit: Edit) -> None:
         """An edit is on the disk."""
-        self.say(f"Saved: {describe(edit)}")
+        self.say(f"Saved: {describe(edit, self.first_frame)}")
 
     def refuse_read_only(self) -> None:
         """Raises InputError where nothing can be changed."""
@@ -249,13 +259,26 @@ class Page:
     def _drag(self, event: page_events.Drag) -> None:
         self.correcting.take(event)
 
+    def _press(self, event: page_events.Press) -> None:
+        self._presses[event.command](event.value)
+
+    def _gesture(self, event: page_events.Gesture) -> None:
+        self.picture.touched()
+
     def _drawn(self, event: page_events.Drawn) -> None:
         self.playback.drawn(event.frame)
 
     # --- drawing ---
 
+    @property
+    def ready(self) -> bool:
+        """Whether the page's script has said hello."""
+        return self._tab is not None
+
     def draw(self, now: float) -> None:
-        """Send what has changed since the last time."""
+        """Send what has changed since the last time, once the page is ready for it."""
+        if not self.ready:
+            return
         if self.state.playing and not self._advance(now):
             return
         drawn = self.picture.draw()
@@ -293,5 +316,7 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Range: Page._range,
     page_events.Select: Page._select,
     page_events.Drag: Page._drag,
+    page_events.Press: Page._press,
+    page_events.Gesture: Page._gesture,
     page_events.Drawn: Page._drawn,
 }

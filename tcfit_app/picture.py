@@ -46,6 +46,10 @@ class Picture:
         """The canvas has another size, in CSS pixels."""
         self._size = (width, height)
 
+    def touched(self) -> None:
+        """The user moves the camera: it is the user's until it is reset."""
+        self._view.cameras.touched()
+
     def reset_camera(self) -> None:
         """Show the whole picture again."""
         self._view.reset_view()
@@ -142,7 +146,8 @@ class Picture:
         if state.mode == "space":
             camera = next((shown.camera for shown in (b, a) if shown is not None), camera)
             ground = self._desk.ground(b) if b is not None else None
-            self._show(Space(camera=camera, bodies=bodies[0] if bodies else (), image=image, ground=ground))
+            both = bodies[0] if bodies else ()
+            self._show(Space(camera=camera, bodies=both, image=image, ground=ground, apart=state.apart))
             if page.changes.of("layout", "space"):
                 page.channel.send("layout", Layout(mode="space"))
             return
@@ -173,14 +178,15 @@ class Picture:
     def _draw_keypoints(self) -> None:
         page, state = self._page, self._page.state
         session = page.session
-        if page.changes.of("style", state.groups, state.color_by, state.keypoints, state.bones, state.detections):
-            style = Style(
-                groups=tuple(sorted(state.groups)),
-                colour_by=state.color_by,
-                points=state.keypoints,
-                bones=state.keypoints and state.bones,
-                ghosts=state.detections,
-            )
+        style = Style(
+            groups=tuple(sorted(state.groups)),
+            colour_by=state.color_by,
+            points=state.keypoints,
+            bones=state.keypoints and state.bones,
+            minimum=state.minimum,
+            ghosts=state.detections,
+        )
+        if page.changes.of("style", style):
             page.channel.send("style", style)
         if not page.changes.of("keypoints", state.frame, session.edits):
             return

@@ -43,11 +43,20 @@ class PosedFit:
     """In which the fit's temporal term compares joints (`Temporal.space`)."""
     tracked: Bool[np.ndarray, "137"]
     """Keypoints that were detected in some frame of the whole clip."""
+    bad: Bool[np.ndarray, "T 137"]
+    """Keypoints that a person has marked as wrong (`Corrected.bad`); their confidence is 0."""
     frame_cost: Float[np.ndarray, "T"] | None = None
     """E_o of each frame, where the phase that gave the parameters has told it."""
 
     @staticmethod
-    def of(clip: Clip, fit: FitResult, meshes: Meshes, *, phase: PhaseResult | None = None) -> "PosedFit":
+    def of(
+        clip: Clip,
+        fit: FitResult,
+        meshes: Meshes,
+        *,
+        phase: PhaseResult | None = None,
+        bad: Bool[np.ndarray, "T 137"] | None = None,
+    ) -> "PosedFit":
         """One phase of a run, by default its last.
 
         Args:
@@ -55,11 +64,12 @@ class PosedFit:
             fit: The run; its camera counts.
             meshes: Of the body that it was fitted with.
             phase: One of the fit's.
+            bad: `Project.corrected.bad`; None: nothing is marked.
         """
         chosen = phase or fit.last
         space = fit.config.temporal.space
         seen = replace(clip, camera=fit.camera)
-        return PosedFit.posed(seen, chosen.params, meshes, space=space, frame_cost=chosen.frame_cost)
+        return PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
 
     @staticmethod
     def posed(
@@ -68,12 +78,22 @@ class PosedFit:
         meshes: Meshes,
         *,
         space: Literal["body", "camera"] = "camera",
+        bad: Bool[np.ndarray, "T 137"] | None = None,
         frame_cost: Float[np.ndarray, "T"] | None = None,
     ) -> "PosedFit":
         """Any parameters over a whole clip, such as those of a window that has just been fitted."""
         assert len(clip) == len(params)
-        tracked = (clip.keypoints.confidence > 0).any(0)
-        return PosedFit(clip=clip, params=params, meshes=meshes, space=space, tracked=tracked, frame_cost=frame_cost)
+        tracked = np.asarray((clip.keypoints.confidence > 0).any(0))
+        marked = np.zeros(clip.keypoints.confidence.shape, bool) if bad is None else bad
+        return PosedFit(
+            clip=clip,
+            params=params,
+            meshes=meshes,
+            space=space,
+            tracked=tracked,
+            bad=marked,
+            frame_cost=frame_cost,
+        )
 
     def __len__(self) -> int:
         return len(self.params)
@@ -82,7 +102,7 @@ class PosedFit:
         """Consecutive frames, to be measured alone: nothing is evaluated outside of them."""
         cost = None if self.frame_cost is None else self.frame_cost[frames]
         clip = replace(self.clip, keypoints=self.clip.keypoints[frames])
-        return replace(self, clip=clip, params=self.params[frames], frame_cost=cost)
+        return replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames], frame_cost=cost)
 
     @cached_property
     def joints(self) -> Float[np.ndarray, "T 55 3"]:

@@ -80,7 +80,7 @@ class Project:
         """
         folder = folder.resolve()
         with accessing(folder):
-            _check_free(folder)
+            check_free(folder)
             folder.parent.mkdir(parents=True, exist_ok=True)
             _sweep_drafts(folder)
             draft = folder.with_name(f".{folder.name}.{os.getpid()}{_DRAFT}")
@@ -91,7 +91,7 @@ class Project:
                     write_clip(draft, folder, clip, copy_media=copy_media)
                 finally:
                     held.release()
-                _check_free(folder)
+                check_free(folder)
                 if folder.exists():
                     folder.rmdir()  # Windows replaces no folder.
                 draft.rename(folder)
@@ -237,7 +237,8 @@ class Project:
         self.close()
 
 
-def _check_free(folder: Path) -> None:
+def check_free(folder: Path) -> None:
+    """Raises InputError if no project can be made in a folder, which may not exist."""
     if (folder / database.NAME).exists():
         raise InputError(f"{folder}: is a project already. Open it, or choose another folder.")
     if folder.exists() and not folder.is_dir():

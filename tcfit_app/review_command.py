@@ -3,6 +3,7 @@
 import logging
 from pathlib import Path
 
+from fitting_core.config import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from tcfit_app.app import ReviewApp
 from tcfit_app.bodies import Bodies
@@ -22,17 +23,19 @@ def run_review(options: ReviewOptions) -> None:
         KeyboardInterrupt: The user ended it; everything done is on the disk.
     """
     with opened(options) as project:
-        review(project, options.server, models=options.models, fit=options.fit)
+        review(project, options.server, models=options.models, fit=PRESETS[DEFAULT_PRESET] if options.fit else None)
 
 
-def review(project: Project, options: ServerOptions, *, models: Path | None = None, fit: bool = False) -> None:
+def review(
+    project: Project, options: ServerOptions, *, models: Path | None = None, fit: FitConfig | None = None
+) -> None:
     """Serve the review of an open project until Ctrl-C.
 
     Args:
         project: stays open.
         options: address and browser.
         models: folder with body models that alone is searched.
-        fit: start a fit if the project has none.
+        fit: what to start with if the project has no fit; None: nothing.
     """
     logging.basicConfig(level=logging.WARNING, format="tcfit: %(message)s")
     session = Session(project, Bodies(models))
@@ -41,8 +44,8 @@ def review(project: Project, options: ServerOptions, *, models: Path | None = No
     with server as running:
         app = ReviewApp(session, running.viser)
         try:
-            if fit and not session.fits.runs:
-                app.fit_by_default()
+            if fit is not None and not session.fits.runs and not project.read_only:
+                session.fit_everything(fit, kind="smplx", gender="neutral")
             app.run()
         finally:
             app.close()
@@ -56,8 +59,13 @@ def opened(options: ReviewOptions) -> Project:
             raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
     else:
         folder = make_project(options, reopen=True)
+    return open_project(folder, read_only=options.read_only)
+
+
+def open_project(folder: Path, *, read_only: bool = False) -> Project:
+    """Open a project, read-only if somebody else has it, and say so. Raises InputError as `Project.open`."""
     try:
-        return Project.open(folder, read_only=options.read_only)
+        return Project.open(folder, read_only=read_only)
     except ProjectLocked as error:
         tell(f"{error} It opens read-only here: nothing can be changed.")
         return Project.open(folder, read_only=True)

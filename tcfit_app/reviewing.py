@@ -42,14 +42,27 @@ class Reviewing:
         self._page.pause()
         self._page.seek(suspect.frame)
         self._page.set(selection=suspect.joints)
+        if self._page.state.frames is not None and suspect.frame not in self._page.state.frames:
+            self._page.set(frames=None)  # else "looks fine" would be about other frames than those on show
         self._page.say(suspect.reason)
+
+    @property
+    def _on_show(self) -> Suspect | None:
+        """The entry that was gone to last, while one of its frames is on show and no others are selected."""
+        last, state = self._last, self._page.state
+        return last if last is not None and state.frames is None and state.frame in last.frames else None
+
+    @property
+    def dismissed(self) -> tuple[int, ...]:
+        """The frames of which `dismiss` says that they look fine."""
+        shown = self._on_show
+        return tuple(shown.frames) if shown is not None else self._page.correcting.frames
 
     def dismiss(self) -> None:
         """The frames of the entry on show, or those selected, look fine; on to the next entry."""
-        page, last = self._page, self._last
+        page = self._page
         page.refuse_read_only()
-        shown = last is not None and page.state.frames is None and page.state.frame in last.frames
-        frames = last.frames if shown and last is not None else page.correcting.frames
+        shown, frames = self._on_show is not None, self.dismissed
         page.session.mark(frames, "checked", author=page.author)
         page.say("Looks fine")
         following = self.suspects

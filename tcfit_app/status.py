@@ -42,7 +42,7 @@ class Status:
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
         if not session.jobs and not session.fits.showable():
             chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
-        media = page.desk.video.problem_of(page.state.frame) or session.project.media.problem
+        media = session.project.media.problem or page.desk.video.problem_of(page.state.frame)
         for text in (media, self.problem):
             if text:
                 chips.append(Chip(text=text, kind="warning"))

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import CURVES, Curve
-from tcfit_app.fits import Shown
 from tcfit_app.picture import css
 from tcfit_app.session import RunningJob
 from tcfit_app.view.layers import RUN_COLORS
@@ -14,6 +14,14 @@ from tcfit_app.view.page_states import Curve as Line
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
+
+
+PLOTTED: dict[str, tuple[str, str]] = {
+    **{name: (kind.title, kind.unit) for name, kind in CURVES.items()},
+    BETWEEN: ("Distance between A and B", "mm"),
+}
+"""Title and unit of everything that the timeline can plot, by the curve's name."""
+_BETWEEN_COLOR = "#c9a3ff"
 
 
 class Strip:
@@ -39,31 +47,48 @@ class Strip:
 
     def _draw_curves(self) -> None:
         page, state = self._page, self._page.state
-        lines = []
-        for name, choice, color in zip("ab", (state.a, state.b), RUN_COLORS, strict=True):
-            shown = page.fit(choice)
-            found = self._curve(name, shown)
-            if shown is not None and found is not None:
-                lines.append((shown.title, css(color), found))
-        clip, kind = page.session.project.clip, CURVES[state.curve]
+        lines = self._between() if state.curve == BETWEEN else self._of_each()
+        clip = page.session.project.clip
         if page.changes.of("timeline", state.curve, *((title, id(found)) for title, _, found in lines)):
-            curves = [Line(label=title, colour=color, values=curve_values(c.values)) for title, color, c in lines]
+            title, unit = PLOTTED[state.curve]
             timeline = Timeline(
                 length=page.length,
                 frame_rate=clip.frame_rate,
                 first_frame=clip.first_frame,
-                title=kind.title,
-                unit=kind.unit,
-                curves=tuple(curves),
+                title=title,
+                unit=unit,
+                curves=tuple(
+                    Line(label=label, colour=color, values=curve_values(c.values)) for label, color, c in lines
+                ),
             )
             page.channel.send("timeline", timeline)
 
-    def _curve(self, name: str, shown: Shown | None) -> Curve | None:
-        curve = self._page.state.curve
-        if shown is not None and (found := self._page.desk.curve(curve, shown)) is not None:
+    def _of_each(self) -> list[tuple[str, str, Curve]]:
+        """Label, colour and curve of the runs on show."""
+        page, state = self._page, self._page.state
+        lines = []
+        for name, choice, color in zip("ab", (state.a, state.b), RUN_COLORS, strict=True):
+            shown = page.fit(choice)
+            made = None if shown is None else page.desk.curve(state.curve, shown)
+            found = self._latest(name, made)
+            if shown is not None and found is not None:
+                lines.append((shown.title, css(color), found))
+        return lines
+
+    def _between(self) -> list[tuple[str, str, Curve]]:
+        page, state = self._page, self._page.state
+        a, b = page.fit(state.a), page.fit(state.b)
+        if a is None or b is None:
+            return []
+        found = self._latest("b", page.desk.between(a, b))
+        return [] if found is None else [(f"{a.title} to {b.title}", _BETWEEN_COLOR, found)]
+
+    def _latest(self, name: str, found: Curve | None) -> Curve | None:
+        """A curve, or the last one of its kind until a newer one is there."""
+        if found is not None:
             self._last[name] = found
         last = self._last.get(name)
-        return last if last is not None and last.name == curve else None
+        return last if last is not None and last.name == self._page.state.curve else None
 
     def _draw_marks(self) -> None:
         page = self._page

@@ -4,13 +4,18 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
+from tcfit_app.body_regions import LIMB_OF
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.findings import FINDINGS, Finding
 from tcfit_app.posed_fit import PosedFit
 from tcfit_app.storage.marks import Mark
 
 _GAP = 2
-"""Frames that are no farther apart than this, and about the same keypoints, are one entry."""
+"""Frames that are no farther apart than this, and about the same limb, are one entry."""
+
+
+_CAUSES = ("swap",)
+"""Kinds that explain others: swapped arms are far off and jump as well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +27,7 @@ class Suspect:
     frames: range
     """From the first to the last of them."""
     score: float
-    """Of the worst frame; comparable between kinds, from 1 on."""
+    """Largest of the worst frame's findings; comparable between kinds, from 1 on."""
     kind: str
     """One of FINDINGS."""
     reason: str
@@ -55,7 +60,7 @@ def review_queue(
             if finding.frame not in checked:
                 by_frame.setdefault(finding.frame, []).append(_Found(kind=kind, finding=finding))
     for found in by_frame.values():
-        found.sort(key=lambda f: -f.finding.score)
+        found.sort(key=lambda f: (f.kind not in _CAUSES, -f.finding.score))
     entries = [_entry(span, by_frame) for span in _spans(by_frame)]
     return tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame)))
 
@@ -85,25 +90,30 @@ def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:
     spans: list[list[int]] = []
     for frame in sorted(by_frame):
         near = spans and frame - spans[-1][-1] <= _GAP
-        if near and _about(by_frame[frame][0]) & _about(by_frame[spans[-1][-1]][0]):
+        if near and _same_limb(by_frame[frame][0].finding, by_frame[spans[-1][-1]][0].finding):
             spans[-1].append(frame)
         else:
             spans.append([frame])
     return spans
 
 
-def _about(found: _Found) -> set[int | str]:
-    """What a finding is about: its keypoints, or its kind where it is about the whole pose."""
-    return set(found.finding.joints) or {found.kind}
+def _same_limb(one: Finding, other: Finding) -> bool:
+    """Whether two findings can have one cause; what is about the whole pose goes with everything."""
+    limbs, others = ({LIMB_OF[joint] for joint in finding.joints} for finding in (one, other))
+    return not limbs or not others or bool(limbs & others)
+
+
+def _score(found: list[_Found]) -> float:
+    return max(f.finding.score for f in found)
 
 
 def _entry(span: list[int], by_frame: dict[int, list[_Found]]) -> Suspect:
-    worst = max(span, key=lambda frame: by_frame[frame][0].finding.score)
+    worst = max(span, key=lambda frame: _score(by_frame[frame]))
     first, *others = by_frame[worst]
     return Suspect(
         frame=worst,
         frames=range(span[0], span[-1] + 1),
-        score=first.finding.score,
+        score=_score(by_frame[worst]),
         kind=first.kind,
         reason=first.finding.reason,
         joints=first.finding.joints,

@@ -59,8 +59,12 @@ class ViewState:
     keypoints: bool = True
     bones: bool = True
     color_by: Literal["group", "confidence"] = "group"
+    minimum: float = 0.0
+    """Keypoints of less confidence are left out."""
     detections: bool = True
     """Corrected keypoints have a trace to where they were detected."""
     curve: str = "reprojection"
-    """What the timeline plots."""
+    """What the timeline plots: one of CURVES, or BETWEEN."""
+    apart: float = 0.0
+    """Metres between A and B in 3D; 0 leaves both in place."""
     settings: FitSettings = field(default_factory=FitSettings)

@@ -41,8 +41,12 @@ OUTER = {
     "priors.train": ["priors", "io.atomic", "joint_angles", *DATA_TYPES],
 }
 """What stands beside the fitter uses data types only; packages stand for all their modules but those in LAYERS."""
-APP_LAYERS = [["corrected", "edits", "edit_log"], ["storage"], ["project"]]
-"""Of the app: what a project keeps knows of no command, server or view."""
+_FIGURES = (
+    "byte_cache jpeg video_frames mesh_volume meshes posed_fit body_regions curves findings suspicion run_metrics "
+    "between_runs"
+).split()
+APP_LAYERS = [["corrected", "edits", "edit_log"], ["storage"], ["project"], _FIGURES]
+"""Of the app: what a project keeps, and what is computed to be drawn, know of no command, server or view."""
 
 
 def imported(tree: ast.AST) -> Iterator[str]:

@@ -5,7 +5,7 @@ import viser
 from jaxtyping import Float
 
 from tcfit_app.view.layers import RGB, BodyLayer, color_index
-from tcfit_app.view.vertex_colors import VertexColors
+from tcfit_app.view.mesh_dressing import MeshDressing
 
 _OPAQUE = 0.995
 """From here on a body is drawn as opaque: without blending, and so without a seam where it lies over itself."""
@@ -19,21 +19,30 @@ class BodyNode:
         self,
         client: viser.ClientHandle,
         name: str,
-        colors: VertexColors,
+        dressing: MeshDressing,
         position: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
-        self._client, self._name, self._colors, self._position = client, name, colors, position
+        self._client, self._name, self._dressing, self._position = client, name, dressing, position
         self._node: viser.MeshHandle | None = None
         self._vertices = self._faces = self._values = None
-        self._limit = 0.0
+        self._limit, self._front = 0.0, False
 
     def draw(
         self,
         layer: BodyLayer,
         vertices: Float[np.ndarray, "V 3"],
         position: tuple[float, float, float] | None = None,
+        *,
+        solid: bool = False,
     ) -> None:
-        """Shows the layer with these vertices in place of its own (which are in camera space)."""
+        """Shows the layer with these vertices in place of its own (which are in camera space).
+
+        Args:
+            layer: What to draw.
+            vertices: World units, compared by identity.
+            position: Of the node; None leaves it.
+            solid: Opaque, whatever the layer's opacity is.
+        """
         self._position = position or self._position
         if self._node is None or layer.faces is not self._faces:
             self._create(layer, vertices)
@@ -42,11 +51,13 @@ class BodyNode:
         assert self._node is not None
         self._vertices = vertices
         self._node.color = layer.color if layer.values is None else _WHITE
-        self._node.opacity = None if layer.opacity >= _OPAQUE else layer.opacity
+        transparent = layer.opacity < _OPAQUE and not solid
+        self._node.opacity = layer.opacity if transparent else None
         self._node.wireframe = layer.wireframe
         self._node.position = self._position
         self._node.visible = True
         self._paint(layer)
+        self._show_front_only(transparent or layer.wireframe)
 
     def hide(self) -> None:
         """Draws nothing, and keeps what was there for the next time."""
@@ -65,7 +76,7 @@ class BodyNode:
             cast_shadow=False,
             receive_shadow=False,
         )
-        self._faces, self._values = layer.faces, None
+        self._faces, self._values, self._front = layer.faces, None, False
 
     def _paint(self, layer: BodyLayer) -> None:
         """Colours at the vertices, if they changed."""
@@ -73,4 +84,9 @@ class BodyNode:
             return
         self._values, self._limit = layer.values, layer.limit
         indices = None if layer.values is None else color_index(layer.values, layer.limit)
-        self._colors.paint(self._name, indices)
+        self._dressing.paint(self._name, indices)
+
+    def _show_front_only(self, front: bool) -> None:
+        if front != self._front:
+            self._front = front
+            self._dressing.show_front_only(self._name, front)

@@ -1,7 +1,5 @@
 """The viewer's camera in one browser tab: fits posters into the window, and remembers where the user went."""
 
-import math
-import time
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,104 +8,107 @@ import viser
 from jaxtyping import Float
 from viser import _messages
 
-from tcfit_app.view.poses import Pose, Rectangle, Window, is_straight, poster_pose, space_pose, straightened
+from tcfit_app.view.poses import (
+    Pose,
+    Rectangle,
+    Window,
+    overview_pose,
+    poster_pose,
+    space_pose,
+    straightened,
+)
 
-Mode = Literal["posters", "space"]
+Scene = Rectangle | Literal["space"]
+"""What there is to look at: posters, told by their extent in the world, or the 3D scene."""
 
 STRIP_HEIGHT = 132.0
 """Of the timeline that covers the canvas's bottom, CSS pixels."""
-_ECHO_SECONDS = 0.7
-"""For how long after a command an old pose that the browser still reports is not taken for the user's doing."""
-# Buttons as camera-controls numbers them: the left one turns in 3D, and in 2D it is free for keypoints.
-_BUTTONS: dict[Mode, str] = {
-    "posters": "c.mouseButtons.left = 0; c.touches.one = 0; c.dollyToCursor = true;",
-    "space": "c.mouseButtons.left = 1; c.touches.one = 64; c.dollyToCursor = false;",
-}
 
 
 @dataclass
 class _Place:
-    """Where the camera is in a mode."""
+    """Where the camera is in a scene."""
 
     pose: Pose
     moved: bool = False
     """By the user, or by a zoom that the user asked for."""
+    by_hand: bool = False
+    """The browser knows the pose, which the user has changed since."""
 
 
 class Cameras:
-    """Sets the camera of a client and follows what the user does with it.
+    """Sets the camera of a client, and leaves it alone once the user has moved it.
 
-    Nothing here runs in a callback: `follow` is called by the draw loop and looks at what the browser last reported.
+    That the user moves it comes from the page (`touched`), not from the camera that the browser reports: a busy browser
+    goes on reporting an old one for seconds.
     """
 
     def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
         self._client, self._strip_height = client, strip_height
-        self._mode: Mode | None = None
-        self._places: dict[Mode, _Place] = {}
-        self._whole: Rectangle = (-1.0, -0.5, 1.0, 0.5)
+        self._scene: Scene | None = None
+        self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
         self._canvas: tuple[float, float] | None = None
         self._window = self._current_window()
-        self._sent_at = -math.inf
 
     def show_posters(self, whole: Rectangle) -> None:
         """To 2D, with posters in that part of the poster world: where the user was, or all of them."""
-        if whole == self._whole and self._mode == "posters":
-            return
-        self.follow()
-        if whole != self._whole:
-            self._whole = whole
-            self._places.pop("posters", None)
-        self._enter("posters")
+        self._enter(whole)
 
     def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
         """To 3D, with bodies in that box: where the user was, or where they are seen well."""
         self._bounds = self._bounds if bounds is None else bounds
-        if self._mode != "space":
-            self.follow()
-            self._enter("space")
+        self._enter("space")
 
     def reset(self) -> None:
-        """Back to the whole view of the current mode."""
-        if self._mode is not None:
-            self._go(self._fitted(self._mode))
+        """Back to the whole view of the current scene. In 3D, where nothing is left to reset, it takes the video camera
+        into view as well, and back again.
+        """
+        if self._scene is None:
+            return
+        fitted = self._fitted(self._scene)
+        if self._scene == "space" and self.pose.close_to(fitted):
+            fitted = overview_pose(self._bounds, self._window)
+        self._go(fitted)
 
     def zoom_to(self, rectangle: Rectangle) -> None:
         """In 2D: a part of the poster world fills the window."""
-        self._go(poster_pose(rectangle, self._whole, self._window), moved=True)
+        if self._scene is not None and self._scene != "space":
+            self._go(poster_pose(rectangle, self._scene, self._window), moved=True)
+
+    def touched(self) -> None:
+        """The user moves the camera."""
+        if self._scene is not None:
+            self._places[self._scene].moved = self._places[self._scene].by_hand = True
 
     def follow(self, canvas: tuple[float, float] | None = None) -> None:
-        """Notices what the user did to camera and window, and refits posters to a new window unless they are zoomed.
+        """Refits posters to a new window unless they are zoomed.
 
         Args:
             canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
                 counts device pixels.
         """
         self._canvas = canvas or self._canvas
-        if self._mode is None:
-            return
-        self._notice_user(self._mode)
         window = self._current_window()
-        if window != self._window:
+        if self._scene is not None and window != self._window:
             self._window = window
-            if self._mode == "posters" and not self._places["posters"].moved:
-                self._go(self._fitted("posters"))
+            if self._scene != "space" and not self.moved:
+                self._go(self._fitted(self._scene))
 
     @property
     def moved(self) -> bool:
-        """Whether the user has left the whole view of the current mode."""
-        return self._mode is not None and self._places[self._mode].moved
+        """Whether the user has left the whole view of the current scene."""
+        return self._scene is not None and self._places[self._scene].moved
 
-    def _notice_user(self, mode: Mode) -> None:
-        place = self._places[mode]
+    @property
+    def pose(self) -> Pose:
+        """Where the camera is, as far as is known; something must have been shown."""
+        assert self._scene is not None
+        place = self._places[self._scene]
+        if not place.by_hand:
+            return place.pose
         seen = self._seen(place.pose)
-        if seen.close_to(place.pose):
-            self._sent_at = -math.inf
-        elif time.monotonic() - self._sent_at > _ECHO_SECONDS:
-            if mode == "posters" and not is_straight(seen):
-                self._go(straightened(seen), moved=True)
-            else:
-                self._places[mode] = _Place(seen, moved=True)
+        return seen if self._scene == "space" else straightened(seen)
 
     def _seen(self, like: Pose) -> Pose:
         camera = self._client.camera
@@ -116,7 +117,6 @@ class Cameras:
             position=tuple(camera.position.tolist()),
             look_at=tuple(camera.look_at.tolist()),
             up=tuple(camera.up_direction.tolist()),
-            fov=camera.fov,
         )
 
     def _current_window(self) -> Window:
@@ -124,28 +124,28 @@ class Cameras:
         width, height = self._canvas or (camera.image_width, camera.image_height)
         return Window(width=max(width, 1), height=max(height, 1), covered=self._strip_height)
 
-    def _enter(self, mode: Mode) -> None:
-        self._mode = mode
-        place = self._places.get(mode)
-        self._run(_BUTTONS[mode])
-        self._go(place.pose if place and place.moved else self._fitted(mode), moved=bool(place and place.moved))
+    def _enter(self, scene: Scene) -> None:
+        if scene == self._scene:
+            return
+        if self._scene is not None:
+            self._places[self._scene] = _Place(self.pose, self.moved)
+        self._scene = scene
+        place = self._places.get(scene)
+        moved = place is not None and place.moved
+        self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
 
-    def _fitted(self, mode: Mode) -> Pose:
-        if mode == "space":
+    def _fitted(self, scene: Scene) -> Pose:
+        if scene == "space":
             return space_pose(self._bounds, self._window)
-        return poster_pose(self._whole, self._whole, self._window)
+        return poster_pose(scene, scene, self._window)
 
     def _go(self, pose: Pose, *, moved: bool = False) -> None:
-        assert self._mode is not None
-        self._places[self._mode] = _Place(pose, moved)
-        self._sent_at = time.monotonic()
+        assert self._scene is not None
+        self._places[self._scene] = _Place(pose, moved)
         # viser's own setters leave out what equals the last report, which may be older than the last command.
-        for message in _pose_messages(pose):
-            self._client._websock_connection.queue_message(message)
-
-    def _run(self, script: str) -> None:
-        source = f"const c = window.__viserMutable.cameraControl; if (c) {{ {script} }}"
-        self._client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        with self._client.atomic():
+            for message in _pose_messages(pose):
+                self._client._websock_connection.queue_message(message)
 
 
 def _pose_messages(pose: Pose) -> list[_messages.Message]:

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 
 import msgspec
+import numpy as np
 import viser
 from viser import _messages
 
@@ -22,16 +23,20 @@ SCRIPTS = (
     "style",
     "elements",
     "connection",
+    "arrival",
     "projection",
     "skeleton",
+    "shapes",
     "overlay",
     "picking",
     "dragging",
     "timeline_data",
     "timeline",
     "timeline_pointer",
+    "camera",
     "keys",
     "notice",
+    "panels",
     "start",
 )
 """In the order in which they run, all in one scope."""
@@ -90,7 +95,7 @@ class Channel:
 @cache
 def script() -> str:
     """The whole script; it does nothing in a page that has it already."""
-    parts = [files(__package__).joinpath("js", f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
+    parts = [files("tcfit_app.view").joinpath("js", f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
     body = "\n".join(parts)
     version = hashlib.sha256(body.encode()).hexdigest()[:16]
     return (
@@ -101,4 +106,11 @@ def script() -> str:
 
 def _json(value: object) -> str:
     """As JSON that may stand in a script, even within HTML."""
-    return msgspec.json.encode(value).decode().replace("</", "<\\/")
+    return msgspec.json.encode(value, enc_hook=_plain_number).decode().replace("</", "<\\/")
+
+
+def _plain_number(value: object) -> object:
+    """numpy's numbers come out of arrays wherever frames and keypoints are counted."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(f"{type(value)} cannot be sent to the page")

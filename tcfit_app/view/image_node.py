@@ -4,6 +4,7 @@ import numpy as np
 import viser
 
 from tcfit_app.view.layers import FrameImage
+from tcfit_app.view.mesh_dressing import MeshDressing
 
 
 class ImageNode:
@@ -13,11 +14,12 @@ class ImageNode:
     pinned version sends, and the image's own size is nowhere in it.
     """
 
-    def __init__(self, client: viser.ClientHandle, name: str, first: FrameImage) -> None:
+    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, first: FrameImage) -> None:
         self._node = client.scene.add_image(
             name, np.zeros((1, 1, 3), np.uint8), 1.0, 1.0, cast_shadow=False, receive_shadow=False
         )
         self._image: FrameImage | None = None
+        dressing.keep_dark(name)
         self.draw(first, (1.0, 1.0))
 
     def draw(

@@ -7,11 +7,11 @@ from tcfit_app.view.layers import RGB
 # Directions towards the lights in camera space (x right, y down, z away from the camera), colours, intensities: a key
 # light from the upper left of the camera, a weak fill from its right, and a rim from behind.
 _LIGHTS: tuple[tuple[str, tuple[float, float, float], RGB, float], ...] = (
-    ("key", (-0.5, -0.7, -0.9), (255, 250, 242), 2.2),
-    ("fill", (0.9, -0.1, -0.6), (226, 236, 255), 0.7),
+    ("key", (-0.5, -0.7, -0.9), (255, 250, 242), 2.5),
+    ("fill", (0.9, -0.1, -0.6), (226, 236, 255), 0.55),
     ("rim", (0.3, -0.6, 1.0), (255, 255, 255), 0.9),
 )
-_AMBIENT = 0.9
+_AMBIENT = 0.6
 
 
 def light_scene(client: viser.ClientHandle) -> None:

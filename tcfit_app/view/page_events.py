@@ -1,4 +1,4 @@
-"""What the page tells the server: the user's gestures on the picture, the timeline and the keyboard.
+"""What the page tells the server: gestures on the picture and the timeline, keys, buttons in panels.
 
 Frames are indices into the clip, from 0. Image pixels: x right, y down.
 """
@@ -74,7 +74,7 @@ class Drag(_Event, frozen=True, tag="drag"):
     """Keypoints are being dragged.
 
     After `start` come any number of `move` and one of `end` and `cancel`. The page draws them itself while it lasts,
-    and until a `keypoints` state shows them where they were left (or half a second has passed).
+    and until a `keypoints` state shows them where they were left (or two seconds have passed).
     """
 
     phase: Literal["start", "move", "end", "cancel"]
@@ -86,13 +86,24 @@ class Drag(_Event, frozen=True, tag="drag"):
     """The one whose keypoints are on the screen."""
 
 
+class Press(_Event, frozen=True, tag="press"):
+    """A button in the HTML of a panel was pressed."""
+
+    command: Text
+    value: Text
+
+
+class Gesture(_Event, frozen=True, tag="gesture"):
+    """The user begins to move viser's camera, or goes on."""
+
+
 class Drawn(_Event, frozen=True, tag="drawn"):
     """What was sent for this frame has been drawn: the sign that the next can be sent. A hidden tab sends none."""
 
     frame: Frame
 
 
-PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Drawn
+PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn
 
 
 class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -125,6 +125,8 @@ class Timeline(_State, frozen=True, kw_only=True):
     """What the curves show."""
     unit: str = ""
     curves: tuple[Curve, ...] = ()
+    empty: str = "Curves appear here once there is a fit."
+    """In their place while there are none."""
 
 
 class Marks(_State, frozen=True, kw_only=True):

@@ -12,7 +12,7 @@ Rectangle = tuple[float, float, float, float]
 
 POSTER_FOV = 0.0004
 """Radians. The further away and the narrower, the less a relief's depth shifts it: by depth / distance of what lies off
-the middle of the window. With this it stays below 0.5 px at 20-fold zoom."""
+the middle of the window. With this a body shifts by less than a pixel at 20-fold zoom."""
 SPACE_FOV = 0.75
 _MOST_ZOOM = 60.0
 """How much nearer than the whole poster the user may get."""
@@ -20,10 +20,11 @@ _LEAST_ZOOM = 0.3
 _TARGET_DEPTH = 0.1
 """Posters are orbited around a point behind them, in image heights: viser marks it with a cross, which they hide."""
 _MARGIN = 1.03
-_VIEW_FROM = np.array([0.62, -0.28, -0.73])
-"""From the body towards the viewer in 3D: the camera's side, from the right and a little from above."""
-_SPACE_DISTANCE = 1.5
-"""Of the viewer, in diagonals of the bodies' bounding box."""
+_BODY_FROM = np.array([0.62, -0.28, -0.73])
+"""From the body towards the viewer in 3D: the video camera's side, from the right and a little from above."""
+_OVERVIEW_FROM = np.array([0.74, -0.38, -0.6])
+_BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
+"""Of the viewer, in diagonals of what is looked at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,22 +108,31 @@ def _distance(scale: float, window: Window) -> float:
 
 
 def straightened(pose: Pose) -> Pose:
-    """The same view of the posters, without any turn."""
-    x, y, _ = pose.position
-    return replace(pose, look_at=(x, y, _TARGET_DEPTH), up=(0.0, -1.0, 0.0))
-
-
-def is_straight(pose: Pose) -> bool:
-    """Whether the camera looks along z, up to a tenth of a pixel on the poster."""
-    return math.dist(pose.position[:2], pose.look_at[:2]) < 1e-4 * pose.height
+    """From as far away at the same point of the posters, without any turn."""
+    x, y, z = pose.look_at
+    return replace(pose, position=(x, y, z - pose.distance), up=(0.0, -1.0, 0.0))
 
 
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at a box (least and greatest coordinates) from where body and video camera are both seen well."""
-    middle = bounds.mean(0)
+    """Looks at bodies in a box (least and greatest coordinates), half from the side."""
+    return _space_pose(bounds, window, _BODY_FROM, _BODY_DISTANCE)
+
+
+def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
+    """Looks at bodies in a box and at the video camera, which is in the origin, from the side."""
+    everything = np.stack([np.minimum(bounds[0], 0.0), np.maximum(bounds[1], 0.0)])
+    return _space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
+
+
+def _space_pose(
+    bounds: Float[np.ndarray, "2 3"], window: Window, view_from: Float[np.ndarray, "3"], diagonals: float
+) -> Pose:
+    middle = bounds.mean(0)  # what the user turns around
+    free = (window.height - window.covered) / window.height
     # A window higher than wide must stand further off.
-    distance = _SPACE_DISTANCE * math.dist(bounds[0], bounds[1]) * max(1.0, window.height / window.width)
-    position = middle + _VIEW_FROM / np.linalg.norm(_VIEW_FROM) * distance
+    distance = diagonals * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
+    middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above what is covered
+    position = middle + view_from / np.linalg.norm(view_from) * distance
     return Pose(
         position=_vector(position),
         look_at=_vector(middle),

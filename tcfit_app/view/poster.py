@@ -16,8 +16,8 @@ from fitting_core.camera import Camera
 from tcfit_app.view.body_node import BodyNode
 from tcfit_app.view.image_node import ImageNode
 from tcfit_app.view.layers import NEAREST, BodyLayer, FrameImage, drawable
+from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.poses import Rectangle
-from tcfit_app.view.vertex_colors import VertexColors
 
 GAP = 0.03
 """Between two posters, in image heights."""
@@ -39,8 +39,6 @@ class Poster:
     """None: not there yet; a plain plate is shown. Compared by identity."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
-    label: str = ""
-    """Above the poster's left corner; empty for none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,9 +115,9 @@ def relief(
 class PosterNodes:
     """The posters in one browser tab."""
 
-    def __init__(self, client: viser.ClientHandle, colors: VertexColors) -> None:
+    def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
-        self._slots = [_Slot(client, f"{_ROOT}/{i}", colors) for i in range(_SLOTS)]
+        self._slots = [_Slot(client, f"{_ROOT}/{i}", dressing) for i in range(_SLOTS)]
 
     def draw(self, snapshot: Posters) -> list[str]:
         """Sends what changed; returns what cannot be shown, and why."""
@@ -138,22 +136,19 @@ class PosterNodes:
 
 
 class _Slot:
-    """One poster's nodes, made once: a new image node would flash white until the browser has decoded its image."""
+    """One poster's nodes, made once, so that frames replace each other without a gap."""
 
-    def __init__(self, client: viser.ClientHandle, name: str, colors: VertexColors) -> None:
+    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing) -> None:
         self._frame = client.scene.add_frame(name, show_axes=False, visible=False)
-        self._image = ImageNode(client, f"{name}/video", PLATE)
+        self._image = ImageNode(client, f"{name}/video", dressing, PLATE)
         # Transparent things are drawn from far to near by their nodes' places: the bodies' lie in front of the image's.
         front = (0.0, 0.0, -_CLEARANCE)
-        self._bodies = [BodyNode(client, f"{name}/body{i}", colors, front) for i in range(_SLOTS)]
-        self._label = client.scene.add_label(f"{name}/label", "", anchor="bottom-left", visible=False)
+        self._bodies = [BodyNode(client, f"{name}/body{i}", dressing, front) for i in range(_SLOTS)]
         self._source: tuple[object, ...] = ()
         self._reliefs: list[np.ndarray] = []
 
     def draw(self, poster: Poster, camera: Camera, x: float) -> list[str]:
-        size = camera.size[0] / camera.size[1], 1.0
-        self._image.draw(poster.image or PLATE, size)
-        self._draw_label(poster.label, size)
+        self._image.draw(poster.image or PLATE, (camera.size[0] / camera.size[1], 1.0))
         problems = self._draw_bodies(poster.bodies, camera)
         self._frame.position = (x, 0.0, 0.0)
         self._frame.visible = True
@@ -161,11 +156,6 @@ class _Slot:
 
     def hide(self) -> None:
         self._frame.visible = False
-
-    def _draw_label(self, text: str, size: tuple[float, float]) -> None:
-        self._label.visible = bool(text)
-        self._label.text = text
-        self._label.position = (-size[0] / 2, -0.505, 0.0)
 
     def _draw_bodies(self, bodies: tuple[BodyLayer, ...], camera: Camera) -> list[str]:
         shown, problems = drawable(bodies)

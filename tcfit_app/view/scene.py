@@ -5,10 +5,10 @@ import viser
 
 from tcfit_app.view.cameras import STRIP_HEIGHT, Cameras
 from tcfit_app.view.lighting import light_scene
+from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.poses import Rectangle
 from tcfit_app.view.poster import PosterNodes, Posters, world_of_pixels
 from tcfit_app.view.space import Space, SpaceNodes
-from tcfit_app.view.vertex_colors import VertexColors
 
 Snapshot = Posters | Space
 
@@ -20,15 +20,12 @@ class SceneView:
     """
 
     def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
-        """Args:
-        client: The browser tab.
-        strip_height: CSS pixels at the canvas's bottom that something else covers.
-        """
+        """An empty scene in a tab; something else covers so many CSS pixels at its canvas's bottom."""
         self._client = client
         with client.atomic():
             light_scene(client)
-            colors = VertexColors(client)
-            self._posters, self._space = PosterNodes(client, colors), SpaceNodes(client, colors)
+            dressing = MeshDressing(client)
+            self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
         self.cameras = Cameras(client, strip_height=strip_height)
         self._last: Snapshot | None = None
 
@@ -55,13 +52,11 @@ class SceneView:
 
     def follow(self, canvas: tuple[float, float] | None = None) -> None:
         """For the draw loop, often: see `Cameras.follow`."""
-        with self._client.atomic():
-            self.cameras.follow(canvas)
+        self.cameras.follow(canvas)
 
     def reset_view(self) -> None:
         """All posters, or the bodies in 3D, fill the window again."""
-        with self._client.atomic():
-            self.cameras.reset()
+        self.cameras.reset()
 
     def zoom_to(self, pixels: Rectangle, poster: int = 0) -> None:
         """In 2D: a rectangle of image pixels (left, top, right, bottom) of a poster fills the window."""
@@ -69,5 +64,4 @@ class SceneView:
             return
         corners = np.array(pixels, float).reshape(2, 2)
         world = world_of_pixels(corners, self._last.camera.size, self._last.places[poster])
-        with self._client.atomic():
-            self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
+        self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))

@@ -10,10 +10,10 @@ from fitting_core.camera import Camera
 from tcfit_app.view.body_node import BodyNode
 from tcfit_app.view.image_node import ImageNode
 from tcfit_app.view.layers import RGB, BodyLayer, FrameImage, drawable
+from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.poster import PLATE
-from tcfit_app.view.vertex_colors import VertexColors
 
-FRUSTUM_DEPTH = 0.6
+FRUSTUM_DEPTH = 0.9
 """Metres from the video camera to its image."""
 _SLOTS = 2
 _ROOT = "/space"
@@ -29,7 +29,7 @@ class Space:
     camera: Camera
     """The clip's."""
     bodies: tuple[BodyLayer, ...] = ()
-    """At most two."""
+    """At most two. They are drawn opaque: one sees through to the video in 2D, and to a body's own far side here."""
     image: FrameImage | None = None
     """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
     ground: float | None = None
@@ -58,11 +58,11 @@ class Space:
 class SpaceNodes:
     """The 3D scene in one browser tab."""
 
-    def __init__(self, client: viser.ClientHandle, colors: VertexColors) -> None:
+    def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
         self._client = client
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
-        self._bodies = [BodyNode(client, f"{_ROOT}/body{i}", colors) for i in range(_SLOTS)]
-        self._image = ImageNode(client, f"{_ROOT}/image", PLATE)
+        self._bodies = [BodyNode(client, f"{_ROOT}/body{i}", dressing) for i in range(_SLOTS)]
+        self._image = ImageNode(client, f"{_ROOT}/image", dressing, PLATE)
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 
@@ -71,7 +71,10 @@ class SpaceNodes:
         shown, problems = drawable(snapshot.bodies)
         for i, node in enumerate(self._bodies):
             body = shown[i] if i < len(shown) else None
-            node.draw(body, body.vertices, (snapshot.offsets[i], 0.0, 0.0)) if body else node.hide()
+            if body:
+                node.draw(body, body.vertices, (snapshot.offsets[i], 0.0, 0.0), solid=True)
+            else:
+                node.hide()
         self._draw_camera(snapshot.camera)
         corners = frustum(snapshot.camera)
         size, middle = corners[2] - corners[0], (corners[0] + corners[2]) / 2

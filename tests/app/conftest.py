@@ -3,7 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,13 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.positions import keypoints_in_space
 from fitting_core.body.registry import FREE_FOLDER, find_body
 from fitting_core.camera import Camera, project
+from fitting_core.evaluation.demo_clip import make_demo
+from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.openpose import write_openpose
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 from tcfit_app import fit_command
 from tcfit_app.cli import main
+from tcfit_app.project import Project
 
 FRAMES = 6
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
@@ -88,6 +91,21 @@ def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory
     with redirect_stdout(out), redirect_stderr(err):
         code = main(["fit", *clip_arguments, "--out", str(folder), "--no-overlay", *QUICK])
     return Finished(code, out.getvalue(), err.getvalue(), folder)
+
+
+DEMO_RATE = 5.0
+"""Frames a second of the demo in tests: 29 frames."""
+
+
+@pytest.fixture(scope="session")
+def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project of the demo clip without a fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("demo")
+    demo = make_demo(folder / "clip", progress=False, frame_rate=DEMO_RATE)
+    given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
+    clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
+    Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
+    return folder / "demo.tcfit"
 
 
 @pytest.fixture(scope="session")

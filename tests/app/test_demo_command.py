@@ -44,7 +44,7 @@ def demo(keypoint_folder: Path, free_body: BodyModel, monkeypatch: pytest.Monkey
 
 def test_demo_fits_writes_and_compares(demo: Truth, tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "out"
-    assert main(["demo", "--out", str(out), "--no-overlay", *QUICK]) == 0
+    assert main(["demo", "--no-review", "--out", str(out), "--no-overlay", *QUICK]) == 0
     told = capsys.readouterr()
     assert "Focal length 800.0 px" in told.err and f"into {out}" in told.out
     assert sorted(path.name for path in out.iterdir()) == ["fit.npz", "summary.json"]

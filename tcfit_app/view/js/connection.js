@@ -66,14 +66,16 @@ function receive(name, state) {
   for (const change of watchers[name] ?? []) change(state);
 }
 
+const randomName = () =>
+  [...crypto.getRandomValues(new Uint8Array(12))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+
 /** This tab's own name, the same after a reload. */
 function tabName() {
   // A duplicated tab inherits the storage; so the name is taken out of it while the page is open.
   if (tabName.known) return tabName.known;
   const kept = sessionStorage.getItem("tcfit-tab");
-  const made = () => [...crypto.getRandomValues(new Uint8Array(12))].map((n) => n.toString(16).padStart(2, "0")).join("");
   sessionStorage.removeItem("tcfit-tab");
-  tabName.known = kept ?? made();
+  tabName.known = kept ?? randomName();
   const keep = () => sessionStorage.setItem("tcfit-tab", tabName.known);
   window.addEventListener("pagehide", keep, listening);
   ending.signal.addEventListener("abort", keep);

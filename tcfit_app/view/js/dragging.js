@@ -1,7 +1,7 @@
 // The left button on a poster: it selects and drags keypoints, and never moves viser's camera.
 
 const DRAG_THRESHOLD = 3; // CSS pixels
-const PATIENCE = 500; // ms that keypoints stay where they were left, for the server to show them there
+const PATIENCE = 2000; // ms that keypoints stay where they were left, for the server to show them there
 
 function press(event) {
   if (gesture || event.button !== 0 || !overPoster(event) || !skeletonReady()) return;
@@ -10,6 +10,7 @@ function press(event) {
   const found = pick(place, touch ? TOUCH_REACH : REACH);
   if (touch && !found) return; // fingers pan and zoom the picture
   gesture = { pointer: event.pointerId, x0: place.x, y0: place.y, ...place, found };
+  gesture.anchor = found && toImage(lastMaps[found.poster], place.x, place.y);
   gesture.kind = found ? beginOnJoint(found.joint, event.shiftKey) : event.shiftKey ? "marquee" : "empty";
   hovered = found;
   viewer().canvas.setPointerCapture(event.pointerId);
@@ -46,9 +47,8 @@ function beginDrag() {
 }
 
 function followPointer() {
-  const map = lastMaps[gesture.found.poster];
-  const [dx, dy] = toImage(map, gesture.x - gesture.x0, gesture.y - gesture.y0);
-  Object.assign(held, { dx, dy });
+  const [u, v] = toImage(lastMaps[gesture.found.poster], gesture.x, gesture.y);
+  Object.assign(held, { dx: u - gesture.anchor[0], dy: v - gesture.anchor[1] });
   emitSoon(dragEvent("move"));
 }
 

@@ -67,6 +67,14 @@ function cleared(canvas) {
   return context;
 }
 
+/** As much of a text as fits. */
+function shortened(context, text, width) {
+  if (context.measureText(text).width <= width) return text;
+  let length = text.length;
+  while (length > 0 && context.measureText(`${text.slice(0, length)}…`).width > width) length -= 1;
+  return length ? `${text.slice(0, length)}…` : "";
+}
+
 /** Puts a tooltip beside a point of its parent, within it sideways. */
 function place(tip, x, y, above) {
   tip.hidden = false;

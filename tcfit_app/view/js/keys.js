@@ -5,11 +5,19 @@ const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=fa
 const CAMERA_LETTERS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"];
 const CAMERA_ARROWS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"];
 
+// Asked at once: at the next key the browser takes a clicked button for one that was reached by keyboard.
+let reachedByKeyboard = null;
+window.addEventListener(
+  "focusin",
+  ({ target }) => (reachedByKeyboard = target.matches(":focus-visible") ? target : null),
+  capturing,
+);
+
 /** Whether what has the focus needs this key: a field, or a button or slider that was reached by keyboard. */
 function keyIsTaken(event) {
   const target = event.target instanceof Element ? event.target : document.body;
   if (target.closest(TEXT_FIELDS)) return true;
-  return target !== document.body && target.matches(":focus-visible") && !box.contains(target);
+  return target === reachedByKeyboard;
 }
 
 function bindingFor(event) {

@@ -6,19 +6,24 @@ const CONFIDENCE_COLOURS = [
   [62, 190, 90],
 ];
 
-/** Red over yellow to green. */
+const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
+const PLAIN_BONES = "#c3cad4";
+
+/** Red over yellow to green, in twenty steps. */
 function confidenceColour(confidence) {
-  const place = Math.min(Math.max(confidence, 0), 1) * 2;
+  const place = Math.round(Math.min(Math.max(confidence, 0), 1) * 20) / 10;
   const from = Math.min(Math.floor(place), 1);
-  const mix = (i) => Math.round(CONFIDENCE_COLOURS[from][i] * (1 - place + from) + CONFIDENCE_COLOURS[from + 1][i] * (place - from));
-  return `rgb(${mix(0)}, ${mix(1)}, ${mix(2)})`;
+  const mixed = CONFIDENCE_COLOURS[from].map((c, i) => c + (CONFIDENCE_COLOURS[from + 1][i] - c) * (place - from));
+  return `rgb(${mixed.map(Math.round).join(", ")})`;
 }
 
-/** Points keep their size on the screen, but for a little growth when zoomed in. */
-const zoomFactor = (scale) => Math.min(Math.max(0.65 + 0.35 * scale, 0.7), 1.9);
+const USUAL_HEIGHT = 700; // CSS pixels of a poster that fills a window
 
-function jointRadius(joint, scale) {
-  return states.skeleton.groups[groupOf[joint]].radius * states.style.size * zoomFactor(scale);
+/** Points keep their size on the screen, but for a little growth when zoomed in. */
+const zoomFactor = (map) => Math.min(Math.max(0.5 + (0.5 * map.height) / USUAL_HEIGHT, 0.6), 1.9);
+
+function jointRadius(joint, map) {
+  return states.skeleton.groups[groupOf[joint]].radius * states.style.size * zoomFactor(map);
 }
 
 function jointPaint(joint) {
@@ -32,7 +37,11 @@ function drawOverlay() {
   lastMaps = posterMaps();
   drawPosterLabels(context);
   tooltip.hidden = true;
-  if (!skeletonReady()) return;
+  if (skeletonReady()) drawSkeleton(context);
+  showPointerShape();
+}
+
+function drawSkeleton(context) {
   hovered = gesture ? hovered : pick(pointerPlace, HOVER_REACH);
   const joints = shownJoints();
   for (const map of lastMaps) {
@@ -42,7 +51,6 @@ function drawOverlay() {
   }
   drawHovered(context);
   drawMarquee(context);
-  showPointerShape();
 }
 
 /** The posters' maps as they were drawn last: what the pointer meets. */
@@ -57,57 +65,31 @@ function drawBones(context, map) {
     lines[groupOf[a]].moveTo(...toScreen(map, position(a)));
     lines[groupOf[a]].lineTo(...toScreen(map, position(b)));
   }
-  context.lineCap = "round";
+  context.lineCap = "butt"; // points cover the ends, and round ones cost twice the time in software
   states.skeleton.groups.forEach((group, i) => {
-    const width = (0.7 + 0.26 * group.radius) * zoomFactor(map.scale) * Math.sqrt(states.style.size);
-    stroke(context, lines[i], "rgba(8, 10, 14, 0.5)", width + 1.6);
+    const width = (0.7 + 0.26 * group.radius) * zoomFactor(map) * Math.sqrt(states.style.size);
+    if (width > FINE_BONES) stroke(context, lines[i], "rgba(8, 10, 14, 0.5)", width + 1.6);
     context.globalAlpha = 0.85;
-    stroke(context, lines[i], group.colour, width);
+    stroke(context, lines[i], states.style.colour_by === "group" ? group.colour : PLAIN_BONES, width);
     context.globalAlpha = 1;
   });
 }
 
-function stroke(context, path, colour, width) {
-  context.strokeStyle = colour;
-  context.lineWidth = width;
-  context.stroke(path);
-}
-
-function circle(x, y, radius) {
-  const path = new Path2D();
-  path.arc(x, y, radius, 0, 2 * Math.PI);
-  return path;
-}
-
-function cross(x, y, arm) {
-  const path = new Path2D();
-  for (const side of [-1, 1]) {
-    path.moveTo(x - arm, y - side * arm);
-    path.lineTo(x + arm, y + side * arm);
-  }
-  return path;
-}
-
 function drawJoint(context, map, joint) {
   const [x, y] = toScreen(map, position(joint));
-  const radius = jointRadius(joint, map.scale);
+  const radius = jointRadius(joint, map);
   if (badJoints.has(joint)) drawBad(context, x, y, radius);
   else drawDisc(context, x, y, radius, joint);
-  if (editedJoints.has(joint)) ring(context, x, y, radius + 2.2, COLOURS.edited, 1.6);
-  if (selected.has(joint)) ring(context, x, y, radius + 4.5, COLOURS.selected, 2.2);
+  if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLOURS.edited, 1.6);
+  if (selected.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLOURS.selected, Math.min(1 + radius / 5, 2.2));
 }
 
-/** A dark rim in a light one is seen on any picture. */
 function drawDisc(context, x, y, radius, joint) {
-  const disc = circle(x, y, radius);
-  const missing = states.keypoints.confidence[joint] === 0;
   const { colour, alpha } = jointPaint(joint);
-  stroke(context, disc, "rgba(255, 255, 255, 0.75)", radius > 4 ? 2.6 : 1.8);
-  stroke(context, disc, "rgba(8, 10, 14, 0.9)", radius > 4 ? 1.3 : 0.9);
-  if (missing) return;
+  stamp(context, rim(radius), x, y);
+  if (states.keypoints.confidence[joint] === 0) return;
   context.globalAlpha = alpha;
-  context.fillStyle = colour;
-  context.fill(disc);
+  stamp(context, disc(colour, radius), x, y);
   context.globalAlpha = 1;
 }
 
@@ -116,11 +98,6 @@ function drawBad(context, x, y, radius) {
   context.lineCap = "round";
   stroke(context, mark, "rgba(8, 10, 14, 0.85)", 4);
   stroke(context, mark, COLOURS.bad, 2);
-}
-
-function ring(context, x, y, radius, colour, width) {
-  stroke(context, circle(x, y, radius), "rgba(8, 10, 14, 0.7)", width + 1.6);
-  stroke(context, circle(x, y, radius), colour, width);
 }
 
 /** Where edited keypoints were detected, and the way from there. */
@@ -141,12 +118,12 @@ function drawGhosts(context, map) {
 
 function drawHovered(context) {
   if (!hovered || !shown(hovered.joint)) return;
-  const { joint, map } = { joint: hovered.joint, map: lastMaps[hovered.poster] };
-  if (!map) return;
-  const [x, y] = toScreen(map, position(joint));
-  ring(context, x, y, jointRadius(joint, map.scale) + 1.5, COLOURS.hover, 1.8);
+  const { joint, poster } = hovered;
+  const places = lastMaps.map((map) => toScreen(map, position(joint)));
+  lastMaps.forEach((map, i) => ring(context, ...places[i], jointRadius(joint, map) + 1.5, COLOURS.hover, 1.8));
+  if (!places[poster]) return;
   tooltip.textContent = jointLine(joint);
-  place(tooltip, x, y, false);
+  place(tooltip, ...places[poster], false);
 }
 
 /** "right_wrist  0.83  edited" */
@@ -161,9 +138,10 @@ function jointLine(joint) {
 function drawPosterLabels(context) {
   context.font = `600 12.5px ${FONT}`;
   context.textBaseline = "middle";
-  for (const { ox, oy, poster } of lastMaps) {
-    if (!poster.label) continue;
-    const width = context.measureText(poster.label).width + 32;
+  for (const { ox, oy, ux, poster } of lastMaps) {
+    const label = shortened(context, poster.label, ux * states.layout.image[0] - 60);
+    if (!label) continue;
+    const width = context.measureText(label).width + 32;
     const [x, y] = [ox + 8, Math.max(oy, 0) + 8];
     context.fillStyle = "rgba(16, 19, 24, 0.82)";
     context.beginPath();
@@ -172,7 +150,7 @@ function drawPosterLabels(context) {
     context.fillStyle = poster.colour;
     context.fill(circle(x + 13, y + 12, 4.5));
     context.fillStyle = "#eef2f6";
-    context.fillText(poster.label, x + 23, y + 12.5);
+    context.fillText(label, x + 23, y + 12.5);
   }
 }
 

@@ -49,13 +49,18 @@ function drawMarquee(context) {
   for (const joint of within(gesture))
     for (const map of lastMaps) {
       const [px, py] = toScreen(map, position(joint));
-      ring(context, px, py, jointRadius(joint, map.scale) + 4.5, COLOURS.selected, 1.4);
+      ring(context, px, py, 1.5 * jointRadius(joint, map) + 1.8, COLOURS.selected, 1.2);
     }
 }
 
+const GESTURE_SHAPES = { drag: "grabbing", marquee: "crosshair" };
+let pointerShape = "";
+
+/** Sets the pointer's shape, and leaves it alone while it is viser's to set. */
 function showPointerShape() {
-  const shape = gesture?.kind === "drag" ? "grabbing" : gesture?.kind === "marquee" ? "crosshair" : hovered ? "grab" : "";
-  viewer().canvas.style.cursor = shape;
+  const shape = !skeletonReady() ? "" : (GESTURE_SHAPES[gesture?.kind] ?? (hovered ? "grab" : ""));
+  if (shape !== pointerShape) viewer().canvas.style.cursor = shape;
+  pointerShape = shape;
 }
 
 /** Of an event, over the canvas. */

@@ -48,15 +48,15 @@ function posterMaps() {
     const [ox, oy] = corner(0, 0);
     const [rx, ry] = corner(width, 0);
     const [bx, by] = corner(0, height);
-    const map = { ox, oy, ux: (rx - ox) / width, uy: (ry - oy) / width, vx: (bx - ox) / height, vy: (by - oy) / height };
-    return { ...map, scale: Math.hypot(map.ux, map.uy), poster };
+    const [ux, uy, vx, vy] = [(rx - ox) / width, (ry - oy) / width, (bx - ox) / height, (by - oy) / height];
+    return { ox, oy, ux, uy, vx, vy, height: by - oy, poster };
   });
 }
 
 const toScreen = (map, [x, y]) => [map.ox + map.ux * x + map.vx * y, map.oy + map.uy * x + map.vy * y];
 
-/** A way on the screen as a way in the image. */
-function toImage(map, dx, dy) {
+function toImage(map, x, y) {
+  const [dx, dy] = [x - map.ox, y - map.oy];
   const area = map.ux * map.vy - map.uy * map.vx;
   return [(dx * map.vy - dy * map.vx) / area, (dy * map.ux - dx * map.uy) / area];
 }

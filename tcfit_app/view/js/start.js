@@ -4,6 +4,14 @@ window.tcfit = {
   version: VERSION,
   connect,
   receive,
+  /** What the server sent last under a name. */
+  state: (name) => states[name] ?? null,
+  /** Where a pixel of a poster's image is in the window, in CSS pixels. */
+  place(x, y, poster = 0) {
+    const { left, top } = viewer().canvas.getBoundingClientRect();
+    const [right, down] = toScreen(posterMaps()[poster], [x, y]);
+    return [left + right, top + down];
+  },
   dispose() {
     ending.abort();
     if (frameRequest) cancelAnimationFrame(frameRequest);

@@ -15,6 +15,13 @@ const COLOURS = {
   checked: "#55c26a",
 };
 const FIT_COLOURS = { queued: "#39414d", fitting: "#f0c44a", phase1: "#35618a", phase2: "#2f86c9", done: "#46b37b" };
+const FIT_NAMES = {
+  queued: "waiting",
+  fitting: "in work",
+  phase1: "phase 1 done",
+  phase2: "phase 2 done",
+  done: "finished",
+};
 const KIND_COLOURS = {
   info: COLOURS.accent,
   loading: COLOURS.accent,
@@ -39,8 +46,9 @@ const STYLE_SHEET = `
 .tcfit-dot { flex: none; width: 8px; height: 8px; border-radius: 50%; }
 .tcfit-chip .tcfit-bar { position: absolute; left: 0; bottom: 0; height: 2px; }
 .tcfit-card { position: absolute; left: 50%; top: 50%; transform: translate(-50%, -50%); width: min(460px, 84%);
-  padding: 22px 26px; border-radius: 12px; background: rgba(20, 23, 28, 0.95); border: 1px solid rgba(255, 255, 255, 0.1);
-  border-top: 3px solid var(--kind); box-shadow: 0 12px 40px rgba(0, 0, 0, 0.45); }
+  padding: 22px 26px; border-radius: 12px; background: rgba(20, 23, 28, 0.95);
+  border: 1px solid rgba(255, 255, 255, 0.1); border-top: 3px solid var(--kind);
+  box-shadow: 0 12px 40px rgba(0, 0, 0, 0.4); }
 .tcfit-card h2 { margin: 0; font-size: 17px; font-weight: 600; line-height: 1.35; color: #eef2f6; }
 .tcfit-card p { margin: 8px 0 0; white-space: pre-line; overflow-wrap: anywhere; color: #b4bdc9; user-select: text;
   -webkit-user-select: text; pointer-events: auto; max-height: 40vh; overflow-y: auto; }

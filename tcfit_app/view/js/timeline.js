@@ -3,14 +3,15 @@
 const RULER = 19;
 const CURVES = { top: 22, bottom: 78 };
 const MARK_ROWS = [
-  { name: "edited", y: 82 },
-  { name: "bad", y: 92 },
-  { name: "flagged", y: 102 },
-  { name: "checked", y: 112 },
+  { name: "edited", y: 84 },
+  { name: "bad", y: 94 },
+  { name: "flagged", y: 104 },
+  { name: "checked", y: 114 },
 ];
 const ROW = 7; // height of a mark
-const FIT_ROW = 123;
-const FULL_HEIGHT = 134;
+const FIT_ROW = 125;
+const LEGEND_ENTRY = 170; // widest
+const FULL_HEIGHT = 136;
 
 let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
 let pointedCursor = null; // the frame that is being pointed at: { frame, until }
@@ -61,16 +62,28 @@ function drawRuler(context) {
   fillBox(context, "#1b1f26", 0, 0, strip.clientWidth, RULER);
   const step = Math.max(niceStep(shownCount(), plotWidth() / 110), 1);
   const offset = states.timeline.first_frame;
+  const pill = cursorPill(context);
   const start = Math.ceil((axis.first + offset) / step) * step - offset;
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
     const x = frameX(frame);
     if (x > strip.clientWidth - 90) break; // for the buttons
     fillBox(context, COLOURS.line, Math.round(x), 0, 1, collapsed ? RULER : CURVES.bottom);
-    write(context, frameNumber(frame), x + 4, RULER / 2, COLOURS.text);
-    const after = x + 8 + context.measureText(frameNumber(frame)).width;
-    write(context, clockText(frame), after, RULER / 2, "#667080", "left", 9.5);
+    drawTick(context, frame, x + 4, pill);
   }
   write(context, "frame", GUTTER - 8, RULER / 2, COLOURS.dim, "right");
+}
+
+/** Frame number and time, each unless the cursor's number lies on it. */
+function drawTick(context, frame, x, pill) {
+  const free = (left, right) => !pill || right < pill.left || left > pill.left + pill.width;
+  const number = frameNumber(frame);
+  context.font = `10.5px ${FONT}`;
+  const after = x + context.measureText(number).width + 4;
+  if (free(x, after - 4)) write(context, number, x, RULER / 2, COLOURS.text);
+  context.font = `9.5px ${FONT}`;
+  const clock = clockText(frame);
+  const end = after + context.measureText(clock).width;
+  if (free(after, end)) write(context, clock, after, RULER / 2, "#667080", "left", 9.5);
 }
 
 function drawRange(context) {
@@ -117,7 +130,7 @@ function drawCurves(context) {
       context.lineJoin = "round";
       for (const { values, colour } of curves) stroke(context, curvePath(values, y), colour, 1.4);
     });
-  }
+  } else write(context, states.timeline.empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLOURS.dim, "left", 12);
   drawCurveLegend(context, curves);
 }
 
@@ -125,7 +138,7 @@ const valueY = ({ low, high }) => (value) =>
   CURVES.bottom - ((value - low) / (high - low)) * (CURVES.bottom - CURVES.top);
 
 function drawValueLabels(context, scale, y) {
-  const step = niceStep(scale.high - scale.low, 3);
+  const step = niceStep(scale.high - scale.low, 4);
   for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
     if (y(value) < CURVES.top + 3) break;
     fillBox(context, "#222730", GUTTER, Math.round(y(value)), plotWidth(), 1);
@@ -135,37 +148,44 @@ function drawValueLabels(context, scale, y) {
 
 function drawCurveLegend(context, curves) {
   const { title, unit } = states.timeline;
-  const entries = curves.map(({ label, colour }) => ({ text: label, colour }));
+  context.font = `11px ${FONT}`;
+  const entries = curves.map(({ label, colour }) => ({ text: shortened(context, label, LEGEND_ENTRY), colour }));
   const heading = unit && title ? `${title} [${unit}]` : title || unit;
   if (heading) entries.unshift({ text: heading, colour: null });
-  let x = strip.clientWidth - MARGIN - 6;
-  for (const { text, colour } of entries.reverse()) {
-    context.font = `11px ${FONT}`;
-    const width = context.measureText(text).width;
-    fillBox(context, "rgba(20, 23, 28, 0.8)", x - width - 20, CURVES.top + 1, width + 26, 15);
-    write(context, text, x - width, CURVES.top + 8.5, colour ? COLOURS.text : COLOURS.dim, "left", 11);
-    if (colour) fillBox(context, colour, x - width - 15, CURVES.top + 7, 11, 3);
-    x -= width + (colour ? 28 : 14);
-  }
+  const widths = entries.map(({ text, colour }) => context.measureText(text).width + (colour ? 30 : 14));
+  const whole = widths.reduce((sum, width) => sum + width, 0);
+  let x = strip.clientWidth - MARGIN - whole;
+  fillBox(context, "rgba(20, 23, 28, 0.82)", x - 6, CURVES.top, whole + 6, 16);
+  entries.forEach(({ text, colour }, i) => {
+    if (colour) fillBox(context, colour, x, CURVES.top + 6.5, 11, 3);
+    write(context, text, x + (colour ? 16 : 0), CURVES.top + 8.5, colour ? COLOURS.text : COLOURS.dim, "left", 11);
+    x += widths[i];
+  });
+}
+
+const CURSOR_FONT = `600 11px ${FONT}`;
+
+/** The cursor's number in the ruler, and where; null while the cursor is not on show. */
+function cursorPill(context) {
+  const frame = cursorFrame();
+  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return null;
+  context.font = CURSOR_FONT;
+  const width = context.measureText(frameNumber(frame)).width + 12;
+  const left = Math.min(Math.max(frameX(frame) - width / 2, 2), strip.clientWidth - width - 2);
+  return { text: frameNumber(frame), x: frameX(frame), left, width };
 }
 
 function drawCursor(context) {
-  const frame = cursorFrame();
-  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return;
-  const x = frameX(frame);
-  fillBox(context, COLOURS.cursor, x - 0.75, 0, 1.5, strip.clientHeight);
-  context.font = `600 11px ${FONT}`;
-  const text = frameNumber(frame);
-  const width = context.measureText(text).width + 12;
-  const left = Math.min(Math.max(x - width / 2, 2), strip.clientWidth - width - 2);
-  context.fillStyle = COLOURS.cursor;
+  const pill = cursorPill(context);
+  if (!pill) return;
+  fillBox(context, COLOURS.cursor, pill.x - 0.75, 0, 1.5, strip.clientHeight);
   context.beginPath();
-  context.roundRect(left, 1.5, width, RULER - 3, 4);
+  context.roundRect(pill.left, 1.5, pill.width, RULER - 3, 4);
   context.fill();
-  context.font = `600 11px ${FONT}`;
+  context.font = CURSOR_FONT;
   context.textAlign = "center";
   context.fillStyle = "#10131a";
-  context.fillText(text, left + width / 2, RULER / 2 + 0.5);
+  context.fillText(pill.text, pill.left + pill.width / 2, RULER / 2 + 0.5);
 }
 
 /** A thin line and a list of what there is at the pointer. */
@@ -188,7 +208,10 @@ function frameLines(frame) {
   const marked = MARK_ROWS.map(({ name }) => name).filter((name) =>
     (states.marks?.[name] ?? []).some(([first, last]) => first <= frame && frame <= last),
   );
-  return marked.length ? [...lines, marked.join(", ")] : lines;
+  if (marked.length) lines.push(marked.join(", "));
+  const fitted = (states.fit?.spans ?? []).find(({ first, last }) => first <= frame && frame <= last);
+  if (fitted) lines.push(`fit: ${FIT_NAMES[fitted.state]}`);
+  return lines;
 }
 
 painters.timeline = drawTimeline;

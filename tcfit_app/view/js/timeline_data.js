@@ -99,6 +99,7 @@ function* columns(values) {
 
 /** A value with as many digits as tell its neighbours on the scale apart. */
 function valueText(value, step) {
+  if (Math.abs(value) >= 1e5 || step < 1e-4) return value.toExponential(1);
   const digits = Math.max(0, Math.min(4, -Math.floor(Math.log10(step || 1) + 1e-9)));
   return value.toFixed(digits);
 }

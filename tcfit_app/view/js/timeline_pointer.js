@@ -114,7 +114,7 @@ function setCollapsed(now) {
 }
 
 function layOutStrip() {
-  setStripHeight(states.timeline ? (collapsed ? RULER + 3 : FULL_HEIGHT) : 0);
+  setStripHeight(clipLength() ? (collapsed ? RULER + 3 : FULL_HEIGHT) : 0);
   stripToggle.textContent = collapsed ? "▴" : "▾";
   stripToggle.title = collapsed ? "Show curves and marks" : "Hide curves and marks";
   invalidate("timeline");

@@ -1,0 +1,184 @@
+"""How quick the review app is in a real browser: opening, seeking, and a keypoint that is dragged with its fit.
+
+`tcfit review` runs as users run it, in a process of its own, on a fitted project; Debian's Chromium, with WebGL in
+software, opens the link. A frame counts as there when its picture has gone to the graphics card, a body when its
+vertices have. Times are the browser's own: from the key or pointer event to that moment.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tyro.conf import OmitArgPrefixes
+
+from benchmarks.report import Common, Row, progress, report, start
+from fitting_core.errors import InputError
+from fitting_core.keypoints import INDEX
+from tcfit_app.project import Project
+from tests.app.browser import chromium
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+SETTLED_MS = 600
+"""Without anything new for so long, the page has come to rest."""
+HOOKS = """
+window.__picture = []; window.__mesh = [];
+for (const name of ["texImage2D", "texSubImage2D", "texStorage2D"]) {
+  const plain = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function(...args) {
+    const source = args[args.length - 1];
+    if (source && (source.width > 200 || source.byteLength > 1e5)) window.__picture.push(performance.now());
+    return plain.apply(this, args);
+  };
+}
+for (const name of ["bufferData", "bufferSubData"]) {
+  const plain = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function(...args) {
+    if (args.some((a) => a && a.byteLength > 5e4)) window.__mesh.push(performance.now());
+    return plain.apply(this, args);
+  };
+}
+"""
+"""Note when pictures and vertices go to the graphics card."""
+LATER = """async ([list, since]) => {
+  const end = performance.now() + 5000;
+  while (performance.now() < end) {
+    const found = window[list].find((t) => t > since);
+    if (found) return found - since;
+    await new Promise((go) => setTimeout(go, 2));
+  }
+  return null;
+}"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Review:
+    """What to measure on."""
+
+    project: Path
+    """A project with a finished fit; it is copied."""
+    seeks: int = 40
+    moves: int = 40
+    keypoint: str = "right_wrist"
+    """Which one is dragged."""
+    window: tuple[int, int] = (1440, 900)
+    common: OmitArgPrefixes[Common] = field(default_factory=Common)
+
+
+@contextmanager
+def served(project: Path) -> Iterator[tuple[str, float]]:
+    """A review in a process of its own: its link, and when it was started."""
+    begun = time.perf_counter()
+    command = [sys.executable, "-m", "tcfit_app", "review", str(project), "--port", "0", "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            link = next((line for line in process.stdout if line.startswith("Review:")), "")
+            if not link:
+                raise InputError(f"tcfit review ended with {process.wait()}; its messages stand above.")
+            yield link.removeprefix("Review:").strip(), begun
+        finally:
+            process.terminate()
+
+
+def seeks(page: "Page", count: int) -> list[float]:
+    """Milliseconds from the key to the next frame's picture: forward by one, after each of which the page rests."""
+    times = []
+    for _ in range(count):
+        page.evaluate("() => { window.__picture.length = 0; window.__at = performance.now(); }")
+        page.keyboard.press("ArrowRight")
+        since = page.evaluate("() => window.__at")
+        found = page.evaluate(LATER, ["__picture", since])
+        if found is not None:
+            times.append(found)
+        page.wait_for_timeout(SETTLED_MS)
+    return times
+
+
+def drags(page: "Page", place: tuple[float, float], count: int) -> list[float]:
+    """Milliseconds from a move of the pressed pointer to the next body; the page rests in between."""
+    x, y = place
+    page.mouse.move(x, y)
+    page.wait_for_timeout(SETTLED_MS)
+    page.mouse.down()
+    times = []
+    for i in range(count + 1):
+        page.evaluate("() => { window.__mesh.length = 0; window.__at = performance.now(); }")
+        page.mouse.move(x - 6 - 2 * i, y - 6 - i)
+        found = page.evaluate(LATER, ["__mesh", page.evaluate("() => window.__at")])
+        if found is not None and i > 0:  # the first one prepares the correction
+            times.append(found)
+        page.wait_for_timeout(SETTLED_MS)
+    page.mouse.up()
+    return times
+
+
+def rapid(page: "Page", place: tuple[float, float], count: int) -> list[float]:
+    """Milliseconds between bodies while the pointer never rests."""
+    x, y = place
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.evaluate("() => { window.__mesh.length = 0; }")
+    for i in range(4 * count):
+        page.mouse.move(x - 6 - i % 40, y - 6 - i % 30)
+        page.wait_for_timeout(16)
+    times = page.evaluate("() => window.__mesh")
+    page.mouse.up()
+    return np.diff(times)[1:].tolist()
+
+
+def summary(what: str, times: list[float], target: str) -> Row:
+    """A line of the table; milliseconds."""
+    if not times:
+        return {"what": what, "n": 0.0, "median ms": None, "95 % ms": None, "target": target}
+    median, high = np.percentile(times, [50, 95])
+    return {"what": what, "n": float(len(times)), "median ms": float(median), "95 % ms": float(high), "target": target}
+
+
+def on_screen(page: "Page", project: Path, frame: int, keypoint: str) -> tuple[float, float]:
+    """Where a keypoint is in the window, by the page's own projection."""
+    with Project.open(project, read_only=True) as opened:
+        xy = opened.corrected.xy[frame, INDEX[keypoint]].tolist()
+    return tuple(page.evaluate("([x, y]) => tcfit.place(x, y)", xy))
+
+
+def run(options: Review) -> None:
+    """Measures and prints a table."""
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        project = Path(shutil.copytree(options.project, Path(folder) / "copy.tcfit"))
+        width, height = options.window
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.add_init_script(HOOKS)
+        with served(project) as (link, begun):
+            page.goto(link)
+            page.wait_for_function("() => window.__picture.length > 0 && window.__mesh.length > 0", timeout=60_000)
+            opened = 1e3 * (time.perf_counter() - begun)
+            rows.append(summary("from the command to the first frame", [opened], "5000"))
+            progress("opened")
+            page.wait_for_timeout(5000)
+            page.evaluate(
+                "() => document.querySelectorAll('.mantine-Notification-closeButton').forEach((b) => b.click())"
+            )
+            page.wait_for_timeout(1000)
+            rows.append(summary("seek: key to picture", seeks(page, options.seeks), "median 150"))
+            progress("seeks")
+            place = on_screen(page, project, options.seeks, options.keypoint)
+            rows.append(summary("drag: pointer to body", drags(page, place, options.moves), "median 150, 95 % 300"))
+            page.wait_for_timeout(4000)
+            place = on_screen(page, project, options.seeks, options.keypoint)
+            rows.append(summary("drag without rest: body to body", rapid(page, place, options.moves), ""))
+    report(options, {"Review app": rows})
+
+
+if __name__ == "__main__":
+    start(Review, run)

@@ -1,0 +1,589 @@
+"""The app's script in viser's page, in a real browser: pointer, keyboard, timeline, and the way to the server."""
+
+import logging
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.keypoints import COUNT, INDEX
+from tcfit_app.server import ReviewServer, review_server
+from tcfit_app.view import page_states as states
+from tcfit_app.view.channel import Channel, script
+from tcfit_app.view.page_events import Drag, Drawn, Hello, Key, PageEvent, Range, Resized, Seek, Select
+from tests.app.browser import chromium
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+WIDTH, HEIGHT = 320, 240
+FOV = 0.004
+LENGTH = 300
+WRIST, ELBOW, KNEE, MISSING = (INDEX[n] for n in ("right_wrist", "right_elbow", "left_knee", "left_ear"))
+PLACES = {WRIST: (80.0, 120.0), ELBOW: (120.0, 90.0), KNEE: (220.0, 180.0)}
+POSTER_X = WIDTH / HEIGHT / 2 + 0.015
+TABS: list["Tab"] = []
+"""The last one is the one that connects."""
+HTML = "<img src=x onerror=alert(1)> & </script>"
+
+E = TypeVar("E", bound=PageEvent)
+
+
+@dataclass
+class Tab:
+    """A page, and the server's end of it."""
+
+    page: "Page"
+    clients: list[viser.ClientHandle] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    events: list[PageEvent] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+    sent: int = 0
+    frame: int = 0
+    """Of the keypoints: another one for each test, so that a drag of the one before is over."""
+
+    def connect(self, client: viser.ClientHandle) -> None:
+        """As a server's callback."""
+        self.clients.append(client)
+        self.channels.append(Channel(client, self.events.append))
+
+    def send(self, name: str, state: states.PageState | None) -> None:
+        self.channels[-1].send(name, state)
+
+    def await_event(self, kind: type[E], count: int = 1) -> E:
+        """The latest event of the kind, once there are that many."""
+        for _ in range(500):
+            found = [event for event in self.events if isinstance(event, kind)]
+            if len(found) >= count:
+                return found[-1]
+            self.page.wait_for_timeout(20)
+        raise AssertionError(f"no {count} {kind.__name__} in {self.events}")
+
+    def settle(self) -> None:
+        """Waits until all that was sent is drawn, and all that the page had to tell is here."""
+        self.sent += 1
+        frame = self.sent % LENGTH
+        self.send("cursor", states.Cursor(frame=frame))
+        for _ in range(500):
+            if Drawn(frame=frame) in self.events:
+                for event in [event for event in self.events if isinstance(event, Drawn)]:
+                    self.events.remove(event)  # one by one: more may come meanwhile
+                return
+            self.page.wait_for_timeout(20)
+        raise AssertionError("the page did not draw")
+
+    def look(self, distance: float, x: float = 0.0) -> None:
+        """Puts the camera that far before the posters."""
+        camera = self.clients[-1].camera
+        with self.clients[-1].atomic():
+            camera.near, camera.far, camera.fov = 1.0, 4000.0, FOV
+            camera.position, camera.look_at, camera.up_direction = (x, 0.0, -distance), (x, 0.0, 0.0), (0.0, -1.0, 0.0)
+        there = "(distance) => Math.abs(__viserMutable.camera.position.length() - distance) < 1e-3"
+        self.page.wait_for_function(there, arg=math.hypot(distance, x))
+        self.settle()
+
+    def screen(self, u: float, v: float, *, poster: float = 0.0) -> tuple[float, float]:
+        """Where an image's pixel is on the screen, from the camera that viser reports."""
+        camera = self.clients[-1].camera
+        x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
+        # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
+        width, height = self.page.evaluate(
+            "() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]"
+        )
+        scale = height / 2 / math.tan(camera.fov / 2) / distance
+        world = ((u - WIDTH / 2) / HEIGHT + poster, (v - HEIGHT / 2) / HEIGHT)
+        return (width / 2 + (world[0] - x) * scale, height / 2 + (world[1] - y) * scale)
+
+    def scale(self) -> float:
+        """Screen pixels of an image's pixel."""
+        return self.screen(1, 0)[0] - self.screen(0, 0)[0]
+
+    def painted(self, x: float, y: float) -> bool:
+        """Whether the overlay has something there."""
+        self.settle()
+        look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 1, 1).data[3]"
+        return self.page.evaluate(look, [round(x), round(y)]) > 100
+
+    def text(self, selector: str) -> str | None:
+        """Of an element on show."""
+        found = self.page.locator(selector)
+        return found.text_content() if found.is_visible() else None
+
+    def show(self, *, joints: dict[int, tuple[float, float]] = PLACES, selection: tuple[int, ...] = ()) -> None:
+        """All states for one poster."""
+        xy, confidence = np.zeros((COUNT, 2)), np.zeros(COUNT)
+        for joint, place in joints.items():
+            xy[joint], confidence[joint] = place, 0.83
+        state = states.Keypoints(
+            frame=self.frame,
+            xy=states.pixel_pairs(xy),
+            confidence=states.shares(confidence),
+            edited=(WRIST,),
+            bad=(KNEE,),
+        )
+        self.send("keypoints", state)
+        self.send("selection", states.Selection(joints=selection))
+
+    def drag(self, start: tuple[float, float], way: tuple[float, float]) -> None:
+        mouse = self.page.mouse
+        mouse.move(*start)
+        mouse.down()
+        mouse.move(start[0] + way[0], start[1] + way[1], steps=4)
+        mouse.up()
+
+
+POSTER = states.Layout(mode="poster", image=(WIDTH, HEIGHT), posters=(states.Poster(x=0.0, label="Edit"),))
+PAIR = states.Layout(
+    mode="poster",
+    image=(WIDTH, HEIGHT),
+    posters=(states.Poster(x=-POSTER_X, label="A"), states.Poster(x=POSTER_X, label="B")),
+)
+SPACE = states.Layout(mode="space")
+KEYS = states.Keys(
+    bindings=(
+        states.KeyBinding(key="ArrowRight", action="next"),
+        states.KeyBinding(key="KeyB", action="bad"),
+        states.KeyBinding(key="KeyB", shift=True, action="bad range"),
+        states.KeyBinding(key="KeyZ", ctrl=True, action="undo"),
+        states.KeyBinding(key="?", action="help"),
+        states.KeyBinding(key="Space", action="play"),
+    )
+)
+TIMELINE = states.Timeline(
+    length=LENGTH,
+    frame_rate=30.0,
+    title="Error",
+    unit="px",
+    curves=(
+        states.Curve(label="run A", colour="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
+        states.Curve(label="run B", colour="#ff963c", values=(None,) * LENGTH),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ReviewServer]:
+    with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as running:
+        running.viser.scene.set_up_direction("-y")
+        running.viser.gui.add_text("a field", "")
+        running.viser.gui.add_button("a button")
+        grey = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+        running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
+        running.viser.scene.add_image("/poster", grey, render_width=WIDTH / HEIGHT, render_height=1.0)
+        yield running
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["Browser"]:
+    with chromium() as running:
+        yield running
+
+
+def open_tab(server: ReviewServer, browser: "Browser") -> Tab:
+    """A page of the server, with one poster."""
+    tab = Tab(browser.new_page(viewport={"width": 900, "height": 640}))
+    tab.page.on("pageerror", lambda error: tab.complaints.append(str(error)))
+    TABS.append(tab)
+    tab.page.goto(server.gate.link)
+    tab.await_event(Hello)
+    tab.page.locator(".mantine-Notification-closeButton").click()  # viser's remark about software WebGL
+    return tab
+
+
+@pytest.fixture(scope="module")
+def opened(server: ReviewServer, browser: "Browser") -> Tab:
+    return open_tab(server, browser)
+
+
+@pytest.fixture
+def tab(opened: Tab) -> Iterator[Tab]:
+    """The page with its states as at the start."""
+    for name in ("notice", "chips", "legend", "marks", "fit", "range"):
+        opened.send(name, None)
+    opened.send("skeleton", states.Skeleton())
+    opened.send("style", states.Style(bones=False))
+    opened.send("layout", POSTER)
+    opened.send("timeline", TIMELINE)
+    opened.send("keys", KEYS)
+    opened.frame += 1
+    opened.show()
+    opened.page.mouse.move(2, 300)
+    opened.look(300.0)
+    opened.events.clear()
+    yield opened
+    assert opened.complaints == []
+
+
+def test_what_is_sent_is_acknowledged_when_drawn(tab: Tab) -> None:
+    tab.send("keypoints", states.Keypoints(frame=77, xy=((0.0, 0.0),) * COUNT, confidence=(0.0,) * COUNT))
+    assert tab.await_event(Drawn) == Drawn(frame=77)
+
+
+def test_the_strip_takes_its_room_from_the_canvas_and_tells(tab: Tab) -> None:
+    with_strip = tab.page.evaluate("() => __viserMutable.canvas.clientHeight")
+    strip = tab.page.locator(".tcfit-strip").bounding_box()
+    assert strip and strip["y"] == with_strip and strip["y"] + strip["height"] == 640
+    tab.send("timeline", None)
+    assert tab.await_event(Resized).height == 640
+    tab.send("timeline", TIMELINE)
+    assert tab.await_event(Resized, 2).height == with_strip
+
+
+@pytest.mark.parametrize("distance", [300.0, 120.0])
+def test_a_drag_moves_by_what_the_pointer_moved(tab: Tab, distance: float) -> None:
+    tab.look(distance)
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.drag((x + 2, y - 1), (33, 21))
+    tab.settle()
+    assert tab.events[0] == Select(joints=(WRIST,), how="replace")
+    drags = [event for event in tab.events if isinstance(event, Drag)]
+    assert [drags[0].phase, drags[1].phase, drags[-1].phase] == ["start", "move", "end"]
+    assert {drag.joints for drag in drags} == {(WRIST,)} and drags[-1].frame == tab.frame
+    assert drags[-1].dx == pytest.approx(33 / tab.scale(), abs=0.01)
+    assert drags[-1].dy == pytest.approx(21 / tab.scale(), abs=0.01)
+
+
+def test_a_drag_works_in_the_second_poster(tab: Tab) -> None:
+    tab.send("layout", PAIR)
+    tab.look(420.0)
+    tab.drag(tab.screen(*PLACES[WRIST], poster=POSTER_X), (20, 10))
+    assert tab.await_event(Drag, 3).dx == pytest.approx(20 / tab.scale(), abs=0.01)
+
+
+def test_selected_keypoints_are_dragged_together(tab: Tab) -> None:
+    tab.show(selection=(WRIST, ELBOW))
+    tab.settle()
+    tab.drag(tab.screen(*PLACES[ELBOW]), (10, 0))
+    tab.settle()
+    assert all(isinstance(event, Drag) for event in tab.events)
+    assert tab.await_event(Drag).joints == (ELBOW, WRIST)
+
+
+def test_a_dragged_keypoint_follows_the_pointer_and_not_late_states(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+    target = (x + 60, y + 40)
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(*target, steps=3)
+    tab.await_event(Drag, 2)
+    tab.show(selection=(WRIST,))  # as it was before the drag
+    assert tab.painted(*target) and not tab.painted(x, y)
+    tab.page.mouse.up()
+    tab.show(selection=(WRIST,))
+    assert tab.painted(*target)  # the server's answer to the end is not here yet
+    moved = tab.await_event(Drag)
+    tab.show(joints=PLACES | {WRIST: (PLACES[WRIST][0] + moved.dx, PLACES[WRIST][1] + moved.dy)})
+    assert tab.painted(*target) and not tab.painted(x, y)
+    tab.show()  # undone, say: from the answer on the server decides
+    assert tab.painted(x, y) and not tab.painted(*target)
+
+
+def test_escape_gives_a_drag_up(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y, steps=3)
+    tab.await_event(Drag, 2)
+    tab.page.keyboard.press("Escape")
+    tab.settle()
+    assert tab.await_event(Drag).phase == "cancel"
+    assert tab.painted(x, y) and not tab.painted(x + 60, y)
+    tab.page.mouse.move(x + 80, y)
+    tab.page.mouse.up()
+    tab.settle()
+    assert tab.await_event(Drag).phase == "cancel"
+
+
+def test_another_frame_gives_a_drag_up(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y, steps=3)
+    tab.await_event(Drag, 2)
+    tab.send("keypoints", states.Keypoints(frame=tab.frame + 1, xy=((9.0, 9.0),) * COUNT, confidence=(0.0,) * COUNT))
+    tab.settle()
+    tab.page.mouse.up()
+    last = tab.await_event(Drag)
+    assert (last.phase, last.frame) == ("cancel", tab.frame)
+    tab.frame += 1
+
+
+def test_hovering_shows_name_confidence_and_marks(tab: Tab) -> None:
+    tooltip = ".tcfit > .tcfit-tooltip"
+    for joint, text in ((WRIST, "right_wrist  0.83  edited"), (KNEE, "left_knee  0.83  bad")):
+        x, y = tab.screen(*PLACES[joint])
+        tab.page.mouse.move(x + 4, y + 4)
+        tab.settle()
+        assert tab.text(tooltip) == text
+    tab.page.mouse.move(x + 30, y + 30)
+    tab.settle()
+    assert tab.text(tooltip) is None
+
+
+def test_a_missing_keypoint_is_only_there_when_selected(tab: Tab) -> None:
+    x, y = tab.screen(0, 0)
+    tab.page.mouse.move(x + 3, y + 3)
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") is None
+    tab.show(selection=(MISSING,))
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") == "left_ear  missing"
+
+
+def test_the_body_comes_before_a_hand_at_the_same_place(tab: Tab) -> None:
+    hand = COUNT - 71  # the last point of a hand
+    tab.show(joints={hand: (100.0, 100.0), WRIST: (100.0, 100.0)})
+    tab.settle()
+    tab.page.mouse.click(*tab.screen(100, 100))
+    assert tab.await_event(Select).joints == (WRIST,)
+
+
+def test_a_hidden_group_cannot_be_picked(tab: Tab) -> None:
+    tab.send("style", states.Style(groups=("face",)))
+    tab.settle()
+    x, y = tab.screen(*PLACES[WRIST])
+    assert not tab.painted(x, y)
+    tab.drag((x, y), (20, 20))
+    tab.settle()
+    assert tab.events == []
+
+
+def test_clicks_select_toggle_and_clear(tab: Tab) -> None:
+    tab.page.mouse.click(*tab.screen(*PLACES[WRIST]))
+    tab.page.keyboard.down("Shift")
+    tab.page.mouse.click(*tab.screen(*PLACES[ELBOW]))
+    tab.page.keyboard.up("Shift")
+    tab.page.mouse.click(*tab.screen(*PLACES[ELBOW]))
+    tab.page.mouse.click(*tab.screen(20, 20))
+    tab.settle()
+    assert tab.events == [
+        Select(joints=(WRIST,), how="replace"),
+        Select(joints=(ELBOW,), how="toggle"),
+        Select(joints=(ELBOW,), how="replace"),
+        Select(joints=(), how="replace"),
+    ]
+
+
+def test_a_rectangle_selects_what_is_in_it(tab: Tab) -> None:
+    left, top = tab.screen(60, 60)
+    right, bottom = tab.screen(150, 150)
+    tab.page.keyboard.down("Shift")
+    tab.drag((left, top), (right - left, bottom - top))
+    tab.page.keyboard.up("Shift")
+    tab.settle()
+    assert tab.events == [Select(joints=(ELBOW, WRIST), how="add")]
+
+
+def test_on_a_poster_the_camera_pans_and_zooms_and_never_turns(tab: Tab) -> None:
+    camera = tab.clients[-1].camera
+    tab.drag(tab.screen(30, 30), (80, 60))
+    tab.settle()
+    assert tuple(camera.position) == pytest.approx((0, 0, -300), abs=1e-6)
+    x, y = tab.screen(200, 60)
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.wheel(0, -300)
+    tab.page.wait_for_timeout(500)
+    tab.settle()
+    assert camera.position[2] > -290
+    assert tab.screen(200, 60) == pytest.approx((x, y), abs=1.0)  # what is under the pointer stays there
+    tab.page.mouse.down(button="right")
+    tab.page.mouse.move(x + 50, y + 20, steps=4)
+    tab.page.mouse.up(button="right")
+    tab.page.wait_for_timeout(300)
+    tab.settle()
+    assert tab.screen(200, 60) == pytest.approx((x + 50, y + 20), abs=1.5)
+    assert tuple(np.abs(camera.wxyz)) == pytest.approx((1, 0, 0, 0), abs=1e-6)
+
+
+def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
+    tab.send("layout", SPACE)
+    tab.settle()
+    before = np.array(tab.clients[-1].camera.wxyz)
+    tab.drag((200, 200), (80, 40))
+    tab.page.wait_for_timeout(300)
+    tab.settle()
+    assert tab.events == []
+    assert np.abs(np.array(tab.clients[-1].camera.wxyz) - before).max() > 0.01
+    tab.send("layout", POSTER)
+    tab.look(300.0)
+
+
+def strip_place(tab: Tab, frame: float) -> tuple[float, float]:
+    """On the screen, when the whole clip is shown."""
+    box = tab.page.locator(".tcfit-strip").bounding_box()
+    assert box is not None
+    return box["x"] + 62 + (frame + 0.5) / LENGTH * (box["width"] - 62 - 14), box["y"] + 50
+
+
+def test_pressing_in_the_timeline_seeks(tab: Tab) -> None:
+    tab.page.mouse.move(*strip_place(tab, 100))
+    tab.page.mouse.down()
+    assert tab.await_event(Seek) == Seek(frame=100, dragging=True)
+    tab.page.mouse.move(*strip_place(tab, 150), steps=3)
+    tab.page.mouse.up()
+    tab.settle()
+    assert tab.events[-1] == Seek(frame=150, dragging=False)
+
+
+def test_shift_in_the_timeline_chooses_a_range_and_a_double_click_none(tab: Tab) -> None:
+    start, end = strip_place(tab, 120), strip_place(tab, 60)
+    tab.page.keyboard.down("Shift")
+    tab.drag(start, (end[0] - start[0], 0))
+    tab.page.keyboard.up("Shift")
+    tab.settle()
+    assert tab.events[-1] == Range(first=60, last=120, dragging=False)
+    tab.page.mouse.dblclick(*start)
+    tab.settle()
+    assert tab.await_event(Range) == Range(first=None, last=None, dragging=False)
+
+
+def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
+    place = strip_place(tab, 200)
+    tab.page.mouse.move(*place)
+    for _ in range(4):
+        tab.page.mouse.wheel(0, -200)
+    tab.page.mouse.click(*place)
+    assert tab.await_event(Seek).frame == 200
+    tab.page.mouse.click(place[0] + 40, place[1])
+    tab.settle()
+    assert 201 <= tab.await_event(Seek).frame <= 204  # 16 when all is shown
+    assert tab.text(".tcfit-strip .tcfit-tooltip") is not None
+    for _ in range(6):
+        tab.page.mouse.wheel(0, 600)
+    tab.page.mouse.click(*strip_place(tab, 0))
+    tab.settle()
+    assert tab.await_event(Seek).frame == 0
+
+
+def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
+    tab.send("marks", states.Marks(bad=((40, 60),), flagged=((50, 50),)))
+    tab.page.mouse.move(*strip_place(tab, 50))
+    tab.settle()
+    assert tab.text(".tcfit-strip .tcfit-tooltip") == "Frame 50  0:01.67\nrun A  51 px\nbad, flagged"
+
+
+def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:
+    before = tuple(tab.clients[-1].camera.position)
+    keyboard = tab.page.keyboard
+    keyboard.down("ArrowRight")
+    keyboard.down("ArrowRight")
+    keyboard.up("ArrowRight")
+    for key in ("b", "Shift+B", "Control+z", "?", "Alt+b", "Control+b", "w", "ArrowUp", "e"):
+        keyboard.press(key, delay=30)
+    tab.settle()
+    assert tab.events == [
+        Key(action="next", repeat=False),
+        Key(action="next", repeat=True),
+        Key(action="bad", repeat=False),
+        Key(action="bad range", repeat=False),
+        Key(action="undo", repeat=False),
+        Key(action="help", repeat=False),
+    ]
+    assert tuple(tab.clients[-1].camera.position) == before
+
+
+def test_keys_in_a_field_are_the_field_s(tab: Tab) -> None:
+    field = tab.page.get_by_text("a field").locator("xpath=following::input[1]")
+    field.click()
+    tab.page.keyboard.press("b")
+    tab.page.keyboard.press("Space")
+    tab.settle()
+    assert tab.events == [] and field.input_value() == "b "
+    tab.page.mouse.click(*tab.screen(20, 20))  # on the picture: the field is left
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
+    field.fill("")
+
+
+def test_a_clicked_button_does_not_keep_the_space_bar(tab: Tab) -> None:
+    button = tab.page.get_by_role("button", name="a button")
+    button.click()
+    tab.page.keyboard.press("Space")
+    assert tab.await_event(Key).action == "play"
+    button.focus()
+    tab.page.keyboard.press("Tab")
+    tab.page.keyboard.press("Shift+Tab")  # reached by keyboard, it is pressed by keyboard
+    tab.page.keyboard.press("Space")
+    tab.settle()
+    assert len(tab.events) == 1
+    tab.page.mouse.click(*tab.screen(20, 20))
+
+
+def test_text_stays_text(tab: Tab) -> None:
+    tab.send("notice", states.Notice(title=HTML, text=HTML, kind="error", progress=0.5))
+    tab.send("chips", states.Chips(chips=(states.Chip(text=HTML, kind="busy", progress=0.4),)))
+    tab.send("legend", states.Legend(title=HTML, unit="mm", low=0, high=50, colours=("#000000", "#ffffff")))
+    tab.settle()
+    assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == tab.text(".tcfit-chip") == HTML
+    assert tab.text(".tcfit-legend") == f"{HTML} [mm]02550"
+    assert tab.page.locator(".tcfit img").count() == 0
+    tab.send("notice", None)
+    tab.settle()
+    assert not tab.page.locator(".tcfit-card").is_visible()
+
+
+def test_what_is_no_event_is_dropped(tab: Tab, caplog: pytest.LogCaptureFixture) -> None:
+    uuid = tab.channels[-1]._field._impl.uuid
+    send = "([uuid, value]) => __viserMutable.sendMessage({type: 'GuiUpdateMessage', uuid, updates: {value}})"
+    replayed = '{"number": 1, "event": {"type": "key", "action": "bad", "repeat": false}}'
+    with caplog.at_level(logging.WARNING, "tcfit_app"):
+        for value in ("{", "x" * 100_000, replayed):
+            tab.page.evaluate(send, [uuid, value])
+        tab.settle()
+    assert tab.events == []
+    assert len([record for record in caplog.records if "dropped" in record.message]) == 3
+
+
+def test_the_script_is_put_in_once(tab: Tab) -> None:
+    tab.page.evaluate(script())
+    assert tab.page.locator(".tcfit").count() == 1
+    tab.settle()
+
+
+def test_states_do_not_have_viser_draw_its_scene(tab: Tab) -> None:
+    count = "() => { window.drawn = 0; __viserMutable.scene.onBeforeRender = () => { window.drawn += 1 } }"
+    tab.page.wait_for_timeout(400)  # viser goes on drawing for a quarter of a second
+    tab.page.evaluate(count)
+    begin = time.monotonic()
+    for _ in range(15):
+        tab.settle()
+    drawn = tab.page.evaluate("() => { delete __viserMutable.scene.onBeforeRender; return window.drawn }")
+    assert drawn <= 2 + time.monotonic() - begin  # viser draws once a second anyway
+
+
+def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewServer) -> None:
+    tab.send("notice", states.Notice(title="From before"))
+    tab.settle()
+    server.viser._websock_server.disconnect_all_clients()
+    assert tab.await_event(Hello).width > 0
+    tab.settle()
+    assert tab.text(".tcfit-card") is None and tab.page.locator(".tcfit").count() == 1
+    assert len(tab.clients) == 2
+
+
+def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(
+    tab: Tab, server: ReviewServer, browser: "Browser"
+) -> None:
+    tab.page.reload()
+    again = tab.await_event(Hello)
+    tab.page.reload()
+    assert tab.await_event(Hello, 2) == again
+    assert tab.page.locator(".tcfit").count() == 1
+    other = open_tab(server, browser)
+    assert other.await_event(Hello).tab != again.tab
+    other.page.close()
+
+
+def test_a_newer_script_takes_the_place_of_an_older_one(tab: Tab) -> None:
+    """The last test: from here on the page's events are counted anew, which the server takes for repeated ones."""
+    newer = script().replace('const VERSION = "', 'const VERSION = "newer ')
+    newer = newer.replace('version !== "', 'version !== "newer ')
+    tab.page.evaluate(newer)
+    assert tab.page.evaluate("() => tcfit.version").startswith("newer ")
+    assert tab.page.locator(".tcfit").count() == tab.page.locator(".tcfit-strip").count() == 1
+    assert tab.page.evaluate("() => __viserMutable.canvas.parentElement.getBoundingClientRect().height") == 640

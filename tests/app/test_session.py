@@ -1,0 +1,270 @@
+"""A session: what edits, fits and drags do to a project, and what is shown of them meanwhile."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from tcfit_app import session as session_module
+from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge
+from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.project import Project
+from tcfit_app.session import Session, around
+from tests.app.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
+
+WRIST = kp.INDEX["right_wrist"]
+
+
+@pytest.fixture(scope="module")
+def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with one whole fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    with session_of(folder, tiny_body) as session:
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+        assert session.fits.runs[0].state == "finished"
+    return folder
+
+
+@pytest.fixture
+def folder(fitted: Path, tmp_path: Path) -> Path:
+    import shutil
+
+    return Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
+
+
+@pytest.fixture
+def session(folder: Path, tiny_body: BodyModel) -> Iterator[Session]:
+    with session_of(folder, tiny_body) as made:
+        yield made
+
+
+def moved(session: Session, by: float, frame: int = 4) -> tuple[MoveKeypoint, np.ndarray]:
+    xy = session.project.corrected.xy[frame, [WRIST]] + by
+    return MoveKeypoint(frames=(frame,), joints=(WRIST,), xy=(((float(xy[0, 0]), float(xy[0, 1])),),)), xy
+
+
+def drag(session: Session, shown: Shown, by: float, frame: int = 4) -> None:
+    edit, xy = moved(session, by, frame)
+    follower = session.begin_drag(shown, frame, (WRIST,), xy)
+    session.release(follower, edit, author="me", shown=shown)
+
+
+def test_a_fit_streams_in_phase_by_phase(tiny_body: BodyModel, tmp_path: Path):
+    folder = tmp_path / "a.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    with session_of(folder, tiny_body) as session:
+        assert session.fits.show(FitChoice()) is None
+        run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        phases, revisions = set(), []
+        job = next(iter(session.jobs.values()))
+        assert job.run == run.id and job.title == f"Fit {session.project.clip.name}"
+
+        def look() -> bool:
+            if (shown := session.fits.show(FitChoice())) is not None:
+                phases.add(shown.phase)
+                revisions.append(shown.revision)
+            return not session.jobs
+
+        until(session, look)
+        assert 3 in phases and revisions == sorted(revisions)
+        assert [p.phase for p in session.fits.fit(session.fits.runs[0]).phases] == [1, 2, 3]
+        first, last = session.fits.show(FitChoice(phase=1)), newest(session)
+        assert first is not None and first.phase == 1 and not torch.equal(first.params.betas, last.params.betas)
+        assert job.losses and all(cost > 0 for _, cost, _ in job.losses)
+        assert [n.kind for n in told(session)] == ["done"]
+
+
+def test_windows_appear_as_they_finish(session: Session):
+    config = replace(QUICK, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3, weight=1e4))
+    before = newest(session)
+    session.fit_everything(config, kind="smplx", gender="neutral")
+    seen: list[Shown] = []
+
+    def look() -> bool:
+        shown = newest(session)
+        if shown.result is None:
+            seen.append(shown)
+        return not session.jobs
+
+    until(session, look)
+    assert seen and all(shown.phase == 3 and shown.run.id != before.run.id for shown in seen)
+    final = newest(session)
+    first_window = seen[-1].params.body_pose[0]
+    assert torch.equal(first_window, final.params.body_pose[0])
+
+
+def test_a_rerun_is_a_run_of_its_own_with_its_parent(session: Session):
+    before = newest(session)
+    config = replace(QUICK, temporal=replace(QUICK.temporal, weight=3000.0))
+    run = session.rerun_frames(before, config, (range(2, 5),))
+    assert (run.kind, run.parent, run.frames) == ("frames", before.run.id, range(2, 5))
+    idle(session)
+    after = newest(session)
+    assert after.run.id == run.id and after.run.config.temporal.weight == 3000.0
+    pose, was = after.params.body_pose, before.params.body_pose
+    assert torch.equal(pose[:2], was[:2]) and torch.equal(pose[5:], was[5:]) and not torch.equal(pose[2:5], was[2:5])
+    first = session.fits.show(FitChoice(run=run.id, phase=1))
+    assert first is not None and torch.equal(
+        first.params.body_pose, session.fits.fit(before.run).phases[0].params.body_pose
+    )
+    assert session.fits.show(FitChoice(run=before.run.id)) is not None, "the run before is still there"
+
+
+def test_the_shape_again(session: Session):
+    before = newest(session)
+    config = replace(QUICK, shape_sample=replace(QUICK.shape_sample, size=5, seed=3))
+    session.rerun_shape(before, config)
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "shape" and not torch.equal(after.params.betas, before.params.betas)
+    assert [p.phase for p in session.fits.fit(after.run).phases] == [1, 2, 3]
+
+
+def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(session: Session, folder: Path):
+    before = newest(session)
+    edit, xy = moved(session, 25.0)
+    follower = session.begin_drag(before, 4, (WRIST,), xy)
+    assert follower is not None
+    until(session, lambda: session.live)
+    assert session.live is not None and session.live.frames == range(1, FRAMES) and session.live.run == before.run.id
+    session.release(follower, edit, author="me", shown=before)
+    assert session.project.last_edit == 1, "saved at release, before the fit has converged"
+    idle(session)
+    after = newest(session)
+    assert session.live is None and after.run.kind == "corrections" and after.run.parent == before.run.id
+    assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
+    assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
+    assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
+    drag(session, after, -10.0)
+    idle(session)
+    again = newest(session)
+    assert again.run.id == after.run.id and again.revision > after.revision, "corrections of corrections are one run"
+    with Project.open(folder, read_only=True) as copy:
+        stored = copy.runs.load(again.run.id)
+        assert (
+            torch.equal(stored.last.params.body_pose, again.params.body_pose)
+            and copy.runs.get(again.run.id).edits_seen == 2
+        )
+
+
+def test_a_second_drag_keeps_what_the_first_one_did(session: Session):
+    """Both start from the same result, before the first has been kept."""
+    before = newest(session)
+    drag(session, before, 30.0, frame=0)
+    drag(session, before, 30.0, frame=7)
+    idle(session)
+    after = newest(session)
+    for frame in (0, 7):
+        assert not torch.equal(after.params.body_pose[frame], before.params.body_pose[frame])
+
+
+def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: pytest.MonkeyPatch):
+    before = newest(session)
+    for _ in range(3):
+        session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(8.0, 0.0)), author="me", shown=before)
+    assert not session.jobs
+    until(session, lambda: session.jobs)
+    assert len(session.jobs) == 1, "one job for all of them"
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "corrections" and not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
+    session.undo(author="me", shown=after)
+    idle(session)
+    assert newest(session).revision > after.revision, "undo is followed too"
+    session.follow_edits = False
+    session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(8.0, 0.0)), author="me", shown=after)
+    assert not session.dragging
+    session.follow_edits = True
+    monkeypatch.setattr(session_module, "MOST_FOLLOWED", 3)
+    session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me", shown=after)
+    until(session, lambda: not session.dragging)
+    assert not session.jobs and "re-run them" in told(session)[-1].text
+
+
+def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, monkeypatch: pytest.MonkeyPatch):
+    before = newest(session)
+    runs = [session.fit_everything(QUICK, kind="smplx", gender="neutral") for _ in range(2)]
+    session.cancel(runs[1].id)
+    session.cancel(runs[0].id)
+    idle(session)
+    assert {session.fits.run(run.id).state for run in runs} == {"cancelled"}  # pyright: ignore
+    wrong = replace(QUICK, pose_prior="/nowhere/at all.npz")
+    failed = session.fit_everything(wrong, kind="smplx", gender="neutral")
+    idle(session)
+    after = session.fits.run(failed.id)
+    assert after is not None and after.state == "failed" and "nowhere" in after.message
+    assert told(session)[-1].kind == "error" and "nowhere" in told(session)[-1].text
+    assert newest(session).run.id == before.run.id
+    session.rerun_frames(before, QUICK, (range(2, 4),))
+    idle(session)
+    assert newest(session).run.state == "finished"
+
+
+def test_runs_are_renamed_deleted_and_restored(session: Session):
+    before = newest(session)
+    session.rename(before.run.id, "first")
+    assert newest(session).run.name == "first"
+    session.delete(before.run.id)
+    assert session.fits.show(FitChoice()) is None and session.fits.show(FitChoice(run=before.run.id)) is None
+    session.restore(before.run.id)
+    assert newest(session).run.id == before.run.id
+    session.delete(before.run.id)
+    assert session.purge() == 1 and not session.fits.runs
+
+
+def test_everything_is_there_after_a_restart(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body) as session:
+        drag(session, newest(session), 25.0)
+        idle(session)
+        pose = newest(session).params.body_pose
+        running = session.fit_everything(QUICK, kind="smplx", gender="neutral")
+    with session_of(folder, tiny_body) as session:
+        assert session.fits.run(running.id).state in ("cancelled", "finished")  # pyright: ignore
+        shown = session.fits.show(FitChoice(run=2))
+        assert shown is not None and torch.equal(shown.params.body_pose, pose)
+        assert session.undo(author="me") is not None and session.undo(author="me") is None
+
+
+def test_read_only(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body, read_only=True) as session:
+        shown = newest(session)
+        edit, xy = moved(session, 25.0)
+        assert session.begin_drag(shown, 4, (WRIST,), xy) is None
+        for command in (
+            lambda: session.edit(edit, author="me"),
+            lambda: session.mark([1], "flag", author="me"),
+            lambda: session.fit_everything(QUICK, kind="smplx", gender="neutral"),
+            lambda: session.rerun_frames(shown, QUICK, (range(2, 4),)),
+            lambda: session.rename(1, "other"),
+        ):
+            with pytest.raises(InputError):
+                command()
+        assert not session.jobs and not session.edits
+
+
+def test_without_a_body_model_the_user_is_told(folder: Path):
+    with session_of(folder, None) as session, pytest.raises(InputError, match="There is no body"):
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+
+
+def test_frames_around():
+    assert around([4], 2, 10) == (range(2, 7),)
+    assert around([0, 9], 2, 10) == (range(0, 3), range(7, 10))
+    assert around([1, 5], 2, 10) == (range(0, 8),), "ranges that touch are one"
+    assert around([], 2, 10) == ()
+
+
+def test_a_closing_session_does_not_hang(session: Session):
+    session.fit_everything(QUICK, kind="smplx", gender="neutral")
+    start = time.monotonic()
+    session.close()
+    assert time.monotonic() - start < 20
