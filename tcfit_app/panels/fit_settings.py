@@ -35,6 +35,8 @@ LABELS = {
     "pose_prior": "Pose prior",
 }
 """Settings with an input of their own, in short words."""
+_SHORT = {"temporal.window_size": "Window", "temporal.space": "Space", "shape_sample.size": "Frames"}
+"""Labels that would not fit beside their input; what is around them says the rest."""
 _WORDS = {"sliding_window": "sliding window"}
 """Choices that read better otherwise."""
 _HINTS = {
@@ -123,7 +125,7 @@ class FitInputs:
 
     def _input(self, name: str) -> Any:
         value, setting = value_of(self._page.state.settings.config, name), settings()[name]
-        label, hint = LABELS[name], _HINTS.get(name, setting.doc)
+        label, hint = _SHORT.get(name, LABELS[name]), _HINTS.get(name, setting.doc)
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
         if options := get_args(setting.type):
