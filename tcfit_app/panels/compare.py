@@ -8,8 +8,8 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
+import tcfit_app.panels.markup as markup
 from tcfit_app.fits import Shown as ShownFit
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Shown, on_choice
 from tcfit_app.run_metrics import COST, Comparison, compare
 

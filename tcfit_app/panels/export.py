@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
+import tcfit_app.panels.markup as markup
 from fitting_core.errors import InputError
 from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, ExportedFit, ExportSource
 from tcfit_app.fits import Shown as ShownFit
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Shown, on_press
 
 if TYPE_CHECKING:

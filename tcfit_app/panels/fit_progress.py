@@ -6,7 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from tcfit_app.panels import markup
+import tcfit_app.panels.markup as markup
 from tcfit_app.panels.fields import Shown, on_press
 from tcfit_app.session import RunningJob
 from tcfit_app.status import PHASES, duration

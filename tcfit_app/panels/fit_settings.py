@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import viser
 
+import tcfit_app.panels.markup as markup
 from fitting_core.body.forms import KINDS
 from fitting_core.body.registry import GENDERS
 from fitting_core.config import POSE_PRIORS, PRESETS, FitConfig
@@ -13,7 +14,6 @@ from fitting_core.config_file import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.registry import list_priors
 from fitting_core.settings import changed, settings, value_of
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Field, Shown, on_press
 from tcfit_app.submitting import camera_of
 from tcfit_app.view_state import FitSettings

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from datetime import datetime
 
+import tcfit_app.panels.markup as markup
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.result import FitResult
 from fitting_core.settings import value_of
-from tcfit_app.panels import markup
 from tcfit_app.panels.fit_settings import differences, nearest_preset, words
 from tcfit_app.session import RunningJob, Session
 from tcfit_app.status import PHASES, duration
