@@ -22,7 +22,7 @@ class DeletedRuns:
         """The window that asks, if it was ever open."""
         self._folder = gui.add_folder("Deleted runs", expand_by_default=False, visible=False)
         with self._folder:
-            self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown("Deleted", ("",))
+            self._choice: Any = gui.add_dropdown("Deleted", ("",))
             Board(page).show(
                 row(
                     button("Restore", "deleted.restore"),

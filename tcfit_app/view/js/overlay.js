@@ -135,6 +135,7 @@ function jointLine(joint) {
   return parts.join("  ");
 }
 
+/** In their upper right corners: viser's messages come up at the upper left, chips and legend lie below. */
 function drawPosterLabels(context) {
   context.font = `600 12.5px ${FONT}`;
   context.textBaseline = "middle";
@@ -142,7 +143,8 @@ function drawPosterLabels(context) {
     const label = shortened(context, poster.label, ux * states.layout.image[0] - 60);
     if (!label) continue;
     const width = context.measureText(label).width + 32;
-    const [x, y] = [ox + 8, Math.max(oy, 0) + 8];
+    const right = Math.min(ox + ux * states.layout.image[0], canvasSize().width);
+    const [x, y] = [right - width - 8, Math.max(oy, 0) + 8];
     context.fillStyle = "rgba(16, 19, 24, 0.82)";
     context.beginPath();
     context.roundRect(x, y, width, 24, 6);

@@ -39,8 +39,9 @@ const STYLE_SHEET = `
 .tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: ${COLORS.text};
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
-.tcfit-chips { position: absolute; top: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap; gap: 8px;
-  justify-content: center; }
+.tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
+  gap: 8px; }
+.tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { right: 246px; }
 .tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 4px 12px; border-radius: 14px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12.5px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
