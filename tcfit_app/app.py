@@ -10,8 +10,9 @@ from functools import partial
 import viser
 
 from tcfit_app.desk import Desk
+from tcfit_app.notices import Notice
 from tcfit_app.page import Page
-from tcfit_app.session import Notice, Session
+from tcfit_app.session import Session
 from tcfit_app.view_state import ViewState
 
 TICK = 1 / 60

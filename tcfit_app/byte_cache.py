@@ -59,12 +59,6 @@ class ByteCache(Generic[Value]):
             while self._used > self._limit:
                 self._take(next(iter(self._values)))
 
-    def drop(self, chosen: Callable[[Hashable], bool]) -> None:
-        """Forget all values whose keys are chosen."""
-        with self._guard:
-            for key in [key for key in self._values if chosen(key)]:
-                self._take(key)
-
     def _take(self, key: Hashable) -> None:
         if key in self._values:
             self._used -= self._size(self._values.pop(key))

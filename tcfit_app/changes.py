@@ -15,7 +15,3 @@ class Changes:
             return False
         self._keys[name] = key
         return True
-
-    def forget(self, name: str) -> None:
-        """The thing has to be drawn again, whatever its key."""
-        self._keys.pop(name, None)

@@ -2,7 +2,6 @@
 
 import threading
 from collections import OrderedDict
-from collections.abc import Generator
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -14,12 +13,13 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
-from fitting_core.events import FitEvent, PhaseFinished, WindowFinished
+from fitting_core.events import PhaseFinished, WindowFinished
 from fitting_core.fitting import evaluated
 from fitting_core.result import FitResult, PhaseResult
-from tcfit_app.jobs import Job, RerunFrames, with_phases
+from tcfit_app.jobs import Job, with_phases
 from tcfit_app.live import Correction
 from tcfit_app.project import Project
+from tcfit_app.run_jobs import CorrectionJob, RunJob
 from tcfit_app.storage.runs import Ended, Run
 
 _CONTEXT = 10
@@ -59,50 +59,6 @@ class Shown:
     def title(self) -> str:
         """For the user."""
         return f"{self.run.name} · {TITLES[self.phase]}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunJob:
-    """A job of the worker whose results belong to a run."""
-
-    run_id: int
-    job: Job
-
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return self.job.title
-
-    @property
-    def phases(self) -> tuple[int, ...]:
-        """As the job's."""
-        return self.job.phases
-
-    def run(self) -> Generator[FitEvent, None, FitResult]:
-        """As the job's."""
-        return self.job.run()
-
-
-@dataclass(frozen=True, kw_only=True)
-class CorrectionJob:
-    """A re-run around some edits, whose windows go into the run's corrections."""
-
-    origin: int
-    job: RerunFrames
-
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return f"Follow edits: {self.job.title.lower()}"
-
-    @property
-    def phases(self) -> tuple[int, ...]:
-        """As the job's."""
-        return self.job.phases
-
-    def run(self) -> Generator[FitEvent, None, FitResult]:
-        """As the job's."""
-        return self.job.run()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ Milliseconds per frame on one thread, free body (13492 vertices), medians on a 2
 The difference are the pose correctives: 1.7 % of the free body's are not zero, and reading the others took 7.8 ms.
 """
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable
 
 import numpy as np
 import torch
@@ -60,39 +60,15 @@ class Meshes:
             frame: Which of them.
         """
         found = self._cache.get((version, frame))
-        return self._evaluated(version, params, [frame])[0] if found is None else found
-
-    def cached(self, version: Hashable, frame: int) -> Float32[np.ndarray, "V 3"] | None:
-        """The frame if it is there already."""
-        return self._cache.get((version, frame))
-
-    def prefetch(self, version: Hashable, params: BodyParams, frames: Iterable[int]) -> None:
-        """Evaluate those frames that are not there yet, in batches and in the caller's thread: before they are played.
-
-        Args:
-            version: Stands for `params`.
-            params: All frames.
-            frames: Which of them.
-        """
-        missing = [frame for frame in frames if (version, frame) not in self._cache]
-        for start in range(0, len(missing), BATCH):
-            self._evaluated(version, params, missing[start : start + BATCH])
+        if found is None:
+            found = self._skin(params[[frame]])[0]
+            found.setflags(write=False)
+            self._cache.put((version, frame), found)
+        return found
 
     def batch(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
         """All frames of the parameters, in camera space (metres), past the cache."""
         return self._skin(params)
-
-    def forget(self, version: Hashable) -> None:
-        """Drop what is kept of a version that is no longer shown."""
-        self._cache.drop(lambda key: isinstance(key, tuple) and key[0] == version)
-
-    def _evaluated(self, version: Hashable, params: BodyParams, frames: list[int]) -> list[np.ndarray]:
-        # Each frame in memory of its own: a view would keep its whole batch alive.
-        every = [vertices.copy() for vertices in self._skin(params[frames])]
-        for frame, vertices in zip(frames, every, strict=True):
-            vertices.setflags(write=False)
-            self._cache.put((version, frame), vertices)
-        return every
 
 
 class _Skin:

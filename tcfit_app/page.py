@@ -16,11 +16,11 @@ from tcfit_app.correcting import Correcting, describe
 from tcfit_app.desk import Desk
 from tcfit_app.edits import Edit
 from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.notices import Notice
 from tcfit_app.panels import PANELS
 from tcfit_app.picture import Picture
 from tcfit_app.playback import Playback
 from tcfit_app.reviewing import Reviewing
-from tcfit_app.session import Notice
 from tcfit_app.status import Status
 from tcfit_app.strip import Strip
 from tcfit_app.submitting import Submitting

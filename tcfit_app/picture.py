@@ -1,12 +1,12 @@
 """The middle of one tab: video, bodies and keypoints of the frame on show."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitting_core.errors import InputError
+from tcfit_app.between_runs import vertex_distances
 from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.playback import coming
 from tcfit_app.view.layers import DISTANCE_LIMIT, RUN_COLORS, BodyLayer, FrameImage, color_table, css
@@ -24,12 +24,6 @@ _AHEAD = 24
 _LEGEND_COLORS = 9
 _MARGIN = 40.0
 """Pixels of the image around keypoints that are zoomed to."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Body:
-    layer: BodyLayer
-    version: Hashable
 
 
 class Picture:
@@ -126,7 +120,7 @@ class Picture:
         look = (color, state.opacity, state.wireframe, compared.version if compared else None)
         key = (drawn.version, shown.camera, *look)
         if key not in self._layers:
-            values = None if compared is None else np.linalg.norm(drawn.vertices - compared.vertices, axis=1)
+            values = None if compared is None else vertex_distances(drawn.vertices, compared.vertices) / 1e3
             if len(self._layers) > 4:
                 self._layers.clear()
             self._layers[key] = BodyLayer(

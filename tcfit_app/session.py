@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,10 +17,12 @@ from fitting_core.errors import InputError
 from fitting_core.events import PhaseStarted, WindowFinished
 from tcfit_app.bodies import Bodies, record_of
 from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.edit_windows import around
 from tcfit_app.edits import Edit, MoveKeypoint
-from tcfit_app.fits import CorrectionJob, Fits, RunJob, Shown
+from tcfit_app.fits import Fits, Shown
 from tcfit_app.jobs import FitEverything, FitShape, Job, RerunFrames
 from tcfit_app.live import REACH, Correction
+from tcfit_app.notices import Notice
 from tcfit_app.outbox import (
     DragAbandoned,
     DragFailed,
@@ -29,12 +31,13 @@ from tcfit_app.outbox import (
     JobCancelled,
     JobFailed,
     JobFinished,
-    JobProgress,
     JobReported,
     JobStarted,
     Report,
 )
 from tcfit_app.project import Project
+from tcfit_app.run_jobs import CorrectionJob, RunJob
+from tcfit_app.running_job import RunningJob
 from tcfit_app.storage.runs import Run, RunKind
 from tcfit_app.worker import Drag, Worker
 
@@ -48,43 +51,6 @@ _OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
     JobFailed: "failed",
 }
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Notice:
-    """Something that every browser is told once."""
-
-    title: str
-    text: str
-    kind: Literal["info", "done", "error"] = "info"
-
-
-@dataclass(kw_only=True)
-class RunningJob:
-    """A job from its submission to its end."""
-
-    number: int
-    run: int | None
-    """The run that it fits; None: edits are being followed."""
-    title: str
-    phases: tuple[int, ...]
-    started: bool = False
-    phase: int | None = None
-    progress: JobProgress | None = None
-    losses: list[tuple[float, dict[str, float]]] = field(default_factory=list)
-    """Seconds of work, and mean cost of a frame by term, "total" among them; about twice a second."""
-    windows: list[range] = field(default_factory=list)
-    """Frames that are final."""
-    outcome: Literal["", "finished", "cancelled", "failed"] = ""
-    """Empty: it has not ended."""
-    reason: str = ""
-    """Why it failed."""
-
-    def take(self, progress: JobProgress) -> None:
-        """It has come further."""
-        self.progress = progress
-        if progress.terms and (not self.losses or progress.terms is not self.losses[-1][1]):
-            self.losses.append((progress.elapsed, progress.terms))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -413,15 +379,3 @@ class Session:
     def _refuse_read_only(self, what: str) -> None:
         if self.project.read_only:
             raise InputError(f"This project is open read-only, nothing can be {what}: another tcfit has it open.")
-
-
-def around(frames: Iterable[int], reach: int, length: int) -> tuple[range, ...]:
-    """Frames with their neighbours, as ranges that do not touch."""
-    merged: list[range] = []
-    for frame in sorted(frames):
-        window = range(max(0, frame - reach), min(length, frame + reach + 1))
-        if merged and window.start <= merged[-1].stop:
-            merged[-1] = range(merged[-1].start, window.stop)
-        else:
-            merged.append(window)
-    return tuple(merged)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from tcfit_app.session import RunningJob
+from tcfit_app.running_job import RunningJob
 from tcfit_app.view.page_states import Chip, Chips, Notice
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import CURVES, Curve
-from tcfit_app.session import RunningJob
+from tcfit_app.running_job import RunningJob
 from tcfit_app.view.layers import RUN_COLORS, css
 from tcfit_app.view.page_states import ChosenRange, Cursor, Fit, FitSpan, Marks, Timeline, curve_values, spans
 from tcfit_app.view.page_states import Curve as Line

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.settings import check
+from tcfit_app.edit_windows import around
 from tcfit_app.fits import Shown
-from tcfit_app.session import around
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page

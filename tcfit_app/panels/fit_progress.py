@@ -7,7 +7,7 @@ import viser
 from viser import uplot
 
 from tcfit_app.panels.html import Board, Html, button, heading, paragraph, progress_bar, row, words
-from tcfit_app.session import RunningJob
+from tcfit_app.running_job import RunningJob
 from tcfit_app.status import PHASES, duration
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from fitting_core.errors import InputError
 from fitting_core.frame_names import runs
 from tcfit_app.fits import Shown
 from tcfit_app.frame_words import in_words, numbers
+from tcfit_app.notices import Notice
 from tcfit_app.panels.html import Board, Html, action, button, heading, line, paragraph, row, table
-from tcfit_app.session import Notice
 from tcfit_app.suspicion import Suspect
 
 if TYPE_CHECKING:

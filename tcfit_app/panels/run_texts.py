@@ -11,7 +11,8 @@ from tcfit_app.frame_words import in_words
 from tcfit_app.panels.fit_settings import differences, nearest_preset
 from tcfit_app.panels.fit_settings import words as setting_words
 from tcfit_app.panels.html import Html, badge, facts, joined, line, paragraph, tag, text, words
-from tcfit_app.session import RunningJob, Session
+from tcfit_app.running_job import RunningJob
+from tcfit_app.session import Session
 from tcfit_app.status import PHASES, duration
 from tcfit_app.storage.runs import Run, RunState
 from tcfit_app.view.layers import RUN_COLORS, css

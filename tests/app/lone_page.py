@@ -16,9 +16,10 @@ import viser
 from fitting_core.body.model import BodyModel
 from tcfit_app.bodies import Bodies
 from tcfit_app.desk import Desk
+from tcfit_app.notices import Notice
 from tcfit_app.page import Page
 from tcfit_app.project import Project
-from tcfit_app.session import Notice, Session
+from tcfit_app.session import Session
 from tcfit_app.storage.runs import Run
 from tcfit_app.view.page_events import Press
 from tcfit_app.view_state import FitSettings

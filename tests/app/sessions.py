@@ -14,8 +14,9 @@ from fitting_core.clip import Clip
 from fitting_core.config import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.notices import Notice
 from tcfit_app.project import Project
-from tcfit_app.session import Notice, Session
+from tcfit_app.session import Session
 from tcfit_app.storage.runs import BodyRecord
 from tests.scenes import arms_in_motion, clip_of, hidden, keypoints_of, noisy
 

@@ -34,14 +34,6 @@ def test_a_value_that_is_too_large_is_not_kept_and_drops_no_other():
     assert "a" in cache and "b" not in cache and cache.used == 10
 
 
-def test_chosen_keys_are_dropped():
-    cache = cache_of(100)
-    for key in range(6):
-        cache.put(key, bytes(10))
-    cache.drop(lambda key: isinstance(key, int) and key % 2 == 0)
-    assert [key in cache for key in range(6)] == [False, True] * 3 and cache.used == 30
-
-
 def test_many_threads_leave_the_count_right():
     cache = cache_of(500)
 

@@ -24,13 +24,6 @@ FIRST = 7
 """The number that users see for frame 0 of the sample clip."""
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    made = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield made
-    made.stop()
-
-
 @pytest.fixture
 def project(tmp_path: Path) -> Iterator[Project]:
     with sample_project(tmp_path / "walk.tcfit", "first", ATTACK) as made:
@@ -38,8 +31,8 @@ def project(tmp_path: Path) -> Iterator[Project]:
 
 
 @pytest.fixture
-def tested(server: viser.ViserServer, project: Project) -> Iterator[LonePage]:
-    with lone_page(server, project) as made:
+def tested(panel_server: viser.ViserServer, project: Project) -> Iterator[LonePage]:
+    with lone_page(panel_server, project) as made:
         yield made
 
 
@@ -92,9 +85,9 @@ def test_what_the_server_sets_is_no_wish_of_the_user(tested: LonePage):
     assert tested.page.state.opacity == 0.3
 
 
-def test_an_input_does_not_jump_back_while_its_command_waits(server: viser.ViserServer, project: Project):
+def test_an_input_does_not_jump_back_while_its_command_waits(panel_server: viser.ViserServer, project: Project):
     waiting: list[Callable[[], None]] = []
-    with lone_page(server, project, waiting.append) as tested:
+    with lone_page(panel_server, project, waiting.append) as tested:
         tested.draw()
         tested.enter("Opacity", 0.4)
         tested.draw()
@@ -256,8 +249,8 @@ def test_a_review_queue_that_cannot_be_made_says_why(tested: LonePage):
     assert "Suspicious frames cannot be looked for: " in tested.html()  # the sample's body is no real one
 
 
-def test_no_fit_no_review_queue(server: viser.ViserServer, tmp_path: Path):
-    with sample_project(tmp_path / "new.tcfit") as project, lone_page(server, project) as tested:
+def test_no_fit_no_review_queue(panel_server: viser.ViserServer, tmp_path: Path):
+    with sample_project(tmp_path / "new.tcfit") as project, lone_page(panel_server, project) as tested:
         assert "There is no fit yet" in tested.html()
 
 
@@ -284,9 +277,9 @@ def test_a_wrong_place_is_told(tested: LonePage):
     assert told == ["error"]
 
 
-def test_read_only_buttons_are_off(server: viser.ViserServer, tmp_path: Path):
+def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Path):
     sample_project(tmp_path / "walk.tcfit", "first").close()
-    with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(server, project) as tested:
+    with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as tested:
         tested.page.set(selection=(4,))
         shown = tested.html()
     assert 'data-value="swap_body" title="Swap left and right of the body (S)" disabled' in shown

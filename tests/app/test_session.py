@@ -13,10 +13,11 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app import session as session_module
+from tcfit_app.edit_windows import around
 from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.project import Project
-from tcfit_app.session import Session, around
+from tcfit_app.session import Session
 from tests.app.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
 
 WRIST = kp.INDEX["right_wrist"]

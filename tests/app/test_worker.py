@@ -18,7 +18,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
+from fitting_core.config import SolverSettings, Temporal
 from fitting_core.errors import InputError
 from fitting_core.events import FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
 from fitting_core.fitting import fit, rerun_events
@@ -41,18 +41,11 @@ from tcfit_app.outbox import (
     Report,
 )
 from tcfit_app.worker import Worker
+from tests.app import sessions
+from tests.app.sessions import PATIENCE
 from tests.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 
-PATIENCE = 60.0
-"""Seconds after which a test gives up; all of them take a small part of it."""
-QUICK = FitConfig(
-    weights=replace(Weights(), collision=(0.0,) * 5),
-    pose_prior="relaxed",
-    hip_weight=1.0,
-    shape_sample=ShapeSample(size=2, stages=(5,)),
-    temporal=Temporal(mode="sliding_window", window_size=3, stages=(5,)),
-    settings=SolverSettings(iterations=4),
-)
+QUICK = replace(sessions.QUICK, temporal=Temporal(mode="sliding_window", window_size=3, stages=(5,)))
 CONVERGED = replace(QUICK, settings=SolverSettings(iterations=60, sequence_tolerance=1e-9))
 WRIST = kp.INDEX["right_wrist"]
 NOTHING = FitResult(
