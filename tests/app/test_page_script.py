@@ -15,7 +15,7 @@ from fitting_core.keypoints import COUNT, INDEX
 from tcfit_app.server import ReviewServer, review_server
 from tcfit_app.view import page_states as states
 from tcfit_app.view.channel import Channel, script
-from tcfit_app.view.page_events import Drag, Drawn, Hello, Key, PageEvent, Range, Resized, Seek, Select
+from tcfit_app.view.page_events import Drag, Drawn, Gesture, Hello, Key, PageEvent, Range, Resized, Seek, Select
 from tests.app.browser import chromium
 
 if TYPE_CHECKING:
@@ -83,8 +83,12 @@ class Tab:
         with self.clients[-1].atomic():
             camera.near, camera.far, camera.fov = 1.0, 4000.0, FOV
             camera.position, camera.look_at, camera.up_direction = (x, 0.0, -distance), (x, 0.0, 0.0), (0.0, -1.0, 0.0)
-        there = "(distance) => Math.abs(__viserMutable.camera.position.length() - distance) < 1e-3"
-        self.page.wait_for_function(there, arg=math.hypot(distance, x))
+        # Of viser's camera the position is another at once, the matrices only when it draws.
+        there = """([x, distance]) => {
+          const m = __viserMutable.camera.matrixWorld.elements;
+          return Math.abs(Math.hypot(m[12], m[13], m[14]) - Math.hypot(x, distance)) < 1e-3;
+        }"""
+        self.page.wait_for_function(there, arg=[x, distance])
         self.settle()
 
     def screen(self, u: float, v: float, *, poster: float = 0.0) -> tuple[float, float]:
@@ -407,7 +411,7 @@ def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
     tab.drag((200, 200), (80, 40))
     tab.page.wait_for_timeout(300)
     tab.settle()
-    assert tab.events == []
+    assert set(map(type, tab.events)) <= {Gesture}
     assert np.abs(np.array(tab.clients[-1].camera.wxyz) - before).max() > 0.01
     tab.send("layout", POSTER)
     tab.look(300.0)
@@ -447,6 +451,7 @@ def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
     tab.page.mouse.move(*place)
     for _ in range(4):
         tab.page.mouse.wheel(0, -200)
+        tab.settle()  # a browser under load makes one event of several, and one zooms only so far
     tab.page.mouse.click(*place)
     assert tab.await_event(Seek).frame == 200
     tab.page.mouse.click(place[0] + 40, place[1])
@@ -455,6 +460,7 @@ def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
     assert tab.text(".tcfit-strip .tcfit-tooltip") is not None
     for _ in range(6):
         tab.page.mouse.wheel(0, 600)
+        tab.settle()
     tab.page.mouse.click(*strip_place(tab, 0))
     tab.settle()
     assert tab.await_event(Seek).frame == 0
