@@ -1,4 +1,4 @@
-"""What one tab says above its picture: what is being fitted, what was saved, what is wrong."""
+"""What one tab says at the lower edge of its picture: what is being fitted, what was saved, what is wrong."""
 
 from typing import TYPE_CHECKING
 

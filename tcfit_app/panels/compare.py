@@ -37,7 +37,7 @@ class ComparePanel:
         self._head = Shown(gui.add_html(""))
         self._frames = Shown(gui.add_button_group("Differ most", ("-",), hint="Frames; click to go there"))
         self._frames.handle.visible = False
-        on_choice(page, self._frames.handle, lambda frame: page.seek(int(frame)) if frame.isdigit() else None)
+        on_choice(page, self._frames.handle, self._go)
         self._peaks = Shown(gui.add_html("", visible=False))
         self._figures = Shown(gui.add_html(""))
         with gui.add_folder("Costs", expand_by_default=False):
@@ -88,6 +88,11 @@ class ComparePanel:
             return f"{running[0]} is still being fitted: it is measured when it is done."
         return self._page.desk.metrics_problem(a) or self._page.desk.metrics_problem(b) or _MEASURING
 
+    def _go(self, frame: str) -> None:
+        if frame.isdigit():
+            self._page.pause()
+            self._page.seek(int(frame) - self._page.first_frame)
+
     def _draw_peaks(self, values: Float[np.ndarray, "T"] | None, *, same: bool) -> None:
         frames = peaks(values) if values is not None and not same else []
         self._frames.show(visible=bool(frames))
@@ -95,7 +100,7 @@ class ComparePanel:
         if not frames:
             return
         assert values is not None
-        self._frames.show(options=tuple(map(str, frames)))
+        self._frames.show(options=tuple(str(self._page.first_frame + frame) for frame in frames))
         said = ", ".join(f"{values[frame]:.0f}" for frame in frames)
         mean = f"mean over the clip {np.nanmean(values):.1f}"
         self._peaks.show(content=markup.panel(markup.muted(f"Joints lie {said} mm apart there; {mean} mm")))

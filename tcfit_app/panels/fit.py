@@ -42,7 +42,7 @@ class FitPanel:
         self._frames = Shown(gui.add_button("Re-run selected frames", color="gray"))
         self._edited = Shown(gui.add_button("Re-run edited frames", color="gray"))
         hint = "So many frames before and after each edited or flagged one are fitted again with it."
-        reach = gui.add_number("Frames around", page.state.settings.reach, step=1, hint=hint)
+        reach = gui.add_number("± frames", page.state.settings.reach, step=1, hint=hint)
         self._reach = Field(page, reach, self._take_reach)
         self._shape = Shown(gui.add_button("Re-run shape", color="gray"))
         on_press(page, self._everything.handle, page.submitting.everything)
@@ -70,24 +70,25 @@ class FitPanel:
         self._reach.show(state.settings.reach, wrong="reach" in dict(state.settings.problems))
         self._frames.show(label=self._frames_label(fit), disabled=not ready or fit is None or state.frames is None)
         windows = page.submitting.edited_windows(fit) if fit is not None else ()
-        label = f"Re-run around edits: {_spans(windows)}" if windows else "Re-run around edits (none since the fit)"
-        self._edited.show(label=label, disabled=not ready or not windows)
+        where = f": {_spans(windows, page.first_frame)}" if windows else " (none since the fit)"
+        self._edited.show(label=f"Re-run around edits{where}", disabled=not ready or not windows)
         self._shape.show(label=_shape_label(fit), disabled=not ready or fit is None)
 
     def _frames_label(self, fit: "ShownFit | None") -> str:
         frames = self._page.state.frames
         if fit is None:
             return "Re-run frames (no fit yet)"
-        return "Re-run frames (Shift-drag selects)" if frames is None else f"Re-run frames {_spans((frames,))}"
+        which = "(Shift-drag selects)" if frames is None else _spans((frames,), self._page.first_frame)
+        return f"Re-run frames {which}"
 
 
 def _shape_label(fit: "ShownFit | None") -> str:
     return "Re-run shape (no fit yet)" if fit is None else "Re-run shape"
 
 
-def _spans(windows: tuple[range, ...]) -> str:
-    """Ranges of frames, in one line of a button."""
-    said = ", ".join(f"{w[0]}–{w[-1]}" if len(w) > 1 else f"{w[0]}" for w in windows[:2])
+def _spans(windows: tuple[range, ...], first: int) -> str:
+    """Ranges of frames, in one line of a button; `first` is the number that users see for frame 0."""
+    said = ", ".join(f"{first + w[0]}–{first + w[-1]}" if len(w) > 1 else f"{first + w[0]}" for w in windows[:2])
     return said if len(windows) < 3 else f"{said} and {len(windows) - 2} more"
 
 

@@ -25,10 +25,10 @@ ORIGIN = "Fit settings"
 """Where wrong values stand, for messages."""
 LABELS = {
     "temporal.weight": "w_T",
-    "temporal.window_size": "Window size",
+    "temporal.window_size": "Window",
     "temporal.mode": "Mode",
-    "temporal.space": "Temporal space",
-    "shape_sample.size": "Shape frames",
+    "temporal.space": "Space",
+    "shape_sample.size": "Shape from",
     "shape_sample.strategy": "Chosen by",
     "shape_sample.seed": "Seed",
     "solver": "Solver",
@@ -40,7 +40,8 @@ _WORDS = {"sliding_window": "sliding window"}
 _HINTS = {
     "temporal.weight": "Weight of consistency over time",
     "temporal.window_size": "Frames of a sliding window",
-    "shape_sample.size": "How many frames find the shared shape",
+    "temporal.space": "In which consistency over time compares joints",
+    "shape_sample.size": "So many frames find the shared shape",
     "shape_sample.seed": "Of the random choice of frames",
     "solver": "Levenberg-Marquardt, or L-BFGS as the paper has it",
 }

@@ -37,6 +37,8 @@ class Listed:
     edits: int
     """Edits since."""
     job: RunningJob | None
+    first_frame: int = 0
+    """The number that users see for frame 0."""
 
 
 def seconds_of(run: Run) -> float | None:
@@ -65,15 +67,16 @@ def row(listed: Listed) -> tuple[str, str]:
         word = "waiting"
     elif run.state == "running" and listed.job is not None and listed.job.progress is not None:
         word = f"{100 * listed.job.progress.share:.0f} %"
-    facts = [_kind(run), *_since(listed.edits), *_settings(run)]
+    facts = [_kind(listed), *_since(listed.edits), *_settings(run)]
     taken = seconds_of(run)
     time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
     left = f"{markup.bold(run.name)}{badges}<br>{markup.muted(' · '.join(facts))}"
     return left, f"{markup.colored(markup.text(word), color)}<br>{markup.muted(time)}"
 
 
-def _kind(run: Run) -> str:
-    return f"frames {run.frames[0]}–{run.frames[-1]}" if run.frames else KINDS[run.kind]
+def _kind(listed: Listed) -> str:
+    run, first = listed.run, listed.first_frame
+    return f"frames {first + run.frames[0]}–{first + run.frames[-1]}" if run.frames else KINDS[run.kind]
 
 
 def _since(edits: int) -> list[str]:
@@ -102,7 +105,7 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> str:
     run = listed.run
     parent = None if run.parent is None else session.project.runs.get(run.parent)
     facts = {
-        "Fitted": _kind(run),
+        "Fitted": _kind(listed),
         "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else "",
         "Edits": f"{listed.edits} made since" if listed.edits else "has seen all",
         "Body": f"{run.body.kind}, {run.body.gender}",
@@ -110,7 +113,7 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> str:
         "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
         **({} if fit is None else _found(fit, session.project.clip.camera)),
     }
-    rows = [(markup.muted(name), markup.text(value)) for name, value in facts.items() if value]
+    rows = [(markup.muted(name.replace(" ", "\u00a0")), markup.text(value)) for name, value in facts.items() if value]
     return markup.table(rows) + (markup.problem(run.message) if run.message else "") + _differences(run) + _notes(fit)
 
 

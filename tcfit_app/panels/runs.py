@@ -136,6 +136,7 @@ class RunsPanel:
                 shown_as=tuple(name for name, there in zip("AB", shown, strict=True) if there == run.id),
                 edits=session.edits_since(run),
                 job=jobs.get(run.id),
+                first_frame=page.first_frame,
             )
             for run in reversed(runs)
         ]

@@ -197,7 +197,7 @@ class Notice(_State, frozen=True, kw_only=True):
 
 
 class Chip(_State, frozen=True, kw_only=True):
-    """A line at the canvas's upper edge."""
+    """A line at the canvas's lower edge."""
 
     text: str
     kind: Literal["info", "busy", "good", "warning", "error"] = "info"

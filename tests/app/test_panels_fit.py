@@ -36,7 +36,7 @@ def panel(page: PanelPage) -> FitPanel:
 def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
     page.enter("w_T", 42.5)
     page.enter("Mode", "sliding window")
-    page.enter("Window size", 3)
+    page.enter("Window", 3)
     page.enter("Focal length", 1000.0)
     page.press("Fit everything")
     (job,) = page.session.jobs.values()
@@ -63,12 +63,12 @@ def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
 @pytest.mark.parametrize(
     ("label", "value", "said"),
     [
-        ("Window size", 1, "expected 2 or more"),
-        ("Window size", 2.5, "whole number"),
+        ("Window", 1, "expected 2 or more"),
+        ("Window", 2.5, "whole number"),
         ("w_T", -1.0, "0 or more"),
         ("Focal length", 0.0, "above 0"),
         ("Gender", "male", "No male smplx body. Put &lt;SMPLX&gt;.npz there."),
-        ("Frames around", -1, "0 to 1000"),
+        ("± frames", -1, "0 to 1000"),
     ],
 )
 def test_a_wrong_value_is_told_and_fits_nothing(page: PanelPage, panel: FitPanel, label: str, value: object, said: str):
@@ -92,13 +92,13 @@ def test_a_preset_sets_everything_and_changes_are_named(page: PanelPage, panel: 
     panel.draw()
     assert page.state.settings.config == PRESETS["tcfit"] and not page.find("Back to the preset").visible
     page.enter("w_T", 5.0)
-    page.enter("Window size", 9)
+    page.enter("Window", 9)
     panel.draw()
-    assert "w_T, window size" in page.html()
+    assert "w_T, window" in page.html()
     page.press("Back to the preset")
     panel.draw()
     assert page.state.settings.config == PRESETS["tcfit"]
-    assert page.find("w_T").value == 100.0 and page.find("Window size").value == 7
+    assert page.find("w_T").value == 100.0 and page.find("Window").value == 7
 
 
 def test_all_settings_as_a_text(page: PanelPage, panel: FitPanel):
@@ -119,7 +119,7 @@ def test_all_settings_as_a_text(page: PanelPage, panel: FitPanel):
 
 def test_echoes_of_the_server_are_ignored(page: PanelPage, panel: FitPanel):
     before = page.state.settings
-    for label in ("Preset", "w_T", "Mode", "Focal length", "Frames around", "Gender", "TOML"):
+    for label in ("Preset", "w_T", "Mode", "Focal length", "± frames", "Gender", "TOML"):
         page.echo(label)
     assert page.state.settings is before
 
@@ -189,7 +189,7 @@ def test_edited_and_flagged_frames_are_re_run(page: PanelPage, panel: FitPanel):
     page.session.undo(author="test")
     assert page.session.frames_edited_since(run) == {1}, "undone again is changed again"
     page.session.mark([5], "flag", author="test")
-    page.enter("Frames around", 0)
+    page.enter("± frames", 0)
     panel.draw()
     page.press("Re-run around edits: 1, 5")
     page.until(lambda: not page.session.jobs, panel)

@@ -1,4 +1,4 @@
-// What the app says over the picture: a card, lines at the upper edge, a colour bar.
+// What the app says over the picture: a card, lines at the lower edge, a colour bar.
 
 watch("notice", (notice) => {
   card.hidden = !notice;
