@@ -31,7 +31,8 @@ REST_MS = 1500
 """For what has no sign of its own that it is drawn."""
 QUALITY = 85
 """Of the JPEGs."""
-WRIST = "right_wrist"
+KEYPOINT = "right_elbow"
+"""That is dragged."""
 DRAWN = "() => { try { return Boolean(tcfit.place(0, 0)); } catch { return false; } }"
 """Whether the page has posters."""
 
@@ -82,22 +83,27 @@ def fitted(review: Reviewing) -> Shown:
     return shown
 
 
+def void(result: object) -> None:
+    """Forget a result."""
+
+
 # --- scenes ---
 
 
 def modes(review: Reviewing) -> Iterator[str]:
     """Edit, A | B and 3D; colours by distance; the window of keys."""
     yield "edit"
-    x, y = review.place("right_elbow")
+    x, y = review.place(KEYPOINT)
     review.tab.mouse.move(x, y)
     settle(review)
     yield "edit-hover"
     review.tab.mouse.move(5, 500)
-    show(review, selection=(INDEX[WRIST],))
+    show(review, selection=(INDEX[KEYPOINT],))
     review.tab.keyboard.press("z")
     settle(review)
     yield "edit-zoomed"
     review.tab.keyboard.press("f")
+    settle(review)
     show(review, selection=(), mode="ab")
     yield "ab"
     show(review, difference=True)
@@ -115,16 +121,18 @@ def modes(review: Reviewing) -> Iterator[str]:
     review.tab.keyboard.press("h")
     settle(review)
     yield "keys"
+    review.tab.keyboard.press("Escape")
+    until(lambda: not review.tab.locator("[role=dialog]").count(), "the end of the window of keys")
 
 
 def correcting(review: Reviewing) -> Iterator[str]:
     """A keypoint under the pointer, with the body following; what the panel says afterwards."""
     open_panel(review, "Keypoints")
     yield "keypoints-none"
-    x, y = review.place(WRIST)
+    x, y = review.place(KEYPOINT)
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
-    review.tab.mouse.move(x - 40, y - 60, steps=8)
+    review.tab.mouse.move(x - 24, y + 44, steps=8)
     until(lambda: review.session.live is not None, "the live correction")
     settle(review, busy=True)
     yield "edit-dragged"
@@ -158,7 +166,7 @@ def fitting(review: Reviewing) -> Iterator[str]:
     session, app = review.session, review.app
     shown = fitted(review)
     open_panel(review, "Fit")
-    app.post(lambda: session.fit_everything(PRESETS["tcfit"], kind="smplx", gender="neutral"))
+    app.post(lambda: void(session.fit_everything(PRESETS["tcfit"], kind="smplx", gender="neutral")))
     until(lambda: any(len(job.losses) > 6 for job in session.jobs.values()), "the fit")
     settle(review, busy=True)
     yield "fitting"
@@ -166,7 +174,7 @@ def fitting(review: Reviewing) -> Iterator[str]:
     until(lambda: not session.jobs, "the end of the fit")
     sliding = replace(shown.run.config, temporal=PRESETS["paper"].temporal)
     frames = range(review.frame - 20, review.frame + 40)
-    app.post(lambda: session.rerun_frames(shown, sliding, (frames,)))
+    app.post(lambda: void(session.rerun_frames(shown, sliding, (frames,))))
     until(lambda: any(job.windows or len(job.losses) > 4 for job in session.jobs.values()), "the first windows")
     settle(review, busy=True)
     yield "fitting-frames"
@@ -174,7 +182,8 @@ def fitting(review: Reviewing) -> Iterator[str]:
     until(lambda: not session.jobs, "the end of the fit")
     # The next run's result cannot be written where a folder lies.
     (session.project.folder / "runs" / f"{max(run.id for run in session.fits.runs) + 1:06}.npz").mkdir()
-    app.post(lambda: session.rerun_frames(shown, shown.run.config, (range(review.frame, review.frame + 4),)))
+    few = (range(review.frame, review.frame + 4),)
+    app.post(lambda: void(session.rerun_frames(shown, shown.run.config, few)))
     until(lambda: session.ended is not None and session.ended.outcome == "failed", "the failure")
     review.tab.wait_for_timeout(REST_MS)
     yield "failed"

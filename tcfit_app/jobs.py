@@ -73,7 +73,8 @@ class RerunFrames:
     @property
     def title(self) -> str:
         """For the user."""
-        return f"Re-run frames {spans(sorted({i for window in self.windows for i in window}))}"
+        numbers = sorted({self.clip.first_frame + i for window in self.windows for i in window})
+        return f"Re-run frames {spans(numbers).replace('-', '–')}"
 
     @property
     def phases(self) -> tuple[int, ...]:

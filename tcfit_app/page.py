@@ -60,8 +60,8 @@ class Page:
         self.playback = Playback(self.session.project.clip.frame_rate)
         self._do, self._remembered = do, remembered
         self._tab: str | None = None
-        self._keys: viser.GuiModalHandle | None = None
-        """The window of keys, while it is open."""
+        self._keys: Any = None
+        """The window of keys, while it is open: viser's handle."""
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
         self._presses: dict[str, Callable[[str], None]] = {}
@@ -148,8 +148,8 @@ class Page:
         """Raises InputError where nothing can be changed."""
         if self.session.project.read_only:
             raise InputError(
-                "This project is open read-only, because another tcfit has it open. Close that one, then start this "
-                "review again."
+                "This project is open read-only: another tcfit has it open, or --read-only was given. Start this review "
+                "again when that one is closed, without the option."
             )
 
     # --- what is on show ---

@@ -35,14 +35,17 @@ class Status:
         page, session = self._page, self._page.session
         chips = []
         if session.project.read_only:
-            chips.append(Chip(text="Read-only: another tcfit has this project open", kind="warning"))
+            chips.append(Chip(text="Read-only: nothing can be changed or fitted here", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
-        if not session.jobs and not session.fits.showable():
-            chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
+        if not session.jobs and not session.fits.showable() and self._notice() is None:
+            how = "" if session.project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
+            chips.append(Chip(text=f"No fit yet{how}"))
         media = session.project.media.problem or page.desk.video.problem_of(page.state.frame)
+        if session.project.media.problem and not session.project.read_only:
+            media += " (Panel Review)"
         for text in (media, self.problem):
             if text:
                 chips.append(Chip(text=text, kind="warning"))

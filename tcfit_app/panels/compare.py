@@ -40,7 +40,8 @@ class ComparePanel:
         on_choice(page, self._frames.handle, self._go)
         self._peaks = Shown(gui.add_html("", visible=False))
         self._figures = Shown(gui.add_html(""))
-        with gui.add_folder("Costs", expand_by_default=False):
+        self._folder = Shown(gui.add_folder("Costs", expand_by_default=False))
+        with self._folder.handle:
             note = "Mean of a frame. Runs with other weights or keypoints cannot be compared by these."
             gui.add_html(markup.panel(markup.muted(note)))
             self._costs = Shown(gui.add_html(""))
@@ -55,6 +56,7 @@ class ComparePanel:
             return
         if page.changes.of("compare", desk.key(a), desk.key(b)):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
+            self._folder.show(visible=True)
             self._head.show(content=markup.panel(_heads(a, b)))
             self._figures.show(content=markup.panel(markup.muted(self._reason(a, b))))
             self._costs.show(content="")
@@ -75,6 +77,7 @@ class ComparePanel:
         self._costs.show(content=markup.panel(_table(r for r in rows if r.name.startswith(COST))))
 
     def _say(self, content: str) -> None:
+        self._folder.show(visible=False)
         self._head.show(content=markup.panel(content))
         self._frames.show(visible=False)
         self._peaks.show(visible=False)

@@ -25,6 +25,8 @@ _LEAST = 1e-3
 """Costs below are drawn here: the axis is logarithmic."""
 _AXIS = "#909296"
 _GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.08)")
+_NO_GRID = uplot.Axis_Grid(show=False)  # a logarithmic axis has a line for each of 1, 2, 3 ...: bands of grey
+_POINTS = uplot.Series_Points(show=False)
 
 
 class FitProgress:
@@ -106,7 +108,7 @@ def curves(losses: Losses, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
 
 
 def _series(name: str, color: str) -> uplot.Series:
-    return uplot.Series(label=name.replace("_", " "), stroke=color, width=2 if name == "total" else 1)
+    return uplot.Series(label=name.replace("_", " "), stroke=color, width=2 if name == "total" else 1, points=_POINTS)
 
 
 def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
@@ -114,7 +116,7 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     ticks = uplot.Axis_Ticks(stroke=_AXIS, width=1, size=3)
     font = "10px sans-serif"
     x_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=30, font=font)
-    y_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=40, font=font)
+    y_axis = uplot.Axis(stroke=_AXIS, grid=_NO_GRID, ticks=ticks, size=40, font=font)
     return gui.add_uplot(
         (none, none),
         (uplot.Series(label="s"), _series("total", _COLORS[0])),

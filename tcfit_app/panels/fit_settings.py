@@ -28,7 +28,7 @@ LABELS = {
     "temporal.window_size": "Window",
     "temporal.mode": "Mode",
     "temporal.space": "Space",
-    "shape_sample.size": "Shape from",
+    "shape_sample.size": "Sample",
     "shape_sample.strategy": "Chosen by",
     "shape_sample.seed": "Seed",
     "solver": "Solver",

@@ -29,6 +29,11 @@ def muted(value: object) -> str:
     return colored(text(value), MUTED)
 
 
+def label(value: object) -> str:
+    """What stands beside it, in one line."""
+    return f'<span style="color:{MUTED};white-space:nowrap">{text(value)}</span>'
+
+
 def problem(value: object) -> str:
     """A text that says what is wrong; its lines stay lines."""
     return f'<div style="color:{BAD};white-space:pre-wrap">{text(value)}</div>'

@@ -113,7 +113,7 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> str:
         "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
         **({} if fit is None else _found(fit, session.project.clip.camera)),
     }
-    rows = [(markup.muted(name.replace(" ", "\u00a0")), markup.text(value)) for name, value in facts.items() if value]
+    rows = [(markup.label(name), markup.text(value)) for name, value in facts.items() if value]
     return markup.table(rows) + (markup.problem(run.message) if run.message else "") + _differences(run) + _notes(fit)
 
 

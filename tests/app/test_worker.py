@@ -222,7 +222,7 @@ def test_a_rerun_of_windows_is_one_after_the_other(
     windows_told = [r.event for r in reader.of(JobReported) if isinstance(r.event, WindowFinished)]
     assert [e.frames for e in windows_told] == list(windows)
     assert torch.equal(windows_told[1].params.body_pose, twice.body_pose[4:6])
-    assert reader.of(JobStarted)[0].title == "Re-run frames 0-1, 4-5"
+    assert reader.of(JobStarted)[0].title == "Re-run frames 0–1, 4–5"
 
 
 def test_only_the_shape(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult):

@@ -38,7 +38,7 @@ const STYLE_SHEET = `
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
-  gap: 8px; justify-content: center; }
+  gap: 8px; }
 .tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { right: 264px; }
 .tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 4px 12px; border-radius: 14px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12.5px;
