@@ -48,7 +48,7 @@ class Screenshots:
     windows: tuple[tuple[int, int], ...] = ((1440, 900), (1920, 1080))
     scenes: tuple[str, ...] = ()
     """Only these."""
-    frame: int = 61
+    frame: int = 30
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
@@ -132,7 +132,7 @@ def correcting(review: Reviewing) -> Iterator[str]:
     x, y = review.place(KEYPOINT)
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
-    review.tab.mouse.move(x - 24, y + 44, steps=8)
+    review.tab.mouse.move(x + 14, y + 30, steps=8)
     until(lambda: review.session.live is not None, "the live correction")
     settle(review, busy=True)
     yield "edit-dragged"

@@ -138,7 +138,7 @@ class Page:
             return
         self._keys = self.client.gui.add_modal("Keys")
         with self._keys:
-            self.client.gui.add_html(keys_html())
+            self.client.gui.add_html(str(keys_html()))  # viser sends plain strings only
 
     def saved(self, edit: Edit) -> None:
         """An edit is on the disk."""
@@ -148,8 +148,8 @@ class Page:
         """Raises InputError where nothing can be changed."""
         if self.session.project.read_only:
             raise InputError(
-                "This project is open read-only: another tcfit has it open, or --read-only was given. Start this review "
-                "again when that one is closed, without the option."
+                "This project is open read-only: another tcfit has it open, or --read-only was given. Start this "
+                "review again when that one is closed, without the option."
             )
 
     # --- what is on show ---

@@ -75,7 +75,7 @@ class PanelPage(Page):
     def __init__(self, server: viser.ViserServer, session: Session) -> None:
         self.client, self.session = Client(server), session  # pyright: ignore
         self.desk = Desk(session, lambda: None)
-        self.length = self.desk.length
+        self.length, self.first_frame = self.desk.length, session.project.clip.first_frame
         self.state = ViewState(settings=FitSettings(config=QUICK, preset="paper"))
         self.author, self.changes, self.submitting = "test", Changes(), Submitting(self)
         self.status = SimpleNamespace(problem="")  # pyright: ignore
