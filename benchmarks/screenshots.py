@@ -27,6 +27,7 @@ from tests.app.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+TITLE = "tcfit: demo"
 REST_MS = 1500
 """For what has no sign of its own that it is drawn."""
 QUALITY = 85
@@ -268,7 +269,7 @@ def take(options: Screenshots, name: str, window: tuple[int, int], browser: "Bro
     scene = SCENES[name]
     with tempfile.TemporaryDirectory() as folder:
         project = scene.make(options.project, Path(folder))
-        with reviewing(project, browser, read_only=scene.read_only) as review:
+        with reviewing(project, browser, read_only=scene.read_only, title=TITLE) as review:
             review.tab.set_viewport_size({"width": window[0], "height": window[1]})
             show(review, frame=options.frame)
             for shot in scene.shots(review):

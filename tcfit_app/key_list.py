@@ -11,8 +11,11 @@ GESTURES = {
         ("Drag", "Move the selected keypoints; the fit follows"),
         ("Shift+click", "Add a keypoint to the selection, or take it out"),
         ("Shift+drag", "Select the keypoints in a rectangle"),
-        ("Wheel", "Zoom"),
-        ("Right drag", "Pan"),
+        ("Wheel, right drag", "Zoom, pan"),
+    ),
+    "In 3D": (
+        ("Drag", "Turn the view"),
+        ("Wheel, right drag", "Zoom, pan"),
     ),
     "In the timeline": (
         ("Click, drag", "Go to a frame"),
