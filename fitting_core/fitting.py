@@ -15,7 +15,7 @@ from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
 from fitting_core.frame_names import spans
-from fitting_core.phases.consistency import Consistency
+from fitting_core.phases.consistency import Consistency, state_around
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step, TermSampling
 from fitting_core.phases.shared_shape import fit_shape
@@ -56,19 +56,35 @@ def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
 
 
 def rerun_events(
-    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, frames: range
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    frames: range,
+    *,
+    sharpness: float | None = None,
 ) -> Generator[FitEvent, None, BodyParams]:
-    """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit."""
+    """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        config: everything else.
+        params: a result for this clip, all frames.
+        frames: which of them are fitted again.
+        sharpness: that of the result (`FitResult.sharpness`); None finds it, at a cost that grows with the clip.
+    """
     if not (0 <= frames.start < frames.stop <= len(clip)):
         raise InputError(
             f"Frames {frames.start} to {frames.stop - 1} cannot be fitted again: the clip "
             f"has frames 0 to {len(clip) - 1}."
         )
-    stages = sharpened_for(Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate), params)
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = sharpened_for(stages, params, sharpness)
     settings = sharp_settings(config.settings, stages.sharpness)
     consistency = Consistency(stages, make_solver(config.solver, settings))
     yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
-    state = yield from _events(consistency.rerun(stages.parametrisation.from_params(params), frames), 3)
+    state = yield from _events(consistency.rerun(state_around(stages, params, frames)[0], frames), 3)
     fresh = stages.parametrisation.to_params(state)
     inside = torch.zeros(len(clip), dtype=torch.bool)
     inside[frames.start : frames.stop] = True
@@ -174,13 +190,21 @@ class _Fit:
             camera=self.clip.camera,
             config=self.config,
             observed=self.stages.observed,
+            sharpness=self.stages.sharpness,
             pose_prior=self.stages.parametrisation.prior.title,
             warnings=(*self.clip.notes, *_swap_notes(self.stages), *(note for p in self.phases for note in p.notes)),
         )
 
 
 def evaluated(
-    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, *, phase: int = 3, seconds: float = 0.0
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    *,
+    phase: int = 3,
+    seconds: float = 0.0,
+    sharpness: float | None = None,
 ) -> PhaseResult:
     """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
 
@@ -191,8 +215,10 @@ def evaluated(
         params: all frames; they are kept as they are.
         phase: 3 counts E_T too.
         seconds: what making them took.
+        sharpness: as for `rerun_events`.
     """
-    stages = sharpened_for(Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate), params)
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = sharpened_for(stages, params, sharpness)
     result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
     return replace(result, params=params)
 

@@ -37,6 +37,7 @@ class ReviewApp:
         self.pages: dict[int, Page] = {}
         self._remembered: dict[str, ViewState] = {}
         session.tell = self._tell
+        session.worker.outbox.arrived = lambda: self.post(lambda: None)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
@@ -83,7 +84,7 @@ class ReviewApp:
         self.desk.close()
 
     def _moving(self) -> bool:
-        return bool(self.session.jobs) or self.session.dragging or any(p.state.playing for p in self.pages.values())
+        return any(page.state.playing for page in self.pages.values())
 
     def _obey(self, patience: float) -> None:
         """Do what was asked for, waiting a while for the first."""

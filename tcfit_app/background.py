@@ -6,6 +6,8 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
+import torch
+
 KEPT = 64
 """Values that are remembered, those that were asked for last."""
 Value = TypeVar("Value")
@@ -21,7 +23,7 @@ class Background:
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="tcfit computes")
+        self._pool = ThreadPoolExecutor(1, "tcfit computes", initializer=torch.set_num_threads, initargs=(1,))
         self._futures: OrderedDict[Hashable, Future[Any]] = OrderedDict()
 
     def get(self, key: Hashable, compute: Callable[[], Value]) -> Value | None:

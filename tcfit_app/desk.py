@@ -43,13 +43,15 @@ class Desk:
         self.session = session
         clip = session.project.clip
         self.length, self.size = len(clip), clip.camera.size
-        self.background = Background(wake)
+        self.background, self._wake = Background(wake), wake
         self._meshes: dict[str, Meshes] = {}
         self.video = self._opened()
 
     def _opened(self) -> VideoFrames:
         clip = self.session.project.clip
-        return VideoFrames(clip.source, first_frame=clip.first_frame, count=len(clip), size=clip.camera.size)
+        return VideoFrames(
+            clip.source, first_frame=clip.first_frame, count=len(clip), size=clip.camera.size, arrived=self._wake
+        )
 
     def reopen_video(self) -> None:
         """The project's media lie elsewhere now."""

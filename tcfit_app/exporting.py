@@ -40,8 +40,13 @@ class Exporting:
         self._thread.start()
 
     def cancel(self) -> None:
-        """Stop; nothing is kept."""
+        """Stop, at the writer's next step; nothing is kept."""
         self._cancelled.set()
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it was cancelled and has not ended yet."""
+        return self._cancelled.is_set() and self.state == "running"
 
     def join(self, timeout: float | None = None) -> None:
         """Wait until it has ended."""

@@ -85,7 +85,7 @@ class RerunFrames:
         """See `fitting.rerun_events`; each window is told when it is finished."""
         begin, params = time.perf_counter(), self.start.last.params
         for i, window in enumerate(self.windows):
-            events = rerun_events(self.clip, self.body, self.config, params, window)
+            events = rerun_events(self.clip, self.body, self.config, params, window, sharpness=self.start.sharpness)
             params = yield from _as_part(events, i, len(self.windows))
             yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
         phase = evaluated(self.clip, self.body, self.config, params, seconds=time.perf_counter() - begin)

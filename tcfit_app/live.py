@@ -32,6 +32,7 @@ from fitting_core.errors import InputError
 from fitting_core.events import FitEvent
 from fitting_core.fitting import rerun_events
 from fitting_core.keypoints import Keypoints
+from fitting_core.phases.consistency import state_around
 from fitting_core.phases.sharpening import sharpened_for
 from fitting_core.reliability import cut_off
 from fitting_core.stages import N_STAGES, Stages
@@ -45,8 +46,6 @@ ATTEMPTS = 3
 """Dampings that one re-solve tries; the next one goes on from there."""
 SETTLED = 1e-5
 """Relative decrease under which a resting pointer's window is left alone; the release converges it."""
-_COUPLED = 2
-"""Frames on each side that E_T couples to a window."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e6
 _EASING, _STIFFENING = 3.0, 8.0
 _ONLY_GROUP = torch.zeros(1, dtype=torch.long)
@@ -65,6 +64,8 @@ class Correction:
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
     reach: int = REACH
+    sharpness: float | None = None
+    """`FitResult.sharpness` of the present result; None finds it, at a cost that grows with the clip."""
     origin: int | None = None
     """The run that `params` are of, for whoever keeps the correction."""
 
@@ -117,25 +118,14 @@ class LiveCorrection:
         self.correction = correction
         clip, config = correction.edited(xy), correction.following
         stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
-        self._stages = sharpened_for(stages, correction.params)
+        self._stages = sharpened_for(stages, correction.params, correction.sharpness)
         self._row = _frame(self._stages.keypoints, correction.frame)
         self._places = [_place(self._row, k, position) for k, position in zip(correction.keypoints, xy, strict=True)]
-        around, near = self._around()
+        around, near = state_around(self._stages, correction.params, correction.frames)
         self._problem = self._coupled(around, near)
         self._looked_at = self._stages.data_keypoints(N_STAGES)
         self._state = around[self._problem.coupling.free]
         self.move(xy)
-
-    def _around(self) -> tuple[State, Tensor]:
-        """A state of the whole clip, filled in where the window and what it is coupled to lie, and where that is."""
-        window, frames = self.correction.frames, len(self.correction.clip)
-        parametrisation = self._stages.parametrisation
-        near = slice(max(0, window.start - _COUPLED), min(frames, window.stop + _COUPLED))
-        filled = parametrisation.from_params(
-            BodyParams(**{name: values[near] for name, values in vars(self.correction.params).items()})
-        )
-        index = self._stages.all_frames[near]
-        return parametrisation.neutral(frames).put(index, filled), index
 
     def _coupled(self, around: State, near: Tensor) -> Sequence:
         """The window's problem, held by its surroundings as in a re-run."""
@@ -208,7 +198,8 @@ class LiveCorrection:
     def release(self) -> Generator[FitEvent, None, BodyParams]:
         """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames."""
         c = self.correction
-        return (yield from rerun_events(c.edited(self.xy), c.body, c.converging, self.params, c.frames))
+        clip = c.edited(self.xy)
+        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, sharpness=c.sharpness))
 
 
 def _frame(keypoints: Keypoints, frame: int) -> Keypoints:

@@ -1,6 +1,7 @@
 """What the worker tells the draw loop: the newest progress in places that are overwritten, all else in order."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from fitting_core.body.params import BodyParams
@@ -123,6 +124,8 @@ class Outbox:
     """Filled by the worker, emptied by the draw loop; neither ever waits for the other."""
 
     def __init__(self) -> None:
+        self.arrived: Callable[[], None] = lambda: None
+        """Called by the worker's thread when there is something new."""
         self._lock = threading.Lock()
         self._progress: JobProgress | None = None
         self._moved: DragMoved | None = None
@@ -135,6 +138,7 @@ class Outbox:
                 self._progress = latest
             else:
                 self._moved = latest
+        self.arrived()
 
     def tell(self, report: Report) -> None:
         """After all that was told before; what a job or drag that ends had shown is out of date."""
@@ -144,6 +148,7 @@ class Outbox:
             if isinstance(report, DragFinished | DragAbandoned | DragFailed):
                 self._moved = None
             self._reports.append(report)
+        self.arrived()
 
     def empty(self) -> News:
         """Everything since the last call."""

@@ -78,6 +78,8 @@ class Picture:
         with page.client.atomic():
             self._draw_scene(image, bodies, a, b)
             self._draw_keypoints()
+        if page.changes.of("flushed", state.frame, page.session.live and page.session.live.revision):
+            page.client.flush()  # viser would wait 16 ms for more
         self._draw_legend()
         return True
 

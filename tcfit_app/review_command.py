@@ -3,6 +3,8 @@
 import logging
 from pathlib import Path
 
+import torch
+
 from fitting_core.config import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from tcfit_app.app import ReviewApp
@@ -20,7 +22,6 @@ def run_review(options: ReviewOptions) -> None:
 
     Raises:
         InputError: There is no such project, it cannot be made, or nothing can listen at the address.
-        KeyboardInterrupt: The user ended it; everything done is on the disk.
     """
     with opened(options) as project:
         review(project, options.server, models=options.models, fit=PRESETS[DEFAULT_PRESET] if options.fit else None)
@@ -37,6 +38,7 @@ def review(
         models: folder with body models that alone is searched.
         fit: what to start with if the project has no fit; None: nothing.
     """
+    torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
     logging.basicConfig(level=logging.WARNING, format="tcfit: %(message)s")
     session = Session(project, Bodies(models))
     title = f"tcfit: {project.clip.name}"
@@ -47,8 +49,11 @@ def review(
             if fit is not None and not session.fits.runs and not project.read_only:
                 session.fit_everything(fit, kind="smplx", gender="neutral")
             app.run()
+        except KeyboardInterrupt:
+            tell("Ending the review ...")
         finally:
             app.close()
+    tell(f"The review has ended. Everything is saved in {project.folder}")
 
 
 def opened(options: ReviewOptions) -> Project:

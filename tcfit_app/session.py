@@ -302,6 +302,7 @@ class Session:
             body=self.bodies.of(shown.run.body),
             config=shown.run.config,
             params=shown.params,
+            sharpness=self.fits.fit(shown.run).sharpness,
             frame=frame,
             keypoints=joints,
             origin=shown.run.id,

@@ -19,7 +19,7 @@ as "playing" and "full", on one thread:
 
 import threading
 from collections import deque
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 from types import TracebackType
 
@@ -52,6 +52,7 @@ class VideoFrames:
         size: Width and height in pixels of the clip's camera: the shape of the placeholder.
         limit: Bytes of the cache.
         fill: Whether to go on with the rest of the clip when there is nothing else to do.
+        arrived: Called, from another thread, when a frame is there that `get` or `nearest` was asked for.
     """
 
     def __init__(
@@ -63,9 +64,11 @@ class VideoFrames:
         size: tuple[int, int],
         limit: int = _LIMIT,
         fill: bool = True,
+        arrived: Callable[[], None] = lambda: None,
     ) -> None:
         self.count, self.size = count, size
-        self._source, self._first = source, first_frame
+        self._source, self._first, self._arrived = source, first_frame, arrived
+        self._awaited: set[Wanted] = set()
         self._cache: ByteCache[bytes] = ByteCache(limit, len)
         self._grey = {shown: placeholder(size, shown) for shown in ("playing", "full")}
         self._problem = "" if source else "There is no video: the project was made without one, or it is not found."
@@ -159,6 +162,7 @@ class VideoFrames:
             if wanted in self._asked:
                 self._asked.remove(wanted)
             self._asked.append(wanted)
+            self._awaited.add(wanted)
             self._changed.notify_all()
 
     def _work(self) -> None:
@@ -170,6 +174,7 @@ class VideoFrames:
         if frames is None:
             with self._changed:
                 self._changed.notify_all()
+            self._arrived()
             return
         with frames:
             last: tuple[int, np.ndarray] | None = None
@@ -219,7 +224,11 @@ class VideoFrames:
         except (InputError, OSError, cv2.error) as error:
             self._problems[frame] = str(error)
         with self._changed:
+            awaited = wanted in self._awaited
+            self._awaited.discard(wanted)
             self._changed.notify_all()
+        if awaited:
+            self._arrived()
         return last
 
 

@@ -384,6 +384,7 @@ def test_costs_by_term_are_told_now_and_then_and_change_no_bit(tiny_body: BodyMo
             monkeypatch.setattr(progress.TermSampling, "terms", sampled)
             events = list(fit_events(clip_of(keypoints), tiny_body, config))
             told = [e for e in events if isinstance(e, Iteration) and e.terms]
+            assert isinstance(events[-1], Finished)
             results[name] = (events[-1].result, told, sum(isinstance(e, Iteration) for e in events))
         every, told, steps = results["every"]
         assert len(told) == steps > 20 and {e.phase for e in told} == {1, 2, 3}

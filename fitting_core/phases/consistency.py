@@ -2,13 +2,18 @@
 
 from collections.abc import Generator
 
+from jaxtyping import Int
 from torch import Tensor
 
+from fitting_core.body.params import BodyParams
 from fitting_core.phases.progress import Step, reported
 from fitting_core.solvers import Solver
 from fitting_core.stages import Stages
 from fitting_core.state import State
 from fitting_core.temporal import Coupling, JointPositions, Sequence
+
+COUPLED = 2
+"""Frames on each side that E_T couples to a window."""
 
 
 class Consistency:
@@ -79,6 +84,17 @@ class Consistency:
         coupling = Coupling.of(free, free, len(state), state.vector)
         positions = self.joints(state).flatten(1)
         return float(self.stages.temporal_weight**2 * (coupling.matrix @ positions).square().sum())
+
+
+def state_around(stages: Stages, params: BodyParams, frames: range) -> tuple[State, Int[Tensor, "n"]]:
+    """A state of the whole clip that is filled in where `frames` and what they are coupled to lie, and where that is.
+
+    Encoding a pose takes 4 ms: a re-run of seven frames must not wait for thousands of them.
+    """
+    near = slice(max(0, frames.start - COUPLED), min(len(params), frames.stop + COUPLED))
+    index = stages.all_frames[near]
+    parametrisation = stages.parametrisation
+    return parametrisation.neutral(len(params)).put(index, parametrisation.from_params(params[near])), index
 
 
 def _index(frames: range, state: State) -> Tensor:

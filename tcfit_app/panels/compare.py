@@ -8,8 +8,8 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
+import tcfit_app.panels.markup as markup
 from tcfit_app.fits import Shown as ShownFit
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Shown, on_choice
 from tcfit_app.run_metrics import COST, Comparison, compare
 
@@ -54,10 +54,10 @@ class ComparePanel:
             if page.changes.of("compare", None):
                 self._say(markup.muted("Two fits are compared here. There is none yet: see the panel Fit."))
             return
+        self._head.show(content=markup.panel(_heads(a, b)))
         if page.changes.of("compare", desk.key(a), desk.key(b)):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
             self._folder.show(visible=True)
-            self._head.show(content=markup.panel(_heads(a, b)))
             self._figures.show(content=markup.panel(markup.muted(self._reason(a, b))))
             self._costs.show(content="")
         if self._waiting and time.monotonic() >= self._settled:

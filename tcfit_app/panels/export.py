@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
+import tcfit_app.panels.markup as markup
 from fitting_core.errors import InputError
 from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, ExportedFit, ExportSource
 from tcfit_app.fits import Shown as ShownFit
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Shown, on_press
 
 if TYPE_CHECKING:
@@ -64,12 +64,14 @@ class ExportPanel:
         """See `Panel.draw`."""
         self._draw_what()
         going = self.running
-        if going is None or not self._page.changes.of("export", going, going.state, round(100 * going.share)):
+        if going is None or not self._page.changes.of(
+            "export", going, going.state, going.stopping, round(100 * going.share)
+        ):
             return
         busy = going.state == "running"
         self._said.show(content=markup.panel(_said(going)), visible=True)
         self._bar.show(value=round(100 * going.share, 1), visible=busy)
-        self._cancel.show(visible=busy)
+        self._cancel.show(visible=busy and not going.stopping)
 
     def _draw_what(self) -> None:
         page = self._page
@@ -91,7 +93,9 @@ def _said(going: Exporting) -> str:
     if going.state == "finished":
         done = markup.colored("sent to the downloads", markup.GOOD)
         return f"{name}: {done} ({_size(going.size)})"
-    return f"{name}: cancelled" if going.state == "cancelled" else f"{name} is being made"
+    if going.state == "cancelled":
+        return f"{name}: cancelled"
+    return f"{name} is being stopped ..." if going.stopping else f"{name} is being made ..."
 
 
 def _size(count: int) -> str:

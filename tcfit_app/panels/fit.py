@@ -42,7 +42,7 @@ class FitPanel:
         self._frames = Shown(gui.add_button("Re-run selected frames", color="gray"))
         self._edited = Shown(gui.add_button("Re-run edited frames", color="gray"))
         hint = "So many frames before and after each edited or flagged one are fitted again with it."
-        reach = gui.add_number("± frames", page.state.settings.reach, step=1, hint=hint)
+        reach = gui.add_number("Around", page.state.settings.reach, step=1, hint=hint)
         self._reach = Field(page, reach, self._take_reach)
         self._shape = Shown(gui.add_button("Re-run shape", color="gray"))
         on_press(page, self._everything.handle, page.submitting.everything)

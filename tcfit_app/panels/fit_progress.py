@@ -6,7 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from tcfit_app.panels import markup
+import tcfit_app.panels.markup as markup
 from tcfit_app.panels.fields import Shown, on_press
 from tcfit_app.session import RunningJob
 from tcfit_app.status import PHASES, duration
@@ -21,11 +21,12 @@ TERMS = 5
 POINTS = 240
 """Of a curve; longer ones are thinned."""
 _COLORS = ("#f1f3f5", "#4dabf7", "#ffa94d", "#69db7c", "#da77f2", "#ffd43b")
-_LEAST = 1e-3
+_LEAST = 0.1
 """Costs below are drawn here: the axis is logarithmic."""
 _AXIS = "#909296"
 _GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.08)")
-_NO_GRID = uplot.Axis_Grid(show=False)  # a logarithmic axis has a line for each of 1, 2, 3 ...: bands of grey
+_FINE_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.035)")
+"""Of the logarithmic axis, which has nine lines for each power of ten."""
 _POINTS = uplot.Series_Points(show=False)
 
 
@@ -86,7 +87,7 @@ class FitProgress:
         plot = self._plot.handle
         with self._page.client.atomic():
             if self._page.changes.of("loss names", names):
-                plot.series = (uplot.Series(label="s"), *map(_series, names, _COLORS))
+                plot.series = _all_series(names)
             plot.data = data
             self._plot.show(visible=True)
 
@@ -99,12 +100,19 @@ def charted(losses: Losses) -> tuple[str, ...]:
 
 
 def curves(losses: Losses, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
-    """Seconds, and costs by name; what is not known is NaN."""
+    """Seconds, and 1 + TERMS rows of costs, in the order of the names; what is not known is NaN."""
     chosen = np.unique(np.linspace(0, len(losses) - 1, min(len(losses), POINTS)).round().astype(int))
     rows = [losses[i] for i in chosen]
     costs = np.array([[terms.get(name, np.nan) for _, terms in rows] for name in names])
     costs = np.where(np.isfinite(costs), np.maximum(costs, _LEAST), np.nan)
-    return np.array([seconds for seconds, _ in rows]), *costs
+    unused = [np.full(len(rows), np.nan)] * (1 + TERMS - len(names))
+    return np.array([seconds for seconds, _ in rows]), *costs, *unused
+
+
+def _all_series(names: tuple[str, ...]) -> tuple[uplot.Series, ...]:
+    """Always as many: uPlot shows nothing between two updates of which one has more curves than the other."""
+    labels = [*names, *["–"] * (1 + TERMS - len(names))]
+    return uplot.Series(label="s"), *map(_series, labels, _COLORS)
 
 
 def _series(name: str, color: str) -> uplot.Series:
@@ -116,10 +124,10 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     ticks = uplot.Axis_Ticks(stroke=_AXIS, width=1, size=3)
     font = "10px sans-serif"
     x_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=30, font=font)
-    y_axis = uplot.Axis(stroke=_AXIS, grid=_NO_GRID, ticks=ticks, size=40, font=font)
+    y_axis = uplot.Axis(stroke=_AXIS, grid=_FINE_GRID, ticks=uplot.Axis_Ticks(show=False), size=44, font=font)
     return gui.add_uplot(
-        (none, none),
-        (uplot.Series(label="s"), _series("total", _COLORS[0])),
+        (none, *[none] * (1 + TERMS)),
+        _all_series(("total",)),
         title="Mean cost of a frame, by term",
         scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
         axes=(x_axis, y_axis),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import viser
 
+import tcfit_app.panels.markup as markup
 from fitting_core.body.forms import KINDS
 from fitting_core.body.registry import GENDERS
 from fitting_core.config import POSE_PRIORS, PRESETS, FitConfig
@@ -13,7 +14,6 @@ from fitting_core.config_file import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.registry import list_priors
 from fitting_core.settings import changed, settings, value_of
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Field, Shown, on_press
 from tcfit_app.submitting import camera_of
 from tcfit_app.view_state import FitSettings
@@ -25,23 +25,25 @@ ORIGIN = "Fit settings"
 """Where wrong values stand, for messages."""
 LABELS = {
     "temporal.weight": "w_T",
-    "temporal.window_size": "Window",
+    "temporal.window_size": "Window size",
     "temporal.mode": "Mode",
-    "temporal.space": "Space",
-    "shape_sample.size": "Sample",
+    "temporal.space": "Temporal space",
+    "shape_sample.size": "Shape frames",
     "shape_sample.strategy": "Chosen by",
     "shape_sample.seed": "Seed",
     "solver": "Solver",
     "pose_prior": "Pose prior",
 }
 """Settings with an input of their own, in short words."""
+_SHORT = {"temporal.window_size": "Window", "temporal.space": "Space", "shape_sample.size": "Frames"}
+"""Labels that would not fit beside their input; what is around them says the rest."""
 _WORDS = {"sliding_window": "sliding window"}
 """Choices that read better otherwise."""
 _HINTS = {
     "temporal.weight": "Weight of consistency over time",
-    "temporal.window_size": "Frames of a sliding window",
+    "temporal.window_size": "Frames of a sliding window; mode global has none",
     "temporal.space": "In which consistency over time compares joints",
-    "shape_sample.size": "So many frames find the shared shape",
+    "shape_sample.size": "How many frames find the shared shape",
     "shape_sample.seed": "Of the random choice of frames",
     "solver": "Levenberg-Marquardt, or L-BFGS as the paper has it",
 }
@@ -88,7 +90,9 @@ class FitInputs:
         handle = self._gui.add_dropdown("Preset", tuple(PRESETS), initial_value=now.preset, hint="Sets all settings")
         self._add("preset", handle, self._take_preset, lambda s: s.preset)
         self._changed = Shown(self._gui.add_html(""))
-        self._back = Shown(self._gui.add_button("Back to the preset", visible=False, icon=viser.Icon.ARROW_BACK_UP))
+        self._back = Shown(
+            self._gui.add_button("Back to the preset", visible=False, color="gray", icon=viser.Icon.ARROW_BACK_UP)
+        )
         on_press(self._page, self._back.handle, lambda: self._take_preset(self._page.state.settings.preset))
 
     def add(self, *names: str) -> None:
@@ -122,7 +126,7 @@ class FitInputs:
 
     def _input(self, name: str) -> Any:
         value, setting = value_of(self._page.state.settings.config, name), settings()[name]
-        label, hint = LABELS[name], _HINTS.get(name, setting.doc)
+        label, hint = _SHORT.get(name, LABELS[name]), _HINTS.get(name, setting.doc)
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
         if options := get_args(setting.type):

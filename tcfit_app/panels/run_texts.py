@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from datetime import datetime
 
+import tcfit_app.panels.markup as markup
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.result import FitResult
 from fitting_core.settings import value_of
-from tcfit_app.panels import markup
 from tcfit_app.panels.fit_settings import differences, nearest_preset, words
 from tcfit_app.session import RunningJob, Session
 from tcfit_app.status import PHASES, duration
@@ -41,11 +41,15 @@ class Listed:
     """The number that users see for frame 0."""
 
 
+_OWN = {"frames": ("phase3",), "shape": ("phase2", "phase3"), "corrections": ("phase3",)}
+"""Phases that a run does itself; those before are its parent's. All, where nothing is said."""
+
+
 def seconds_of(run: Run) -> float | None:
-    """Of all its phases, or from its start to its end."""
+    """Of the phases that it did itself, or from its start to its end; None while it is running."""
     phases = run.summary.get("seconds", {})
     if phases:
-        return sum(phases.values())
+        return sum(seconds for phase, seconds in phases.items() if phase in _OWN.get(run.kind, phases))
     return None if run.ended is None else (run.ended - run.started).total_seconds()
 
 
@@ -107,7 +111,7 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> str:
     facts = {
         "Fitted": _kind(listed),
         "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else "",
-        "Edits": f"{listed.edits} made since" if listed.edits else "has seen all",
+        "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
         "Body": f"{run.body.kind}, {run.body.gender}",
         "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
         "Took": "" if (taken := seconds_of(run)) is None else duration(taken),

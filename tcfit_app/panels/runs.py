@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import viser
 
+import tcfit_app.panels.markup as markup
 from fitting_core.config_file import as_toml
 from fitting_core.errors import InputError
 from tcfit_app.fits import FitChoice
-from tcfit_app.panels import markup
 from tcfit_app.panels.fields import Field, Shown, on_choice, on_press
 from tcfit_app.panels.fit_settings import nearest_preset
 from tcfit_app.panels.run_texts import Listed, details, result_of, row

@@ -46,6 +46,7 @@ class _About(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     phases: tuple[_Phase, ...]
     warnings: tuple[str, ...]
     pose_prior: str
+    sharpness: float | None = None
 
 
 def write_run(path: Path, fit: FitResult) -> None:
@@ -57,7 +58,14 @@ def write_run(path: Path, fit: FitResult) -> None:
     phases = tuple(
         _Phase(phase=p.phase, terms=tuple(p.objective), seconds=float(p.seconds), notes=p.notes) for p in fit.phases
     )
-    about = _About(format=FORMAT, camera=fit.camera, phases=phases, warnings=fit.warnings, pose_prior=fit.pose_prior)
+    about = _About(
+        format=FORMAT,
+        camera=fit.camera,
+        phases=phases,
+        warnings=fit.warnings,
+        pose_prior=fit.pose_prior,
+        sharpness=fit.sharpness,
+    )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
     for p in fit.phases:
         prefix = f"phase{p.phase}_"
@@ -96,6 +104,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         observed=observed,
         warnings=about.warnings,
         pose_prior=about.pose_prior,
+        sharpness=about.sharpness,
     )
 
 

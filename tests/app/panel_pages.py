@@ -13,6 +13,7 @@ import viser
 from viser._gui_handles import GuiEvent
 
 from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
 from fitting_core.config import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from tcfit_app.bodies import Bodies
@@ -134,18 +135,23 @@ class PanelPage(Page):
     def html(self) -> str:
         """All HTML, of hidden elements too."""
         containers = self.client.gui._container_handle_from_uuid.values()
-        return "".join(
-            child.content
-            for container in containers
-            for child in container._children.values()
-            if hasattr(child, "content")
-        )
+        return "".join(getattr(element, "content", "") for one in containers for element in one._children.values())
+
+
+_CLIPS: dict[str, Clip] = {}
+
+
+def _clip_of(body: BodyModel) -> Clip:
+    """Six frames of a body's keypoints; made once, as that takes a second."""
+    if body.hash not in _CLIPS:
+        _CLIPS[body.hash] = clip_of(hidden(keypoints_of(body, arms_in_motion(FRAMES)), slice(25, 137)))
+    return _CLIPS[body.hash]
 
 
 @contextmanager
 def panel_page(server: viser.ViserServer, folder: Path, body: BodyModel) -> Iterator[PanelPage]:
     """A page on a new project of six frames."""
-    clip = clip_of(hidden(keypoints_of(body, arms_in_motion(FRAMES)), slice(25, 137)))
+    clip = _clip_of(body)
     server.gui.reset()
     queue = server.gui._websock_interface.queue_message
     with Project.create(folder, clip) as project:

@@ -7,12 +7,17 @@ import pytest
 from fitting_core.keypoints import BONES, COUNT, NAMES
 from tcfit_app.view import page_events, page_states
 from tcfit_app.view.channel import script
-from tcfit_app.view.page_events import Drag, Hello, Range, decode
+from tcfit_app.view.page_events import Drag, Hello, Press, Range, decode
 
 
 def test_an_event_is_read() -> None:
     text = '{"number": 3, "event": {"type": "hello", "tab": "ab12", "width": 800, "height": 600}}'
     assert decode(text) == page_events.Envelope(number=3, event=Hello(tab="ab12", width=800, height=600))
+
+
+def test_a_button_of_a_panel_is_read() -> None:
+    text = '{"number": 1, "event": {"type": "press", "command": "action", "value": "play"}}'
+    assert decode(text).event == Press(command="action", value="play")
 
 
 def test_a_range_can_be_none() -> None:
@@ -39,6 +44,7 @@ def test_a_range_can_be_none() -> None:
         '{"number": 1, "event": {"type": "select", "joints": [1], "how": "all"}}',
         '{"number": 1, "event": {"type": "select", "joints": [' + "1," * 137 + '1], "how": "add"}}',
         '{"number": 1, "event": {"type": "key", "action": "' + "a" * 65 + '", "repeat": false}}',
+        '{"number": 1, "event": {"type": "press", "command": "action", "value": "' + "a" * 65 + '"}}',
         '{"number": 1, "event": {"type": "drag", "phase": "move", "joints": [1], "dx": 1e9, "dy": 0, "frame": 0}}',
         '{"number": 1, "event": {"type": "drag", "phase": "move", "joints": [1], "dx": NaN, "dy": 0, "frame": 0}}',
         '{"number": 1, "event": {"type": "drawn", "frame": 1}' + " " * 20_000 + "}",

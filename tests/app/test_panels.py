@@ -9,6 +9,8 @@ import pytest
 import viser
 
 from fitting_core.keypoints import GROUPS, INDEX
+from tcfit_app.between_runs import BETWEEN
+from tcfit_app.curves import Curve
 from tcfit_app.edits import MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.fits import FitChoice
 from tcfit_app.project import Project
@@ -289,3 +291,28 @@ def test_read_only_buttons_are_off(server: viser.ViserServer, tmp_path: Path):
         shown = tested.html()
     assert 'data-value="swap_body" title="Swap left and right of the body (S)" disabled' in shown
     assert shown.count(" disabled") > 12
+
+
+def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LonePage):
+    page = tested.page
+    with_suspects(tested, suspect(4))
+    page.set(frames=range(1, 3))
+    assert f"Both are for frames {FIRST + 1}–{FIRST + 2}." in tested.html()
+    tested.press("review.go", "4 cost")
+    assert page.state.frames is None and f"Both are for frame {FIRST + 4}." in tested.html()
+    wide = replace(suspect(2), frames=range(1, 4))
+    page.reviewing.show(wide)
+    assert f"Looks fine is for frames {FIRST + 1}–{FIRST + 3}, Flag for frame {FIRST + 2}." in tested.html()
+    tested.press("action", "fine")
+    assert sorted(page.session.project.marks.all()) == [1, 2, 3]
+
+
+def test_the_distance_between_a_and_b_in_the_timeline(tested: LonePage):
+    page = tested.page
+    found = Curve(name=BETWEEN, title="", unit="mm", values=np.arange(6.0))
+    page.desk.between = lambda a, b: found  # pyright: ignore[reportAttributeAccessIssue]
+    page.set(curve=BETWEEN)
+    page.strip.draw()
+    calls = [call.args[0].source for call in page.client._websock_connection.queue_message.call_args_list]  # pyright: ignore[reportAttributeAccessIssue]
+    timeline = next(source for source in reversed(calls) if '"timeline"' in source)
+    assert "Distance between A and B" in timeline and "[0.0,1.0,2.0,3.0,4.0,5.0]" in timeline

@@ -106,7 +106,8 @@ def test_names_of_runs_are_text(opened: Opened):
 
 
 def test_a_row_leads_to_its_frame(opened: Opened):
-    opened.page.do(lambda: (opened.page.seek(3), opened.page.set(selection=(4,)), opened.page.correcting.toggle_bad()))
+    opened.page.do(lambda: opened.page.set(frame=3, selection=(4,)))
+    opened.page.do(opened.page.correcting.toggle_bad)
     opened.wait(lambda: opened.page.session.project.last_edit == 1)
     opened.page.do(lambda: opened.page.seek(0))
     opened.tab("Keypoints")

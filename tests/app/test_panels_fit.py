@@ -53,7 +53,10 @@ def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
     assert page.corrected_fit().camera == camera  # pyright: ignore
     page.set(frames=range(2, 4))
     panel.draw()
+    jobs, submit = [], page.session.worker.submit
+    page.session.worker.submit = lambda job: jobs.append(job) or submit(job)  # pyright: ignore
     page.press("Re-run frames 2–3")
+    assert jobs[0].job.clip.camera == camera, "it is fitted again as its own camera sees it"
     page.until(lambda: not page.session.jobs, panel)
     rerun = page.session.fits.runs[-1]
     assert (rerun.kind, rerun.frames, rerun.parent) == ("frames", range(2, 4), run.id)
@@ -68,7 +71,7 @@ def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
         ("w_T", -1.0, "0 or more"),
         ("Focal length", 0.0, "above 0"),
         ("Gender", "male", "No male smplx body. Put &lt;SMPLX&gt;.npz there."),
-        ("± frames", -1, "0 to 1000"),
+        ("Around", -1, "0 to 1000"),
     ],
 )
 def test_a_wrong_value_is_told_and_fits_nothing(page: PanelPage, panel: FitPanel, label: str, value: object, said: str):
@@ -94,7 +97,7 @@ def test_a_preset_sets_everything_and_changes_are_named(page: PanelPage, panel: 
     page.enter("w_T", 5.0)
     page.enter("Window", 9)
     panel.draw()
-    assert "w_T, window" in page.html()
+    assert "w_T, window size" in page.html()
     page.press("Back to the preset")
     panel.draw()
     assert page.state.settings.config == PRESETS["tcfit"]
@@ -119,7 +122,7 @@ def test_all_settings_as_a_text(page: PanelPage, panel: FitPanel):
 
 def test_echoes_of_the_server_are_ignored(page: PanelPage, panel: FitPanel):
     before = page.state.settings
-    for label in ("Preset", "w_T", "Mode", "Focal length", "± frames", "Gender", "TOML"):
+    for label in ("Preset", "w_T", "Mode", "Focal length", "Around", "Gender", "TOML"):
         page.echo(label)
     assert page.state.settings is before
 
@@ -189,7 +192,7 @@ def test_edited_and_flagged_frames_are_re_run(page: PanelPage, panel: FitPanel):
     page.session.undo(author="test")
     assert page.session.frames_edited_since(run) == {1}, "undone again is changed again"
     page.session.mark([5], "flag", author="test")
-    page.enter("± frames", 0)
+    page.enter("Around", 0)
     panel.draw()
     page.press("Re-run around edits: 1, 5")
     page.until(lambda: not page.session.jobs, panel)

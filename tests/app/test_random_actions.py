@@ -46,10 +46,11 @@ def _point(user: Reviewing, rng: np.random.Generator) -> tuple[float, float]:
     """Somewhere in the window: near a keypoint, or anywhere."""
     size = user.tab.viewport_size
     assert size is not None
-    if rng.random() < 0.3 or user.page.state.mode == "space":
-        return float(rng.uniform(5, size["width"] - 5)), float(rng.uniform(5, size["height"] - 5))
     x, y = user.session.project.corrected.xy[user.frame, int(rng.integers(BODY.stop))].tolist()
-    return tuple(user.tab.evaluate("([x, y]) => tcfit.place(x, y)", [x, y]))
+    place = user.tab.evaluate("([x, y]) => tcfit.place(x, y)", [x, y])
+    if place is None or rng.random() < 0.3:
+        return float(rng.uniform(5, size["width"] - 5)), float(rng.uniform(5, size["height"] - 5))
+    return tuple(place)
 
 
 def _drag(user: Reviewing, rng: np.random.Generator) -> None:

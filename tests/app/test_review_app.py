@@ -170,7 +170,7 @@ def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "
     with Project.open(folder), reviewing(folder, browser, read_only=True) as found:
         texts = until(lambda: chips(found), "the status line")
         assert any("No fit yet" in text for text in texts) and any("Read-only" in text for text in texts)
-        assert any("There is no video" in text for text in texts)
+        assert any("made without a video" in text for text in texts)
         found.tab.keyboard.press("Shift+R")
         found.tab.get_by_text("open read-only").first.wait_for()
         assert not found.session.jobs and not found.complaints
