@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-import viser
-
 from tcfit_app.panels.html import Board, button, paragraph, row
 from tcfit_app.panels.run_texts import option
 from tcfit_app.storage.runs import Run
