@@ -32,8 +32,9 @@ SEARCHED_AT = 100.0
 """Level of the search itself: blunt enough that a descent comes far."""
 COMPARED_AT = 1e3
 """Level at which what the search found is compared."""
-OTHER_CONTOURS = (1, -1)
-"""Degrees: the face contour's tables go by the head's yaw, and a fit settles in the wrong one where that is on edge."""
+OTHER_CONTOURS = (0, 1, -1)
+"""Degrees from where the head now is: the face contour's tables go by its yaw, as it was before a descent, and a fit
+settles in the wrong one where that is on edge."""
 _LOWER = 1e-4
 """Share by which a cost must be lower to count."""
 
