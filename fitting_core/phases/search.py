@@ -1,18 +1,16 @@
 """The search for other minima of frames that are astray: many starts, of which few go on."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.objective import FrameObjective
 from fitting_core.phases.fresh_starts import FreshStarts, Starts
 from fitting_core.phases.progress import Step, reported
 from fitting_core.solvers import make_solver
 from fitting_core.solvers.problem import IndependentFrames
-from fitting_core.solvers.solution import Solution
 from fitting_core.stages import Stages
 from fitting_core.state import State
 
@@ -48,10 +46,11 @@ class Pool:
     def __getitem__(self, which: Tensor) -> "Pool":
         return Pool(self.state[which], self.owner[which], self.cost[which])
 
-    def joined(self, other: "Pool") -> "Pool":
-        """Both."""
-        state = State.cat([self.state, other.state])
-        return Pool(state, torch.cat([self.owner, other.owner]), torch.cat([self.cost, other.cost]))
+    @staticmethod
+    def cat(pools: list["Pool"]) -> "Pool":
+        """All of them."""
+        owner, cost = (torch.cat([getattr(p, name) for p in pools]) for name in ("owner", "cost"))
+        return Pool(State.cat([p.state for p in pools]), owner, cost)
 
     def ranks(self) -> Int[Tensor, "n"]:
         """Of each state among its owner's, by cost, from 0; LAST where its minimum is there already or has no cost."""
@@ -89,9 +88,7 @@ def other_minima(
     for some in torch.arange(len(frames), device=frames.device).split(TOGETHER):
         pool = yield from _searched(FreshStarts(stages, state, seed), state, frames[some], stages)
         found.append(replace(pool, owner=some[pool.owner]))
-    pool = found[0] if len(found) == 1 else Pool(
-        State.cat([p.state for p in found]), torch.cat([p.owner for p in found]), torch.cat([p.cost for p in found])
-    )  # fmt: skip
+    pool = Pool.cat(found)
     rank = pool.ranks()
     places = [pool[(rank == k).nonzero()[:, 0]] for k in range(KEPT)]
     return [(frames[p.owner], p.state) for p in places if len(p)]
@@ -102,9 +99,11 @@ def _searched(fresh: FreshStarts, state: State, frames: Tensor, stages: Stages) 
     config = stages.config
 
     def descend(starts: Starts, iterations: int) -> Generator[Step, None, Pool]:
-        settings = replace(config.settings, iterations=iterations, final_tolerance=_TOLERANCE)
-        at = frames[starts.source]
-        solution = yield from minimised(fresh.objective, starts.state, at, make_solver(config.solver, settings))
+        settings = replace(config.settings, iterations=iterations, rounds=1, final_tolerance=_TOLERANCE)
+        solver = make_solver(config.solver, settings)
+        problem = IndependentFrames(fresh.objective, frames[starts.source])  # a frame comes more than once
+        minimisation = solver.minimise(problem, starts.state, final=True)
+        solution = yield from reported(minimisation, "fresh starts", (1.0, 1.0), solver.iterations)
         return Pool(solution.state, starts.source, solution.cost)
 
     own = torch.arange(len(frames), device=frames.device)
@@ -115,11 +114,8 @@ def _searched(fresh: FreshStarts, state: State, frames: Tensor, stages: Stages) 
     for change in (_crossed, _varied, _crossed, _varied, _crossed):
         starts = change(fresh, pool, frames)
         if starts is not None and len(starts.source):
-            pool = pool.joined((yield from descend(starts, _ITERATIONS)))
+            pool = Pool.cat([pool, (yield from descend(starts, _ITERATIONS))])
     return pool.best(KEPT)
-
-
-_Change = Callable[[FreshStarts, Pool, Tensor], Starts | None]
 
 
 def _crossed(fresh: FreshStarts, pool: Pool, frames: Tensor) -> Starts | None:
@@ -134,11 +130,3 @@ def _varied(fresh: FreshStarts, pool: Pool, frames: Tensor) -> Starts | None:
     base = pool.best(1)
     made = fresh.varied(base.state, fresh.misfits(base.state, frames[base.owner]))
     return None if made is None else Starts(made.state, base.owner[made.source])
-
-
-def minimised(objective: FrameObjective, state: State, frames: Tensor, solver) -> Generator[Step, None, Solution]:
-    """The states, each of the frame given with it, minimised; a frame may come more than once."""
-    problem = IndependentFrames(objective, frames)
-    return (
-        yield from reported(solver.minimise(problem, state, final=True), "fresh starts", (1.0, 1.0), solver.iterations)
-    )
