@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from fitting_core.keypoints import COUNT
 from tcfit_app.view.page_states import KeyBinding
+from tcfit_app.view_state import MODES, Mode
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
@@ -46,6 +48,8 @@ class Action:
     run: Callable[["Page"], None]
     keys: tuple[Key, ...] = ()
     group: str = ""
+    family: str = ""
+    """What it and its neighbours of the same family do together: they share a line in lists of keys."""
     repeats: bool = False
     """Whether it goes on while its key is held down."""
 
@@ -65,6 +69,10 @@ def _step(frames: int) -> Callable[["Page"], None]:
 
 def _toggle(name: str) -> Callable[["Page"], None]:
     return lambda page: page.set(**{name: not getattr(page.state, name)})
+
+
+def _set_mode(page: "Page", mode: Mode) -> None:
+    page.set_mode(mode)
 
 
 def _nudge(dx: float, dy: float) -> Callable[["Page"], None]:
@@ -95,20 +103,47 @@ def _toggle_mark(page: "Page", state: str) -> None:
 
 ACTIONS: dict[str, Action] = {
     "play": Action(title="Play or pause", run=lambda p: p.toggle_playing(), keys=_keys("Space"), group="Playing"),
-    "next": Action(title="Next frame", run=_step(1), keys=_keys("ArrowRight"), group="Playing", repeats=True),
-    "previous": Action(title="Previous frame", run=_step(-1), keys=_keys("ArrowLeft"), group="Playing", repeats=True),
-    "next10": Action(
-        title="10 frames on", run=_step(10), keys=_keys("ArrowRight", shift=True), group="Playing", repeats=True
+    **{
+        name: Action(
+            title=title,
+            run=_step(frames),
+            keys=_keys(code, shift=abs(frames) > 1),
+            group="Playing",
+            family="A frame back, on" if abs(frames) == 1 else f"{abs(frames)} frames back, on",
+            repeats=True,
+        )
+        for name, title, frames, code in (
+            ("previous", "Previous frame", -1, "ArrowLeft"),
+            ("next", "Next frame", 1, "ArrowRight"),
+            ("previous10", "10 frames back", -10, "ArrowLeft"),
+            ("next10", "10 frames on", 10, "ArrowRight"),
+        )
+    },
+    "first": Action(
+        title="First frame",
+        run=lambda p: p.step(-p.length),
+        keys=_keys("Home"),
+        group="Playing",
+        family="First, last frame",
     ),
-    "previous10": Action(
-        title="10 frames back", run=_step(-10), keys=_keys("ArrowLeft", shift=True), group="Playing", repeats=True
+    "last": Action(
+        title="Last frame",
+        run=lambda p: p.step(p.length),
+        keys=_keys("End"),
+        group="Playing",
+        family="First, last frame",
     ),
-    "first": Action(title="First frame", run=lambda p: p.step(-p.length), keys=_keys("Home"), group="Playing"),
-    "last": Action(title="Last frame", run=lambda p: p.step(p.length), keys=_keys("End"), group="Playing"),
     "loop": Action(title="Loop or not", run=_toggle("loop"), keys=_keys("KeyL"), group="Playing"),
-    "edit": Action(title="Mode: Edit", run=lambda p: p.set_mode("edit"), keys=_keys("Digit1"), group="View"),
-    "ab": Action(title="Mode: A | B", run=lambda p: p.set_mode("ab"), keys=_keys("Digit2"), group="View"),
-    "space": Action(title="Mode: 3D", run=lambda p: p.set_mode("space"), keys=_keys("Digit3"), group="View"),
+    **{
+        mode: Action(
+            title=f"Mode: {name}",
+            run=partial(_set_mode, mode=mode),
+            keys=_keys(f"Digit{number}"),
+            group="View",
+            family=f"Mode {', '.join(MODES.values())}",
+        )
+        for number, (mode, name) in enumerate(MODES.items(), 1)
+    },
     "blink": Action(title="Blink: A in B's place", run=_toggle("blinked"), keys=_keys("KeyB"), group="View"),
     "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("KeyM"), group="View"),
     "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("KeyK"), group="View"),
@@ -159,6 +194,7 @@ ACTIONS: dict[str, Action] = {
             run=_nudge(dx, dy),
             keys=_keys(code, ctrl=True),
             group="Keypoints",
+            family="Nudge by 1 px",
             repeats=True,
         )
         for name, code, dx, dy in (
@@ -190,21 +226,28 @@ ACTIONS: dict[str, Action] = {
         run=lambda p: _edge(p, first=True),
         keys=_keys("BracketLeft"),
         group="Frames",
+        family="Select frames from here on, up to here",
     ),
     "range_end": Action(
         title="Select frames up to here",
         run=lambda p: _edge(p, first=False),
         keys=_keys("BracketRight"),
         group="Frames",
+        family="Select frames from here on, up to here",
     ),
     "next_suspect": Action(
-        title="Next suspicious frame", run=lambda p: p.reviewing.go(1), keys=_keys("KeyN"), group="Frames"
+        title="Next suspicious frame",
+        run=lambda p: p.reviewing.go(1),
+        keys=_keys("KeyN"),
+        group="Frames",
+        family="Next, previous suspicious frame",
     ),
     "previous_suspect": Action(
         title="Previous suspicious frame",
         run=lambda p: p.reviewing.go(-1),
         keys=_keys("KeyN", shift=True),
         group="Frames",
+        family="Next, previous suspicious frame",
     ),
     "fine": Action(title="Looks fine", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
     "flag": Action(title="Flag, or not", run=lambda p: _toggle_mark(p, "flag"), keys=_keys("KeyT"), group="Frames"),
@@ -231,8 +274,3 @@ def bindings() -> tuple[KeyBinding, ...]:
         for name, action in ACTIONS.items()
         for key in action.keys
     )
-
-
-def keys_table() -> list[tuple[str, str, str]]:
-    """Group, keys and title of every action that has a key."""
-    return [(action.group, action.key_text, action.title) for action in ACTIONS.values() if action.key_text]

@@ -94,7 +94,7 @@ def _off(frame: int, joints: list[int], found: np.ndarray, errors: np.ndarray) -
     region = REGION_OF[worst]
     same = [joint for joint in joints if REGION_OF[joint] == region]
     whole = worst >= kp.HANDS.start and len(same) > 2
-    subject = f"{region} up to" if whole else spoken(worst)
+    subject = f"{region} is up to" if whole else f"{spoken(worst)} is"
     largest = errors[same].max() if whole else errors[worst]
     others = len(joints) - (len(same) if whole else 1)
     more = f" ({others} more)" if others else ""

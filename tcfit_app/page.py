@@ -1,6 +1,5 @@
 """One browser tab: its state, and what its gestures do. Everything here runs on the thread that draws."""
 
-import html
 import logging
 import time
 from collections.abc import Callable
@@ -10,12 +9,13 @@ from typing import Any, Literal
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.actions import ACTIONS, bindings, keys_table
+from tcfit_app.actions import ACTIONS, bindings
 from tcfit_app.changes import Changes
 from tcfit_app.correcting import Correcting, describe
 from tcfit_app.desk import Desk
 from tcfit_app.edits import Edit
 from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.key_list import keys_html
 from tcfit_app.notices import Notice
 from tcfit_app.panels import PANELS
 from tcfit_app.picture import Picture
@@ -60,6 +60,8 @@ class Page:
         self.playback = Playback(self.session.project.clip.frame_rate)
         self._do, self._remembered = do, remembered
         self._tab: str | None = None
+        self._keys: Any = None
+        """The window of keys, while it is open: viser's handle."""
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
         self._presses: dict[str, Callable[[str], None]] = {}
@@ -129,13 +131,14 @@ class Page:
         self.message = (text, time.monotonic() + _SHORT)
 
     def show_keys(self) -> None:
-        """Show all keys in a window."""
-        rows = "".join(
-            f"<tr><td>{html.escape(group)}</td><td><kbd>{html.escape(keys)}</kbd></td><td>{html.escape(title)}</td></tr>"
-            for group, keys, title in keys_table()
-        )
-        with self.client.gui.add_modal("Keys"):
-            self.client.gui.add_html(f"<table class='tcfit-table'>{rows}</table>")
+        """Show all keys in a window; close it if it is open."""
+        if self._keys is not None:
+            self._keys.close()
+            self._keys = None
+            return
+        self._keys = self.client.gui.add_modal("Keys")
+        with self._keys:
+            self.client.gui.add_html(str(keys_html()))  # viser sends plain strings only
 
     def saved(self, edit: Edit) -> None:
         """An edit is on the disk."""
@@ -145,8 +148,8 @@ class Page:
         """Raises InputError where nothing can be changed."""
         if self.session.project.read_only:
             raise InputError(
-                "This project is open read-only, because another tcfit has it open. Close that one, then start this "
-                "review again."
+                "This project is open read-only: another tcfit has it open, or --read-only was given. Start this "
+                "review again when that one is closed, without the option."
             )
 
     # --- what is on show ---

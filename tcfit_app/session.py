@@ -378,4 +378,4 @@ class Session:
 
     def _refuse_read_only(self, what: str) -> None:
         if self.project.read_only:
-            raise InputError(f"This project is open read-only, nothing can be {what}: another tcfit has it open.")
+            raise InputError(f"This project is open read-only: nothing can be {what}.")

@@ -107,16 +107,20 @@ class Strip:
         page = self._page
         if page.changes.of("fit", page.session.changes):
             jobs = page.session.jobs.values()
-            found = tuple(span for job in jobs if job.started for span in fit_spans(job, page.length))
+            found = tuple(span for job in jobs if job.started for span in fit_spans(job, self._frames_of(job)))
             page.channel.send("fit", Fit(spans=found) if found else None)
 
+    def _frames_of(self, job: RunningJob) -> range:
+        run = self._page.session.fits.run(job.run) if job.run is not None else None
+        return run.frames if run is not None and run.frames else range(self._page.length)
 
-def fit_spans(job: RunningJob, length: int) -> list[FitSpan]:
-    """How far a job is with each frame of the clip."""
+
+def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:
+    """How far a job is with each of its frames."""
     if job.phase in (None, 1):
-        return [FitSpan(first=0, last=length - 1, state="fitting")]
+        return [FitSpan(first=frames[0], last=frames[-1], state="fitting")]
     if job.phase == 2:
-        return [FitSpan(first=0, last=length - 1, state="phase1")]
+        return [FitSpan(first=frames[0], last=frames[-1], state="phase1")]
     done = [FitSpan(first=w.start, last=w.stop - 1, state="done") for w in job.windows]
-    start = max((w.stop for w in job.windows), default=0)
-    return [*done, FitSpan(first=start, last=length - 1, state="phase2")] if start < length else done
+    start = max((w.stop for w in job.windows), default=frames.start)
+    return [*done, FitSpan(first=start, last=frames[-1], state="phase2")] if start < frames.stop else done

@@ -31,7 +31,7 @@ class Suspect:
     kind: str
     """One of FINDINGS."""
     reason: str
-    """A few words about the worst frame: "left wrist 42 px off"."""
+    """A few words about the worst frame: "left wrist is 42 px off"."""
     joints: tuple[int, ...]
     """Keypoints that this is about, the worst first; empty if it is the pose as a whole."""
     also: tuple[str, ...]

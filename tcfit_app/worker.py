@@ -202,10 +202,14 @@ class Worker:
                     with clock.working():
                         event = next(events)
                 except StopIteration as stop:
-                    self._sink.keep(job, stop.value)
-                    return JobFinished(job=number, outcome=stop.value)
+                    outcome = stop.value
+                    break
                 self._pass_on(number, job, event, clock)
-        return JobCancelled(job=number)
+            else:
+                return JobCancelled(job=number)
+        # Not within the handler: if it failed, the log would show the whole result as the cause.
+        self._sink.keep(job, outcome)
+        return JobFinished(job=number, outcome=outcome)
 
     def _may_go_on(self) -> bool:
         """Between two iterations: follows drags and waits out pauses; False if the job was cancelled."""

@@ -47,7 +47,8 @@ class DeletedRuns:
             Board(self._page).show(
                 *(paragraph(run.name) for run in self._runs),
                 paragraph("Their results cannot be brought back.", "warn"),
-                row(button(f"Remove {what}", "deleted.remove", kind="danger"), button("Keep them", "deleted.keep")),
+                row(button(f"Remove {what}", "deleted.remove", kind="danger")),
+                button("Keep them", "deleted.keep", kind="close"),
             )
 
     def _remove(self) -> None:

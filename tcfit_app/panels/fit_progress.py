@@ -26,6 +26,7 @@ _AXIS = "#909296"
 _GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.08)")
 _FINE_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.035)")
 """Of the logarithmic axis, which has nine lines for each power of ten."""
+_POINTS = uplot.Series_Points(show=False)
 
 
 class FitProgress:
@@ -108,7 +109,7 @@ def _all_series(names: tuple[str, ...]) -> tuple[uplot.Series, ...]:
 
 
 def _series(name: str, color: str) -> uplot.Series:
-    return uplot.Series(label=name.replace("_", " "), stroke=color, width=2 if name == "total" else 1)
+    return uplot.Series(label=name.replace("_", " "), stroke=color, width=2 if name == "total" else 1, points=_POINTS)
 
 
 def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:

@@ -43,6 +43,7 @@ _WORDS = {"sliding_window": "sliding window"}
 _HINTS = {
     "temporal.weight": "Weight of consistency over time",
     "temporal.window_size": "Frames of a sliding window; mode global has none",
+    "temporal.space": "In which consistency over time compares joints",
     "shape_sample.size": "How many frames find the shared shape",
     "shape_sample.seed": "Of the random choice of frames",
     "solver": "Levenberg-Marquardt, or L-BFGS as the paper has it",

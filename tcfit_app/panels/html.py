@@ -64,7 +64,8 @@ def button(
         disabled: cannot be pressed now.
         keys: that do the same.
         hint: shown under the pointer.
-        kind: more of its looks: "main", "danger", "left", "mini".
+        kind: more of its looks: "main", "danger", "left", "mini"; "close": Escape and a click outside press it, in a
+            window.
     """
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
     return Html(

@@ -48,6 +48,7 @@ class ViewPanel:
         self._minimum = Field(page, minimum, lambda value: page.set(minimum=value))
         curve = gui.add_dropdown("Timeline", tuple(_CURVES))
         self._curve = Dropdown(page, curve, lambda title: page.set(curve=_CURVES[title]))
+        Board(page).show(row(action("help", "All keys and gestures")))
         self._listen()
 
     def _listen(self) -> None:

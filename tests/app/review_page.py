@@ -96,10 +96,10 @@ class Reviewing:
 
 
 @contextmanager
-def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False) -> Iterator[Reviewing]:
+def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, title: str = "test") -> Iterator[Reviewing]:
     """Serve a project and open it in a tab."""
     with Project.open(folder, read_only=read_only) as project:
-        server = review_server("test", port=0, open_browser=False, say=lambda text: None)
+        server = review_server(title, port=0, open_browser=False, say=lambda text: None)
         with server as running:
             app = ReviewApp(Session(project, Bodies()), running.viser)
             thread = threading.Thread(target=app.run)

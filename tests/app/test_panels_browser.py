@@ -115,3 +115,17 @@ def test_a_row_leads_to_its_frame(opened: Opened):
     opened.wait(lambda: opened.page.state.frame == 3)
     opened.browser.locator("[data-value=undo]").click()
     opened.wait(lambda: opened.browser.locator("tr.tcfit-off").count() == 1)
+
+
+def test_the_window_of_keys_opens_and_closes(opened: Opened):
+    window = opened.browser.locator("[role=dialog]", has_text="Nudge by 1 px")
+    ways = (
+        lambda: opened.browser.keyboard.press("Escape"),
+        lambda: window.get_by_text("Close", exact=True).click(),
+        lambda: opened.browser.mouse.click(5, 450),
+    )
+    for close in ways:
+        opened.browser.keyboard.press("h")
+        window.wait_for()
+        close()
+        window.wait_for(state="detached")

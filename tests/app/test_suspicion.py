@@ -43,7 +43,7 @@ def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
     assert (first.frame, first.frames, first.kind) == (17, range(17, 18), "reprojection")
     assert first.joints == (WRIST,) and first.score > second.score > 1
     subject, pixels = first.reason.removesuffix(" px off").rsplit(" ", 1)
-    assert subject == "left wrist" and abs(int(pixels) - 40) <= 4  # the detector's noise is 1 px
+    assert subject == "left wrist is" and abs(int(pixels) - 40) <= 4  # the detector's noise is 1 px
     assert second.frame == 30 and second.reason.startswith("right knee")
     assert [s.frame for s in review_queue(fit)] == [17, 30], "with all kinds too each frame is there once"
 
@@ -51,7 +51,7 @@ def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
 def test_many_keypoints_of_a_hand_are_the_hand(fine: PosedFit):
     hand = list(range(kp.COUNT)[kp.RIGHT_HAND])
     (entry,) = review_queue(displaced(fine, 8, hand[3:12], (0.0, 30.0)), kinds=["reprojection"])
-    assert entry.reason.startswith("right hand up to 3") and set(entry.joints) == set(hand[3:12])
+    assert entry.reason.startswith("right hand is up to 3") and set(entry.joints) == set(hand[3:12])
 
 
 def test_consecutive_frames_are_one_entry_with_the_worst(fine: PosedFit):

@@ -211,11 +211,11 @@ def test_a_rerun_of_windows_is_one_after_the_other(
     twice = finished(rerun_events(clip, tiny_body, QUICK, once, windows[1]))
     assert isinstance(end, JobFinished) and same(end.outcome.last.params, twice)
     assert [p.phase for p in end.outcome.phases] == [1, 2, 3] and end.outcome.phases[:2] == result.phases[:2]
-    assert end.outcome.last.notes == ("Re-run frames 0-1, 4-5: window of phase 3, the rest as in the run before",)
+    assert end.outcome.last.notes == ("Re-run frames 0–1, 4–5: window of phase 3, the rest as in the run before",)
     windows_told = [r.event for r in reader.of(JobReported) if isinstance(r.event, WindowFinished)]
     assert [e.frames for e in windows_told] == list(windows)
     assert torch.equal(windows_told[1].params.body_pose, twice.body_pose[4:6])
-    assert reader.of(JobStarted)[0].title == "Re-run frames 0-1, 4-5"
+    assert reader.of(JobStarted)[0].title == "Re-run frames 0–1, 4–5"
 
 
 def test_only_the_shape(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult):

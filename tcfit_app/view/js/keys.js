@@ -33,7 +33,7 @@ function bindingFor(event) {
 
 function keyDown(event) {
   if (event.isComposing || field === null) return;
-  if (event.key === "Escape" && cancelGesture()) return swallow(event);
+  if (event.key === "Escape" && (closeWindow() || cancelGesture())) return swallow(event);
   if (keyIsTaken(event)) return;
   const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
   if (states.layout?.mode === "space" && plain && CAMERA_LETTERS.includes(event.code)) return;

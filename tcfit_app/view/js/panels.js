@@ -29,6 +29,12 @@ const PANEL_SHEET = `
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 10.5px/1 ${FONT}; color: #8793a3; }
 .tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #b5d6f2; }
 .tcfit-panel i { display: inline-block; width: 8px; height: 8px; margin-right: 5px; border-radius: 50%; }
+.tcfit-panel button.tcfit-close { width: 100%; margin-top: 10px; }
+.mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 860px !important; max-height: 94vh !important; }
+.mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
+.tcfit-keys { columns: 2; column-gap: 28px; }
+.tcfit-keys section { break-inside: avoid; padding-bottom: 12px; }
+.tcfit-keys td:first-child { width: 118px; }
 .tcfit-joined { display: flex; flex: 1 1 auto; min-width: 0; }
 .tcfit-joined button { border-radius: 0; margin-left: -1px; padding: 0 5px; }
 .tcfit-joined kbd { margin-left: 4px; }
@@ -89,6 +95,17 @@ window.addEventListener("pointerup", (event) => {
 window.addEventListener("click", (event) => {
   const command = event.detail === 0 ? commandOf(event) : null; // by keyboard, or by assistive software
   if (command) emit(command);
+}, capturing);
+
+/** Presses the button that closes the window on top; whether there is one. */
+function closeWindow() {
+  const button = [...document.querySelectorAll("[role=dialog] .tcfit-close")].pop();
+  if (button) emit({ type: "press", command: button.dataset.tcfit, value: button.dataset.value });
+  return Boolean(button);
+}
+
+window.addEventListener("pointerdown", ({ target }) => {
+  if (target instanceof Element && target.matches(".mantine-Modal-inner, .mantine-Modal-overlay")) closeWindow();
 }, capturing);
 
 // Of a dropdown's text, so that what is typed is looked for and not added to it.

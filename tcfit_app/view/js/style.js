@@ -41,7 +41,7 @@ const STYLE_SHEET = `
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
   gap: 8px; }
-.tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { right: 246px; }
+.tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { right: 264px; }
 .tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 4px 12px; border-radius: 14px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12.5px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
@@ -60,7 +60,7 @@ const STYLE_SHEET = `
 .tcfit-waiting { width: 30%; animation: tcfit-wait 1.4s ease-in-out infinite alternate; }
 @keyframes tcfit-wait { from { margin-left: 0; } to { margin-left: 70%; } }
 @media (prefers-reduced-motion: reduce) { .tcfit-waiting { animation: none; width: 100%; opacity: 0.5; } }
-.tcfit-legend { position: absolute; right: 14px; bottom: 14px; width: 220px; padding: 8px 12px 7px; border-radius: 8px;
+.tcfit-legend { position: absolute; right: 14px; bottom: 14px; width: 236px; padding: 8px 12px 7px; border-radius: 8px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12px; }
 .tcfit-legend .tcfit-colors { height: 10px; margin: 6px 0 3px; border-radius: 3px; }
 .tcfit-legend .tcfit-ends { display: flex; justify-content: space-between; color: ${COLORS.dim};

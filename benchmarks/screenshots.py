@@ -1,0 +1,293 @@
+"""Pictures of the review app in every mode, panel and state, from a real browser, to be looked at.
+
+A copy of a fitted project is opened in Debian's Chromium, with WebGL in software. Each scene is a function that brings
+the app into states and yields a name for each; the picture is taken then.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tyro.conf import OmitArgPrefixes
+
+from benchmarks.report import Common, progress, start
+from fitting_core.config import PRESETS
+from fitting_core.errors import InputError
+from fitting_core.keypoints import INDEX, Keypoints
+from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.panels import PANELS
+from tcfit_app.project import Project
+from tests.app.browser import chromium
+from tests.app.review_page import Reviewing, reviewing, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+TITLE = "tcfit: demo"
+REST_MS = 1500
+"""For what has no sign of its own that it is drawn."""
+QUALITY = 85
+"""Of the JPEGs."""
+KEYPOINT = "right_elbow"
+"""That is dragged."""
+DRAWN = "() => { try { return Boolean(tcfit.place(0, 0)); } catch { return false; } }"
+"""Whether the page has posters."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screenshots:
+    """What to open, and what to take pictures of."""
+
+    project: Path
+    """A project with a finished fit and its video; it is copied."""
+    out: Path
+    """Folder for the pictures: WIDTHxHEIGHT/NAME.jpg."""
+    windows: tuple[tuple[int, int], ...] = ((1440, 900), (1920, 1080))
+    scenes: tuple[str, ...] = ()
+    """Only these."""
+    frame: int = 30
+    common: OmitArgPrefixes[Common] = field(default_factory=Common)
+
+
+def settle(review: Reviewing, *, busy: bool = False) -> None:
+    """Wait until everything is drawn; `busy`: a fit is running and will not come to an end."""
+    review.tab.wait_for_timeout(REST_MS)
+    if not busy:
+        until(lambda: not review.session.jobs and not review.session.dragging, "the fits")
+    if review.page.state.mode != "space":
+        until(lambda: review.tab.evaluate(DRAWN), "the picture")
+    review.tab.wait_for_timeout(REST_MS)
+
+
+def show(review: Reviewing, **state: Any) -> None:
+    """Bring the tab to a state."""
+    review.app.post(lambda: review.page.set(**state))
+    settle(review, busy=bool(review.session.jobs))
+
+
+def open_panel(review: Reviewing, title: str) -> None:
+    """Bring a panel to the front."""
+    titles = [panel.title for panel in PANELS]
+    review.tab.get_by_role("tab").nth(titles.index(title)).click()
+    settle(review, busy=bool(review.session.jobs))
+
+
+def fitted(review: Reviewing) -> Shown:
+    """The fit of the project."""
+    shown = review.session.fits.show(FitChoice())
+    if shown is None:
+        raise InputError("This project has no fit: fit it first, by `tcfit review PROJECT --fit`.")
+    return shown
+
+
+def void(result: object) -> None:
+    """Forget a result."""
+
+
+# --- scenes ---
+
+
+def modes(review: Reviewing) -> Iterator[str]:
+    """Edit, A | B and 3D; colours by distance; the window of keys."""
+    yield "edit"
+    x, y = review.place(KEYPOINT)
+    review.tab.mouse.move(x, y)
+    settle(review)
+    yield "edit-hover"
+    review.tab.mouse.move(5, 500)
+    show(review, selection=(INDEX[KEYPOINT],))
+    review.tab.keyboard.press("z")
+    settle(review)
+    yield "edit-zoomed"
+    review.tab.keyboard.press("f")
+    settle(review)
+    show(review, selection=(), mode="ab")
+    yield "ab"
+    show(review, difference=True)
+    yield "ab-distance"
+    show(review, mode="edit", wireframe=True, difference=False)
+    yield "edit-wireframe"
+    show(review, mode="space", wireframe=False)
+    yield "space"
+    review.tab.keyboard.press("f")
+    settle(review)
+    yield "space-whole"
+    show(review, apart=1.2)
+    yield "space-apart"
+    show(review, mode="edit", apart=0.0)
+    review.tab.keyboard.press("h")
+    settle(review)
+    yield "keys"
+    review.tab.keyboard.press("Escape")
+    until(lambda: not review.tab.locator("[role=dialog]").count(), "the end of the window of keys")
+
+
+def correcting(review: Reviewing) -> Iterator[str]:
+    """A keypoint under the pointer, with the body following; what the panel says afterwards."""
+    open_panel(review, "Keypoints")
+    yield "keypoints-none"
+    x, y = review.place(KEYPOINT)
+    review.tab.mouse.move(x, y)
+    review.tab.mouse.down()
+    review.tab.mouse.move(x + 14, y + 30, steps=8)
+    until(lambda: review.session.live is not None, "the live correction")
+    settle(review, busy=True)
+    yield "edit-dragged"
+    review.tab.mouse.up()
+    settle(review)
+    yield "keypoints"
+    review.press("x", lambda: review.session.project.corrected.bad[review.frame].any())
+    show(review, frames=range(review.frame - 6, review.frame + 9))
+    review.tab.keyboard.press("t")
+    settle(review)
+    yield "keypoints-bad"
+    open_panel(review, "View")
+    show(review, frames=None, selection=())
+    yield "corrected"
+
+
+def panels(review: Reviewing) -> Iterator[str]:
+    """Every panel of a fitted project."""
+    for panel in PANELS:
+        open_panel(review, panel.title)
+        if panel.title == "Review":
+            until(lambda: review.page.reviewing.suspects is not None, "the review queue")
+            settle(review)
+        if panel.title == "Compare":
+            until(lambda: "being measured" not in review.tab.content(), "the figures")
+        yield f"panel-{panel.title.lower()}"
+
+
+def fitting(review: Reviewing) -> Iterator[str]:
+    """A whole fit, frames that are fitted again by a sliding window, and one that fails."""
+    session, app = review.session, review.app
+    shown = fitted(review)
+    open_panel(review, "Fit")
+    app.post(lambda: void(session.fit_everything(PRESETS["tcfit"], kind="smplx", gender="neutral")))
+    until(lambda: any(len(job.losses) > 6 for job in session.jobs.values()), "the fit")
+    settle(review, busy=True)
+    yield "fitting"
+    app.post(session.cancel)
+    until(lambda: not session.jobs, "the end of the fit")
+    sliding = replace(shown.run.config, temporal=PRESETS["paper"].temporal)
+    frames = range(review.frame - 20, review.frame + 40)
+    app.post(lambda: void(session.rerun_frames(shown, sliding, (frames,))))
+    until(lambda: any(job.windows or len(job.losses) > 4 for job in session.jobs.values()), "the first windows")
+    settle(review, busy=True)
+    yield "fitting-frames"
+    app.post(session.cancel)
+    until(lambda: not session.jobs, "the end of the fit")
+    # The next run's result cannot be written where a folder lies.
+    (session.project.folder / "runs" / f"{max(run.id for run in session.fits.runs) + 1:06}.npz").mkdir()
+    few = (range(review.frame, review.frame + 4),)
+    app.post(lambda: void(session.rerun_frames(shown, shown.run.config, few)))
+    until(lambda: session.ended is not None and session.ended.outcome == "failed", "the failure")
+    review.tab.wait_for_timeout(REST_MS)
+    yield "failed"
+    open_panel(review, "Runs")
+    yield "failed-runs"
+
+
+def first_look(review: Reviewing) -> Iterator[str]:
+    """Whatever the project shows at first, and what its panels say."""
+    settle(review)
+    yield "view"
+    for title in ("Keypoints", "Review", "Fit", "Runs", "Compare", "Export"):
+        open_panel(review, title)
+        yield title.lower()
+
+
+# --- projects ---
+
+
+def as_it_is(project: Path, folder: Path) -> Path:
+    """A copy."""
+    return Path(shutil.copytree(project, folder / "demo.tcfit"))
+
+
+def without_fit(project: Path, folder: Path) -> Path:
+    """The clip alone."""
+    with Project.open(project, read_only=True) as source:
+        Project.create(folder / "demo.tcfit", source.clip).close()
+    return folder / "demo.tcfit"
+
+
+def without_keypoints(project: Path, folder: Path) -> Path:
+    """The video alone."""
+    with Project.open(project, read_only=True) as source:
+        shape = source.clip.keypoints.xy.shape
+        nothing = Keypoints(xy=np.zeros(shape), confidence=np.zeros(shape[:2]))
+        Project.create(folder / "demo.tcfit", replace(source.clip, keypoints=nothing)).close()
+    return folder / "demo.tcfit"
+
+
+def without_video(project: Path, folder: Path) -> Path:
+    """A copy whose video is gone."""
+    copy = as_it_is(project, folder)
+    with Project.open(copy) as opened:
+        source = opened.media.path
+        if source is None or not source.is_file():
+            raise InputError("This project's video is not there: give a project that finds its video file.")
+        moved = folder / source.name
+        shutil.copy(source, moved)
+        opened.relink(moved)
+    moved.unlink()
+    return copy
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A project, and what is done with it."""
+
+    shots: Callable[[Reviewing], Iterator[str]]
+    make: Callable[[Path, Path], Path] = as_it_is
+    """Makes the project, given the user's and a new folder."""
+    read_only: bool = False
+
+
+SCENES = {
+    "modes": Scene(shots=modes),
+    "correcting": Scene(shots=correcting),
+    "panels": Scene(shots=panels),
+    "fitting": Scene(shots=fitting),
+    "read-only": Scene(shots=first_look, read_only=True),
+    "no-fit": Scene(shots=first_look, make=without_fit),
+    "no-video": Scene(shots=first_look, make=without_video),
+    "no-keypoints": Scene(shots=first_look, make=without_keypoints),
+}
+"""By what their pictures' names begin with."""
+
+
+def take(options: Screenshots, name: str, window: tuple[int, int], browser: "Browser") -> None:
+    """Take the pictures of one scene."""
+    out = options.out / f"{window[0]}x{window[1]}"
+    out.mkdir(parents=True, exist_ok=True)
+    scene = SCENES[name]
+    with tempfile.TemporaryDirectory() as folder:
+        project = scene.make(options.project, Path(folder))
+        with reviewing(project, browser, read_only=scene.read_only, title=TITLE) as review:
+            review.tab.set_viewport_size({"width": window[0], "height": window[1]})
+            show(review, frame=options.frame)
+            for shot in scene.shots(review):
+                review.tab.screenshot(path=out / f"{name}-{shot}.jpg", type="jpeg", quality=QUALITY)
+                progress(f"{out.name}/{name}-{shot}.jpg")
+            for complaint in review.complaints:
+                progress(f"{name}: the browser's console says: {complaint}")
+
+
+def run(options: Screenshots) -> None:
+    """Takes all pictures."""
+    if unknown := set(options.scenes) - set(SCENES):
+        raise InputError(f"--scenes {' '.join(sorted(unknown))}: expected some of {', '.join(SCENES)}.")
+    with chromium() as browser:
+        for window in options.windows:
+            for name in options.scenes or SCENES:
+                take(options, name, window, browser)
+
+
+if __name__ == "__main__":
+    start(Screenshots, run)
