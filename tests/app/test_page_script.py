@@ -83,12 +83,10 @@ class Tab:
         with self.clients[-1].atomic():
             camera.near, camera.far, camera.fov = 1.0, 4000.0, FOV
             camera.position, camera.look_at, camera.up_direction = (x, 0.0, -distance), (x, 0.0, 0.0), (0.0, -1.0, 0.0)
-        # Of viser's camera the position is another at once, the matrices only when it draws.
-        there = """([x, distance]) => {
-          const m = __viserMutable.camera.matrixWorld.elements;
-          return Math.abs(Math.hypot(m[12], m[13], m[14]) - Math.hypot(x, distance)) < 1e-3;
-        }"""
-        self.page.wait_for_function(there, arg=[x, distance])
+        there = "(distance) => Math.abs(__viserMutable.camera.position.length() - distance) < 1e-3"
+        self.page.wait_for_function(there, arg=math.hypot(distance, x))
+        # Keypoints are picked where they were drawn last, and that follows viser's own drawing.
+        self.page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 200))")
         self.settle()
 
     def screen(self, u: float, v: float, *, poster: float = 0.0) -> tuple[float, float]:
@@ -451,7 +449,7 @@ def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
     tab.page.mouse.move(*place)
     for _ in range(4):
         tab.page.mouse.wheel(0, -200)
-        tab.settle()  # a browser under load makes one event of several, and one zooms only so far
+        tab.page.wait_for_timeout(100)  # a browser under load makes one event of several, and one zooms only so far
     tab.page.mouse.click(*place)
     assert tab.await_event(Seek).frame == 200
     tab.page.mouse.click(place[0] + 40, place[1])
@@ -460,7 +458,7 @@ def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
     assert tab.text(".tcfit-strip .tcfit-tooltip") is not None
     for _ in range(6):
         tab.page.mouse.wheel(0, 600)
-        tab.settle()
+        tab.page.wait_for_timeout(100)
     tab.page.mouse.click(*strip_place(tab, 0))
     tab.settle()
     assert tab.await_event(Seek).frame == 0
