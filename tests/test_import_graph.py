@@ -41,12 +41,24 @@ OUTER = {
     "priors.train": ["priors", "io.atomic", "joint_angles", *DATA_TYPES],
 }
 """What stands beside the fitter uses data types only; packages stand for all their modules but those in LAYERS."""
-_FIGURES = (
-    "byte_cache jpeg video_frames mesh_volume meshes posed_fit body_regions curves findings suspicion run_metrics "
-    "between_runs"
-).split()
-APP_LAYERS = [["corrected", "edits", "edit_log"], ["storage"], ["project"], _FIGURES]
-"""Of the app: what a project keeps, and what is computed to be drawn, know of no command, server or view."""
+APP_LAYERS = {
+    "plain values": "frame_words edit_windows notices changes byte_cache jpeg playback corrected edits edit_log",
+    "what a project keeps": "storage project bodies",
+    "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
+    "run_metrics between_runs video_frames",
+    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits session",
+    "what all tabs draw from": "desk overlay_video exports exporting",
+    "scene, script and messages of viser's page": "view",
+    "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
+    "all tabs": "app address gate gated_viser server",
+    "commands": "options progress clip_input probes doctor fit_command models_command new_command review_command "
+    "demo_command cli __main__",
+}
+"""Of the app: a module imports from its own layer and from those above."""
+APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}
+"""Of the app: what knows of nothing but these."""
+NO_VISER = [name for layer in list(APP_LAYERS)[:5] for name in APP_LAYERS[layer].split()]
+"""What works without a browser."""
 
 
 def imported(tree: ast.AST) -> Iterator[str]:
@@ -129,15 +141,42 @@ def test_beside_the_fitter_only_data_types_are_used(package: str):
         assert not others, f"{module} must not import {sorted(others)}"
 
 
-@pytest.mark.parametrize("level", range(len(APP_LAYERS)))
-def test_layers_of_a_project(level: int):
-    allowed = [entry for layer in APP_LAYERS[: level + 1] for entry in layer]
-    members = [m for m in MODULES if inside(m.removeprefix("tcfit_app."), APP_LAYERS[level])]
+APP = [m.removeprefix("tcfit_app.") for m in MODULES if m.startswith("tcfit_app.")]
+
+
+def app_imports(module: str) -> set[str]:
+    """Modules of tcfit_app that one of them imports, without the package's name."""
+    used = {name for name in imports_of(f"tcfit_app.{module}") if name in MODULES and name.startswith("tcfit_app.")}
+    return {name.removeprefix("tcfit_app.") for name in used}
+
+
+@pytest.mark.parametrize("layer", APP_LAYERS)
+def test_layers_of_the_app(layer: str):
+    place = list(APP_LAYERS).index(layer)
+    allowed = [entry for entries in list(APP_LAYERS.values())[: place + 1] for entry in entries.split()]
+    members = [m for m in APP if inside(m, APP_LAYERS[layer].split())]
     assert members
     for module in members:
-        used = {n.removeprefix("tcfit_app.") for n in imports_of(module) if n in MODULES and n.startswith("tcfit_app.")}
-        others = {name for name in used if not inside(name, allowed)}
+        others = {name for name in app_imports(module) if not inside(name, allowed)}
         assert not others, f"{module} must not import {sorted(others)}"
+
+
+@pytest.mark.parametrize("package", APP_BESIDE)
+def test_parts_of_the_app_that_stand_alone(package: str):
+    for module in (m for m in APP if inside(m, [package])):
+        assert all(inside(name, APP_BESIDE[package]) for name in app_imports(module)), module
+
+
+def test_only_what_a_browser_shows_knows_viser():
+    assert not [
+        m for m in APP if inside(m, NO_VISER) and any(inside(n, ["viser"]) for n in imports_of(f"tcfit_app.{m}"))
+    ]
+
+
+def test_every_module_of_the_app_has_its_layer():
+    entries = [entry for layer in APP_LAYERS.values() for entry in layer.split()]
+    assert [m for m in APP if not inside(m, entries)] == []
+    assert [entry for entry in entries if not any(inside(m, [entry]) for m in APP)] == []
 
 
 def test_no_module_imports_itself_in_a_circle():
