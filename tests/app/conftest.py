@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -24,6 +25,10 @@ from fitting_core.keypoints import BODY, COUNT, Keypoints
 from tcfit_app import fit_command
 from tcfit_app.cli import main
 from tcfit_app.project import Project
+from tests.app.browser import chromium
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 FRAMES = 6
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
@@ -106,6 +111,12 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
     Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
     return folder / "demo.tcfit"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["Browser"]:
+    with chromium() as found:
+        yield found
 
 
 @pytest.fixture(scope="session")

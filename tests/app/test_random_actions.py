@@ -4,7 +4,7 @@ import gc
 import logging
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ import pytest
 
 from fitting_core.keypoints import BODY
 from tcfit_app.actions import ACTIONS, Key
-from tests.app.browser import chromium
 from tests.app.review_page import QUICK, Reviewing, opened, reviewing, until
 
 if TYPE_CHECKING:
@@ -22,12 +21,6 @@ if TYPE_CHECKING:
 _ROOM = 100 * 2**20
 """Bytes by which the server may grow."""
 _MODIFIERS = {"shift": "Shift+", "ctrl": "Control+"}
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator["Browser"]:
-    with chromium() as found:
-        yield found
 
 
 def _pressed(key: Key) -> str:

@@ -12,19 +12,12 @@ import torch
 from fitting_core.keypoints import INDEX
 from tcfit_app.fits import FitChoice
 from tcfit_app.project import Project
-from tests.app.browser import chromium
 from tests.app.review_page import QUICK, Reviewing, opened, reviewing, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 WRIST = INDEX["right_wrist"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator["Browser"]:
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
