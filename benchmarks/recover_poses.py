@@ -29,6 +29,7 @@ from fitting_core.errors import InputError
 from fitting_core.evaluation.metrics import procrustes
 from fitting_core.fitting import fit
 from fitting_core.keypoints import Keypoints
+from fitting_core.phases.sharpening import sharp_settings, sharpened_for
 from fitting_core.priors.sheets import Cell, beside, body_picture, fitted_views, write_sheet
 from fitting_core.priors.train.dataset import split
 from fitting_core.priors.train.retarget import load
@@ -65,6 +66,8 @@ class RecoverPoses:
     """Also minimise the last stage from the truth: what a fit without local minima would find."""
     every: int = 1
     """Take every n-th pose only."""
+    first: int = 0
+    """Where every n-th pose starts: below `every`, for sets of poses that share none."""
     sheet: Path | None = None
     """Write a picture (PNG) of the worst fits: truth and fit from the camera, truth and fit from the side."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -81,10 +84,10 @@ class Posed:
     def __len__(self) -> int:
         return len(self.names)
 
-    def every(self, step: int) -> "Posed":
-        """Each `step`-th pose."""
-        chosen = torch.arange(0, len(self), step)
-        return Posed(params=self.params[chosen], names=self.names[::step], groups=self.groups[::step])
+    def every(self, step: int, first: int) -> "Posed":
+        """Each `step`-th pose from `first` on."""
+        chosen = torch.arange(first, len(self), step)
+        return Posed(params=self.params[chosen], names=self.names[first::step], groups=self.groups[first::step])
 
 
 def joined(parts: Sequence[BodyParams]) -> BodyParams:
@@ -183,7 +186,8 @@ def from_truth(
     state = parametrisation.neutral(len(stages.keypoints)).put(frames, known)
     objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
     at_truth = objective.cost(known, frames)
-    minimisation = make_solver(stages.config.solver, stages.config.settings).minimise(
+    settings = sharp_settings(stages.config.settings, stages.sharpness)
+    minimisation = make_solver(stages.config.solver, settings).minimise(
         IndependentFrames(objective, frames), known, final=True
     )
     while True:
@@ -223,6 +227,7 @@ def recover(body: BodyModel, poses: Posed, config: FitConfig, *, with_truth: boo
     nothing = np.full(len(poses), np.nan)
     at_truth, cost, best = nothing, nothing, None
     if with_truth:
+        stages = sharpened_for(stages, phase.params)
         at_truth, refined, cost = from_truth(stages, poses.params, frames)
         best = errors_of(body, poses.params, refined)
     return Recovery(
@@ -307,7 +312,12 @@ def poses_of(options: RecoverPoses, body: BodyModel) -> Posed:
         names=tuple(name for p in parts for name in p.names),
         groups=tuple(group for p in parts for group in p.groups),
     )
-    return everything.every(options.every)
+    chosen = everything.every(options.every, options.first)
+    if not len(chosen):
+        raise InputError(
+            f"There is no pose {options.first}: of the {len(everything)} poses --first is the number of one."
+        )
+    return chosen
 
 
 def worst_cells(body: BodyModel, poses: Posed, recovery: Recovery) -> list[Cell]:

@@ -1,6 +1,7 @@
 """Frame numbers in file names, and the order in which people expect numbered files."""
 
 import re
+from collections.abc import Iterable
 
 _NUMBERED = re.compile(r"^(?P<prefix>.*?)(?P<number>\d+)$", re.DOTALL)
 
@@ -20,9 +21,18 @@ def split_number(stem: str) -> tuple[str, int | None]:
     return (match["prefix"], int(match["number"])) if match else (stem, None)
 
 
+def runs(frames: Iterable[int]) -> list[range]:
+    """Ascending frame numbers as runs that follow each other."""
+    found: list[range] = []
+    for frame in frames:
+        if found and frame == found[-1].stop:
+            found[-1] = range(found[-1].start, frame + 1)
+        else:
+            found.append(range(frame, frame + 1))
+    return found
+
+
 def spans(frames: list[int], most: int = 5) -> str:
     """Ascending frame numbers in words: ``3, 7-12``; after ``most`` spans, how many follow."""
-    starts = [k for k, t in enumerate(frames) if k == 0 or t != frames[k - 1] + 1]
-    ends = [*(k - 1 for k in starts[1:]), len(frames) - 1]
-    words = [str(frames[a]) if a == b else f"{frames[a]}-{frames[b]}" for a, b in zip(starts, ends, strict=True)]
+    words = [str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs(frames)]
     return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from fitting_core.body.kinematics import turned_bins
 from fitting_core.estimate import Estimate, View
 from fitting_core.point_jacobian import PointJacobian
 from fitting_core.state import Free, State
@@ -66,6 +67,20 @@ class FrameObjective:
             return None
         other = copy(self)
         other.terms = terms
+        return other
+
+    def trusting(self) -> "FrameObjective":
+        """The same with a data term that takes every keypoint at its word, however far off it is."""
+        other = copy(self)
+        other.terms = [term.trusting() if isinstance(term, Data) else term for term in self.terms]
+        return other
+
+    def with_contour(self, degrees: int) -> "FrameObjective":
+        """The same with the face contour's tables of heads that are turned so much further."""
+        other = copy(self)
+        bins = self.view.contour_bin
+        assert bins is not None, "no contour landmark is looked at"
+        other.view = replace(self.view, contour_bin=turned_bins(bins, degrees))
         return other
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:

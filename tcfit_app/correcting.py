@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.frame_names import spans
 from fitting_core.keypoints import GROUPS, NAMES
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edits import (
@@ -23,6 +22,7 @@ from tcfit_app.edits import (
     SwapSides,
 )
 from tcfit_app.fits import Shown
+from tcfit_app.frame_words import in_words
 from tcfit_app.view.page_events import Drag as DragEvent
 from tcfit_app.worker import Drag
 
@@ -215,7 +215,6 @@ def describe(edit: Edit, first_frame: int = 0) -> str:
     """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
     names = [NAMES[j].replace("_", " ") for j in edit.joints]
     what = ", ".join(names) if len(names) <= _FEW else f"{len(names)} keypoints"
-    noun = "frame" if len(edit.frames) == 1 else "frames"
     verb = VERBS[type(edit)]
-    where = f"{noun} {spans([first_frame + frame for frame in edit.frames])}"
+    where = in_words(edit.frames, first_frame)
     return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"

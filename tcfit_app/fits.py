@@ -26,7 +26,7 @@ _CONTEXT = 10
 """Frames around a corrected window."""
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
-TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
+TITLES = {1: "SMPLify-X", 2: "shared shape", 3: "temporal"}
 """What each phase is called where two of them stand side by side."""
 
 

@@ -12,8 +12,8 @@ from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import FitEvent, Iteration, WindowFinished
 from fitting_core.fitting import evaluated, fit_events, rerun_events, shape_events
-from fitting_core.frame_names import spans
 from fitting_core.result import FitResult, PhaseResult
+from tcfit_app.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
 """Of the seconds of a fit by phase (preset tcfit, global phase 3): what a remaining time is guessed from."""
@@ -73,8 +73,8 @@ class RerunFrames:
     @property
     def title(self) -> str:
         """For the user."""
-        numbers = sorted({self.clip.first_frame + i for window in self.windows for i in window})
-        return f"Re-run frames {spans(numbers).replace('-', '–')}"
+        frames = sorted({i for window in self.windows for i in window})
+        return f"Re-run {in_words(frames, self.clip.first_frame)}"
 
     @property
     def phases(self) -> tuple[int, ...]:

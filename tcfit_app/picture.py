@@ -9,7 +9,7 @@ import numpy as np
 from fitting_core.errors import InputError
 from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.playback import coming
-from tcfit_app.view.layers import DISTANCE_LIMIT, RUN_COLORS, BodyLayer, FrameImage, color_table
+from tcfit_app.view.layers import DISTANCE_LIMIT, RUN_COLORS, BodyLayer, FrameImage, color_table, css
 from tcfit_app.view.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares
 from tcfit_app.view.page_states import Poster as PosterPlace
 from tcfit_app.view.poster import Poster, Posters, poster_places
@@ -160,7 +160,7 @@ class Picture:
         if page.changes.of("layout", state.mode, labels):
             places = poster_places(count, camera.size)
             shown = tuple(
-                PosterPlace(x=x, label=label, colour=color) for x, (label, color) in zip(places, labels, strict=True)
+                PosterPlace(x=x, label=label, color=color) for x, (label, color) in zip(places, labels, strict=True)
             )
             page.channel.send("layout", Layout(mode="poster", image=camera.size, posters=shown))
 
@@ -182,7 +182,7 @@ class Picture:
         session = page.session
         style = Style(
             groups=tuple(sorted(state.groups)),
-            colour_by=state.color_by,
+            color_by=state.color_by,
             points=state.keypoints,
             bones=state.keypoints and state.bones,
             minimum=state.minimum,
@@ -215,11 +215,6 @@ def _label(shown: Shown | None, name: str, choice: FitChoice) -> str:
     return f"{name}   {shown.title}" if shown is not None else f"{name}   no fit yet"
 
 
-def css(color: tuple[int, int, int]) -> str:
-    """A colour as browsers write it."""
-    return "#" + "".join(f"{channel:02x}" for channel in color)
-
-
 PLAIN = FrameImage.uniform((38, 40, 44))
 """In place of the video where that is switched off."""
 _SHADES = color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()
@@ -228,5 +223,5 @@ LEGEND = Legend(
     unit="mm",
     low=0.0,
     high=1e3 * DISTANCE_LIMIT,
-    colours=tuple(css((r, g, b)) for r, g, b in _SHADES),
+    colors=tuple(css((r, g, b)) for r, g, b in _SHADES),
 )

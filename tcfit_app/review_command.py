@@ -39,7 +39,7 @@ def review(
         fit: what to start with if the project has no fit; None: nothing.
     """
     torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
-    logging.basicConfig(level=logging.WARNING, format="tcfit: %(message)s")
+    _log_warnings()
     session = Session(project, Bodies(models))
     title = f"tcfit: {project.clip.name}"
     server = review_server(title, host=options.host, port=options.port, open_browser=options.browser)
@@ -54,6 +54,13 @@ def review(
         finally:
             app.close()
     tell(f"The review has ended. Everything is saved in {project.folder}")
+
+
+def _log_warnings() -> None:
+    """Warnings and errors to the terminal, of all loggers, whatever their own level."""
+    handler = logging.StreamHandler()
+    handler.setLevel(logging.WARNING)
+    logging.basicConfig(format="tcfit: %(message)s", handlers=[handler])
 
 
 def opened(options: ReviewOptions) -> Project:

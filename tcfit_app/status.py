@@ -1,4 +1,4 @@
-"""What one tab says at the lower edge of its picture: what is being fitted, what was saved, what is wrong."""
+"""What one tab says over its picture: what is being fitted, what was saved, what is wrong."""
 
 from typing import TYPE_CHECKING
 
@@ -35,17 +35,14 @@ class Status:
         page, session = self._page, self._page.session
         chips = []
         if session.project.read_only:
-            chips.append(Chip(text="Read-only: nothing can be changed or fitted here", kind="warning"))
+            chips.append(Chip(text="Read-only: another tcfit has this project open", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
-        if not session.jobs and not session.fits.showable() and self._notice() is None:
-            how = "" if session.project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
-            chips.append(Chip(text=f"No fit yet{how}"))
+        if not session.jobs and not session.fits.showable():
+            chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
         media = session.project.media.problem or page.desk.video.problem_of(page.state.frame)
-        if session.project.media.problem and not session.project.read_only:
-            media += " (Panel Review)"
         for text in (media, self.problem):
             if text:
                 chips.append(Chip(text=text, kind="warning"))

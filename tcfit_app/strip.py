@@ -6,9 +6,8 @@ import numpy as np
 
 from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import CURVES, Curve
-from tcfit_app.picture import css
 from tcfit_app.session import RunningJob
-from tcfit_app.view.layers import RUN_COLORS
+from tcfit_app.view.layers import RUN_COLORS, css
 from tcfit_app.view.page_states import ChosenRange, Cursor, Fit, FitSpan, Marks, Timeline, curve_values, spans
 from tcfit_app.view.page_states import Curve as Line
 
@@ -58,7 +57,7 @@ class Strip:
                 title=title,
                 unit=unit,
                 curves=tuple(
-                    Line(label=label, colour=color, values=curve_values(c.values)) for label, color, c in lines
+                    Line(label=label, color=color, values=curve_values(c.values)) for label, color, c in lines
                 ),
             )
             page.channel.send("timeline", timeline)

@@ -13,16 +13,7 @@ from fitting_core.initialize import guess_depth, seen_from_side, starting_state,
 from fitting_core.objective import FrameObjective
 from fitting_core.phases.limb_flips import LimbFlips
 from fitting_core.phases.progress import Step, reported
-from fitting_core.phases.sharpening import (
-    LEVELS,
-    MIRRORED_UP_TO,
-    START_AGAIN,
-    astray,
-    residuals,
-    sharp_settings,
-    tells_noise,
-    warrants,
-)
+from fitting_core.phases.sharp_frames import sharpen
 from fitting_core.solvers import Solver, make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
@@ -75,7 +66,7 @@ def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFit
     if _restarts(stages):
         state, cost = yield from run.relay(state, camera)
     if stages.config.sharper_keypoints:
-        stages, state, cost = yield from run.sharpen(state, cost)
+        stages, state, cost = yield from sharpen(stages, state, cost, run.frames)
     good = usable & cost.isfinite()
     notes = (guess.note(), *_notes(usable, cost), *_sharpness_note(stages))
     return FrameFits(filled(state, good), cost, notes, stages)
@@ -208,58 +199,6 @@ class _Frames:
         return (
             yield from self._minimise(stages.objective(N_STAGES, state, free), state, "polish", (0.9, 1.0), final=True)
         )
-
-    def sharpen(self, state: State, cost: Tensor) -> Generator[Step, None, tuple[Stages, State, Tensor]]:
-        """Raises the weight of the data term as far as the residual warrants (see sharpening.py).
-
-        What is stuck in a wrong minimum then shows: its residual stays behind. Such frames try mirrored limbs, and at
-        one level all starting orientations again.
-        """
-        stages = self.stages
-        if not tells_noise(stages):
-            return stages, state, cost
-        for level in LEVELS:
-            if not warrants(residuals(stages, state)[self.frames], level):
-                break
-            sharp = stages.sharpened(level)
-            if stages is self.stages:
-                state = sharp.parametrisation.received(state)
-            stages = sharp
-            state, cost = yield from self._at(stages, state)
-            if level == START_AGAIN:
-                state, cost = yield from self._start_again(stages, state, cost)
-        return stages, state, cost
-
-    def _at(self, stages: Stages, state: State) -> Generator[Step, None, tuple[State, Tensor]]:
-        """These frames minimised with sharpened keypoints; those that are astray mirror limbs."""
-        settings = sharp_settings(stages.config.settings, stages.sharpness)
-        run = _Frames(stages, make_solver(stages.config.solver, settings), self.frames)
-        objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
-        label = f"keypoints x{stages.sharpness:.0f}"
-        state, cost = yield from run._minimise(objective, state, label, (1.0, 1.0), final=True)
-        stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
-        if stages.sharpness == START_AGAIN:
-            stuck = self.frames
-        if stages.sharpness <= MIRRORED_UP_TO and len(stuck):
-            state, flipped = yield from _Frames(stages, run.solver, stuck).flip_limbs(objective, state, cost)
-            cost = torch.minimum(cost, flipped)
-        return state, cost
-
-    def _start_again(self, stages: Stages, state: State, cost: Tensor) -> Generator[Step, None, tuple[State, Tensor]]:
-        """Frames that are astray go all the way from every starting orientation, until one leads to their keypoints."""
-        depth = guess_depth(self.stages).depth
-        for yaw in YAWS["four"]:
-            stuck = self.frames[astray(residuals(stages, state), stages.sharpness)[self.frames]]
-            if not len(stuck):
-                break
-            run = _Frames(self.stages, self.solver, stuck)
-            trial, _ = yield from run.five_stages(starting_state(self.stages, depth, yaw))
-            trial = stages.parametrisation.received(trial)
-            for level in LEVELS[: LEVELS.index(START_AGAIN) + 1]:
-                trial, trial_cost = yield from run._at(self.stages.sharpened(level), trial)
-            better = trial_cost < cost * (1 - _LOWER)
-            state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
-        return state, cost
 
     def flip_limbs(
         self, objective: FrameObjective, state: State, cost: Tensor

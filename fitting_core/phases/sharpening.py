@@ -24,14 +24,12 @@ NOISE = 5.0
 LEVELS = (10.0, 100.0, 1e3, 1e4, 1e5)
 """Factors of the data term, tried in turn: noise of 0.95 px, 0.3, 0.09, 0.03, 0.009."""
 
-START_AGAIN = 100.0
-"""Level at which frames that are astray start again from every orientation."""
-MIRRORED_UP_TO = 1e4
-"""Highest level at which frames that are astray mirror their limbs; at START_AGAIN all do."""
+PARTS = tuple(kp.GROUPS.values())
 _REDUNDANT = 1.8
 _JOINT_ANGLES = 63
-_ASTRAY = 2.0
-"""Times the clip's median residual."""
+_ASTRAY, _TOO_FAR = 3.0, 0.4
+"""Times the clip's median misfit, and share of the noise of a level, over which a frame is astray: of 61 poses at a
+level of 10^4 the right ones were at 0.3 to 3.3 times the median, the wrong ones at 8 to 330."""
 _NARROW = 1e3
 
 
@@ -40,14 +38,32 @@ def residuals(stages: Stages, state: State) -> Float[Tensor, "T"]:
 
     The median over body, hands and face, each on its own, and the largest of them: a face alone is soon reproduced.
     """
+    medians = [off.nanmedian(1).values for off in _missed(stages, state, (kp.BODY, kp.HANDS, kp.FACE))]
+    return _largest(medians)
+
+
+def misfits(stages: Stages, state: State, groups: tuple[slice, ...] = PARTS) -> Float[Tensor, "T"]:
+    """Root mean square error of the worst of some groups of keypoints; as `residuals` otherwise.
+
+    Where a part is wrong, such as one hand, a typical keypoint does not tell.
+    """
+    return _largest([off.square().nanmean(1).sqrt() for off in _missed(stages, state, groups)])
+
+
+def _missed(stages: Stages, state: State, groups: tuple[slice, ...]) -> list[Float[Tensor, "T n"]]:
+    """Errors of the keypoints of each group that the clip has, nan where they are not seen."""
     objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
     data, points = objective.terms[0], stages.data_keypoints(N_STAGES)
     off = data.errors(Estimate(objective.view, state, stages.all_frames)).norm(dim=-1)  # pyright: ignore
     off = off * (IMAGE_SCALE / stages.camera.size[1])
     off = torch.where(stages.seen[:, points], off, torch.nan)
-    groups = [(points >= g.start) & (points < g.stop) for g in (kp.BODY, kp.HANDS, kp.FACE)]
-    medians = [off[:, g].nanmedian(1).values for g in groups if bool(g.any())]
-    return torch.stack(medians).nan_to_num(-1).amax(0).where(stages.seen[:, points].any(1), torch.nan)
+    members = [(points >= g.start) & (points < g.stop) for g in groups]
+    return [off[:, m] for m in members if bool(m.any())]
+
+
+def _largest(of_groups: list[Float[Tensor, "T"]]) -> Float[Tensor, "T"]:
+    values = torch.stack(of_groups)
+    return values.nan_to_num(-1).amax(0).where(~values.isnan().all(0), torch.nan)
 
 
 def tells_noise(stages: Stages) -> bool:
@@ -67,10 +83,10 @@ def warrants(residual: Float[Tensor, "T"], level: float) -> bool:
     return bool(residual.nanmedian() < NOISE / level**0.5)
 
 
-def astray(residual: Float[Tensor, "T"], level: float) -> Bool[Tensor, "T"]:
+def astray(misfit: Float[Tensor, "T"], level: float) -> Bool[Tensor, "T"]:
     """Frames that stay away from their keypoints, where most of the clip comes close."""
-    limit = torch.minimum(_ASTRAY * residual.nanmedian(), residual.new_tensor(NOISE / level**0.5))
-    return residual > limit
+    limit = torch.minimum(_ASTRAY * misfit.nanmedian(), misfit.new_tensor(_TOO_FAR * NOISE / level**0.5))
+    return misfit > limit
 
 
 def sharpness(stages: Stages, state: State) -> float:

@@ -8,10 +8,10 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-import tcfit_app.panels.markup as markup
-from tcfit_app.fits import Shown as ShownFit
-from tcfit_app.panels.fields import Shown, on_choice
+from tcfit_app.fits import Shown
+from tcfit_app.panels.html import Board, Html, button, dot, heading, joined, line, paragraph, row, table, text, words
 from tcfit_app.run_metrics import COST, Comparison, compare
+from tcfit_app.view.layers import RUN_COLORS, css
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
@@ -22,7 +22,10 @@ _APART = 20
 """So many of them fit into a clip: neighbours of one peak are not peaks of their own."""
 SETTLING = 1.0
 """Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
-_MEASURING = "being measured ..."
+_MEASURING = "Being measured …"
+_NO_FIT = "Two fits are compared here. There is none yet: see the panel Fit."
+_SAME = "They are the same: choose another A or B, in the panel View or Runs."
+_COSTS = "Mean of a frame. Runs with other weights or keypoints cannot be compared by these."
 
 
 class ComparePanel:
@@ -32,19 +35,12 @@ class ComparePanel:
     icon: ClassVar[viser.IconName] = viser.Icon.SCALE
 
     def __init__(self, page: "Page") -> None:
-        self._page, gui = page, page.client.gui
+        self._page = page
         self._settled, self._waiting = 0.0, False
-        self._head = Shown(gui.add_html(""))
-        self._frames = Shown(gui.add_button_group("Differ most", ("-",), hint="Frames; click to go there"))
-        self._frames.handle.visible = False
-        on_choice(page, self._frames.handle, self._go)
-        self._peaks = Shown(gui.add_html("", visible=False))
-        self._figures = Shown(gui.add_html(""))
-        self._folder = Shown(gui.add_folder("Costs", expand_by_default=False))
-        with self._folder.handle:
-            note = "Mean of a frame. Runs with other weights or keypoints cannot be compared by these."
-            gui.add_html(markup.panel(markup.muted(note)))
-            self._costs = Shown(gui.add_html(""))
+        self._head, self._peaks, self._figures = Board(page), Board(page), Board(page)
+        with page.client.gui.add_folder("Costs", expand_by_default=False):
+            self._costs = Board(page)
+        page.on_press("compare.frame", lambda frame: page.seek(int(frame)))
 
     def draw(self) -> None:
         """See `Panel.draw`."""
@@ -52,61 +48,51 @@ class ComparePanel:
         a, b = page.fit(page.state.a), page.fit(page.state.b)
         if a is None or b is None:
             if page.changes.of("compare", None):
-                self._say(markup.muted("Two fits are compared here. There is none yet: see the panel Fit."))
+                self._head.show(paragraph(_NO_FIT, "dim"))
+                for board in (self._peaks, self._figures, self._costs):
+                    board.show()
             return
-        self._head.show(content=markup.panel(_heads(a, b)))
         if page.changes.of("compare", desk.key(a), desk.key(b)):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
-            self._folder.show(visible=True)
-            self._figures.show(content=markup.panel(markup.muted(self._reason(a, b))))
-            self._costs.show(content="")
+            self._head.show(*_heads(a, b))
+            self._figures.show(paragraph(self._reason(a, b), "dim"))
+            self._costs.show()
         if self._waiting and time.monotonic() >= self._settled:
             self._draw_figures(a, b)
 
-    def _draw_figures(self, a: ShownFit, b: ShownFit) -> None:
+    def _draw_figures(self, a: Shown, b: Shown) -> None:
         """What is there of the figures, once keypoints and fits have come to rest."""
         desk = self._page.desk
         one, other, apart = desk.metrics(a), desk.metrics(b), desk.distances(a, b)
         self._waiting = one is None or other is None or apart is None
-        self._draw_peaks(apart.values if apart is not None else None, same=a == b)
+        self._peaks.show(*([] if apart is None or a == b else self._peak_buttons(apart.values)))
         if one is None or other is None:
-            self._figures.show(content=markup.panel(markup.muted(self._reason(a, b))))
+            self._figures.show(paragraph(self._reason(a, b), "dim"))
             return
         rows = compare(one, other)
-        self._figures.show(content=markup.panel(_table(r for r in rows if not r.name.startswith(COST))))
-        self._costs.show(content=markup.panel(_table(r for r in rows if r.name.startswith(COST))))
+        self._figures.show(
+            heading("Figures", "better in green"), _table(r for r in rows if not r.name.startswith(COST))
+        )
+        self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
 
-    def _say(self, content: str) -> None:
-        self._folder.show(visible=False)
-        self._head.show(content=markup.panel(content))
-        self._frames.show(visible=False)
-        self._peaks.show(visible=False)
-        self._figures.show(content="")
-        self._costs.show(content="")
-
-    def _reason(self, a: ShownFit, b: ShownFit) -> str:
+    def _reason(self, a: Shown, b: Shown) -> str:
         """Why there are no figures yet."""
         running = [fit.run.name for fit in (a, b) if fit.result is None]
         if running:
             return f"{running[0]} is still being fitted: it is measured when it is done."
         return self._page.desk.metrics_problem(a) or self._page.desk.metrics_problem(b) or _MEASURING
 
-    def _go(self, frame: str) -> None:
-        if frame.isdigit():
-            self._page.pause()
-            self._page.seek(int(frame) - self._page.first_frame)
-
-    def _draw_peaks(self, values: Float[np.ndarray, "T"] | None, *, same: bool) -> None:
-        frames = peaks(values) if values is not None and not same else []
-        self._frames.show(visible=bool(frames))
-        self._peaks.show(visible=bool(frames))
+    def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
+        first, frames = self._page.first_frame, peaks(values)
         if not frames:
-            return
-        assert values is not None
-        self._frames.show(options=tuple(str(self._page.first_frame + frame) for frame in frames))
+            return []
+        buttons = (
+            button(first + frame, "compare.frame", str(frame), hint=f"Joints lie {values[frame]:.0f} mm apart")
+            for frame in frames
+        )
         said = ", ".join(f"{values[frame]:.0f}" for frame in frames)
-        mean = f"mean over the clip {np.nanmean(values):.1f}"
-        self._peaks.show(content=markup.panel(markup.muted(f"Joints lie {said} mm apart there; {mean} mm")))
+        mean = f"Joints lie {said} mm apart there, over the clip {np.nanmean(values):.1f} mm."
+        return [heading("Frames that differ most"), row(*buttons), paragraph(mean, "dim")]
 
 
 def peaks(values: Float[np.ndarray, "T"]) -> list[int]:
@@ -121,32 +107,31 @@ def peaks(values: Float[np.ndarray, "T"]) -> list[int]:
     return found
 
 
-def _heads(a: ShownFit, b: ShownFit) -> str:
-    rows = [
-        (markup.colored("<b>A</b>", "#5aa0ff"), markup.text(a.title)),
-        (markup.colored("<b>B</b>", "#ff963c"), markup.text(b.title)),
-    ]
-    same = markup.muted("They are the same: choose another A or B, in the panels View or Runs.")
-    table = "".join(f"<div>{mark}&ensp;{title}</div>" for mark, title in rows)
-    return table + (same if (a.run.id, a.phase) == (b.run.id, b.phase) else "")
+def _heads(a: Shown, b: Shown) -> list[Html]:
+    named = zip("AB", RUN_COLORS, (a, b), strict=True)
+    rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
+    same = (a.run.id, a.phase) == (b.run.id, b.phase)
+    return [heading("Fits on show", first=True), *rows, *([paragraph(_SAME, "dim")] if same else [])]
 
 
-def _table(rows: Iterable[Comparison]) -> str:
-    return markup.table([_row(r) for r in rows], head=("", "A", "B", "B − A"), numbers=3, dense=True)
+def _table(rows: Iterable[Comparison]) -> Html:
+    return table(map(_line, rows), ("", "A", "B", "B − A"), numbers=(1, 2, 3))
 
 
-def _row(figure: Comparison) -> tuple[str, str, str, str]:
-    unit = f" {markup.muted(figure.unit)}" if figure.unit else ""
-    a, b = _number(figure.a), _number(figure.b)
+def _line(figure: Comparison) -> Html:
+    unit = words(f" {figure.unit}", "dim") if figure.unit else Html()
     change = "" if figure.difference is None else _number(figure.difference, sign=True)
-    if figure.better:
-        change = markup.colored(change, markup.GOOD if figure.better == "b" else markup.BAD)
-    return (
-        markup.text(figure.title) + unit,
-        markup.colored(a, markup.GOOD) if figure.better == "a" else a,
-        markup.colored(b, markup.GOOD) if figure.better == "b" else b,
-        change,
+    return line(
+        joined(text(figure.title), unit),
+        _marked(_number(figure.a), "good" if figure.better == "a" else ""),
+        _marked(_number(figure.b), "good" if figure.better == "b" else ""),
+        _marked(change, {"a": "bad", "b": "good"}.get(figure.better or "", "")),
+        numbers=(1, 2, 3),
     )
+
+
+def _marked(content: str, kind: str) -> Html:
+    return words(content, kind) if kind else text(content)
 
 
 def _number(value: float | None, *, sign: bool = False) -> str:

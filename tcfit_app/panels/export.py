@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
-import tcfit_app.panels.markup as markup
 from fitting_core.errors import InputError
 from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, ExportedFit, ExportSource
-from tcfit_app.fits import Shown as ShownFit
-from tcfit_app.panels.fields import Shown, on_press
+from tcfit_app.fits import Shown
+from tcfit_app.panels.html import Board, Html, button, dot, heading, joined, paragraph, progress_bar, row, text, words
+from tcfit_app.view.layers import RUN_COLORS, css
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
@@ -22,19 +22,12 @@ class ExportPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.DOWNLOAD
 
     def __init__(self, page: "Page") -> None:
-        self._page, gui = page, page.client.gui
+        self._page = page
         self.running: Exporting | None = None
         """The export that began last."""
-        self._what = Shown(gui.add_html(""))
-        self._buttons: dict[str, Shown] = {}
-        for name, export in EXPORTS.items():
-            button = gui.add_button(export.title, hint=export.hint, icon=viser.Icon.DOWNLOAD, color="gray")
-            on_press(page, button, lambda name=name: self._begin(name))
-            self._buttons[name] = Shown(button)
-        self._said = Shown(gui.add_html("", visible=False))
-        self._bar = Shown(gui.add_progress_bar(0.0, visible=False))
-        self._cancel = Shown(gui.add_button("Cancel", visible=False, color="red", icon=viser.Icon.PLAYER_STOP))
-        on_press(page, self._cancel.handle, self._stop)
+        self._files, self._said = Board(page), Board(page)
+        page.on_press("export.begin", self._begin)
+        page.on_press("export.cancel", lambda _: self._stop())
 
     def _begin(self, name: str) -> None:
         if self.running is not None and self.running.state == "running":
@@ -50,7 +43,7 @@ class ExportPanel:
             export, source, lambda content: page.client.send_file_download(filename, content, save_immediately=True)
         )
 
-    def _exported(self, shown: ShownFit | None) -> ExportedFit | None:
+    def _exported(self, shown: Shown | None) -> ExportedFit | None:
         if shown is None:
             return None
         page = self._page
@@ -62,40 +55,48 @@ class ExportPanel:
 
     def draw(self) -> None:
         """See `Panel.draw`."""
-        self._draw_what()
+        page = self._page
+        fits = (page.fit(page.state.a), page.fit(page.state.b))
+        if page.changes.of("exported", tuple(None if fit is None else fit.title for fit in fits)):
+            self._files.show(*_files(fits))
         going = self.running
-        if going is None or not self._page.changes.of(
+        if going is not None and page.changes.of(
             "export", going, going.state, going.stopping, round(100 * going.share)
         ):
-            return
-        busy = going.state == "running"
-        self._said.show(content=markup.panel(_said(going)), visible=True)
-        self._bar.show(value=round(100 * going.share, 1), visible=busy)
-        self._cancel.show(visible=busy and not going.stopping)
-
-    def _draw_what(self) -> None:
-        page = self._page
-        a, b = page.fit(page.state.a), page.fit(page.state.b)
-        titles = tuple(None if fit is None else fit.title for fit in (a, b))
-        if not page.changes.of("exported", titles):
-            return
-        for name, button in self._buttons.items():
-            button.show(disabled=EXPORTS[name].needs_fit and b is None)
-        fits = (f"A: {titles[0]}", f"B: {titles[1]}") if b is not None else ("There is no fit yet: see the panel Fit.",)
-        lines = ["Files are sent to this browser's downloads.", *fits]
-        self._what.show(content=markup.panel("<br>".join(map(markup.muted, lines))))
+            self._said.show(heading("Last file"), *_said(going))
 
 
-def _said(going: Exporting) -> str:
-    name = markup.bold(going.name)
+def _files(fits: tuple[Shown | None, Shown | None]) -> list[Html]:
+    """What can be exported, and of which fits."""
+    named = zip("AB", RUN_COLORS, fits, strict=True)
+    titles = [joined(dot(css(color)), text(f"{name}: {fit.title}")) for name, color, fit in named if fit is not None]
+    buttons = [
+        row(button(export.title, "export.begin", name, disabled=export.needs_fit and fits[1] is None, hint=export.hint))
+        for name, export in EXPORTS.items()
+    ]
+    return [
+        heading("Files", "to this browser's downloads", first=True),
+        *map(paragraph, titles or [words("There is no fit yet: see the panel Fit.", "dim")]),
+        *buttons,
+    ]
+
+
+def _said(going: Exporting) -> list[Html]:
+    """How far an export is, or how it ended."""
+    name = words(going.name, "strong")
     if going.state == "failed":
-        return f"{name} could not be made{markup.problem(going.reason)}"
+        return [paragraph(joined(name, text(" could not be made"))), paragraph(going.reason, "bad")]
     if going.state == "finished":
-        done = markup.colored("sent to the downloads", markup.GOOD)
-        return f"{name}: {done} ({_size(going.size)})"
+        sent = words("sent to the downloads", "good")
+        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(going.size)})")))]
     if going.state == "cancelled":
-        return f"{name}: cancelled"
-    return f"{name} is being stopped ..." if going.stopping else f"{name} is being made ..."
+        return [paragraph(joined(name, text(": cancelled")))]
+    doing = " is being stopped …" if going.stopping else " is being made …"
+    return [
+        paragraph(joined(name, text(doing))),
+        progress_bar(going.share),
+        row(button("Cancel", "export.cancel", disabled=going.stopping, kind="danger")),
+    ]
 
 
 def _size(count: int) -> str:

@@ -8,7 +8,7 @@ import viser
 if TYPE_CHECKING:
     from tcfit_app.page import Page
 
-Value = TypeVar("Value", str, int, float)
+Value = TypeVar("Value", str, int, float, Any)
 
 
 class Field(Generic[Value]):
@@ -40,9 +40,19 @@ class Field(Generic[Value]):
         self._taken += 1
         self._take(value)
 
-    def show(self, value: Value) -> None:
-        """Bring it to the state."""
-        if self._given == self._taken and self._handle.value != value:
+    @property
+    def waiting(self) -> bool:
+        """Whether something was entered that the state does not know yet."""
+        return self._given != self._taken
+
+    def show(self, value: Value, *, wrong: bool = False) -> None:
+        """Bring it to the state.
+
+        Args:
+            value: of the state.
+            wrong: what was entered cannot be used, so it is not in the state, and stays where it is.
+        """
+        if not self.waiting and not wrong and self._handle.value != value:
             self._handle.value = value
 
 
@@ -53,8 +63,8 @@ class Dropdown(Field[str]):
         super().__init__(page, handle, take)
         self._dropdown = handle
 
-    def offer(self, options: Sequence[str], value: str) -> None:
-        """Bring it to these options, each of which there is only once, and to one of them."""
+    def offer(self, options: Sequence[str], value: str, *, wrong: bool = False) -> None:
+        """Bring it to these options, each of which there is only once, and to one of them; `wrong` as in `show`."""
         if tuple(options) != self._dropdown.options:
             self._dropdown.options = tuple(options)
-        self.show(value)
+        self.show(value, wrong=wrong)

@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
-from tcfit_app.panels.fields import Field, Shown, on_press
+from tcfit_app.frame_words import numbers
+from tcfit_app.panels.field import Field
 from tcfit_app.panels.fit_progress import FitProgress
 from tcfit_app.panels.fit_settings import FitInputs
+from tcfit_app.panels.html import Board, action, heading, row
 from tcfit_app.view_state import FitSettings
 
 if TYPE_CHECKING:
-    from tcfit_app.fits import Shown as ShownFit
+    from tcfit_app.fits import Shown
     from tcfit_app.page import Page
 
 
@@ -27,28 +29,18 @@ class FitPanel:
         self._inputs.add_preset()
         self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space")
         self._inputs.add_problems()
-        self._add_buttons(gui)
+        self._everything = Board(page)
         self._progress = FitProgress(page)
+        self._again = Board(page)
+        hint = "So many frames before and after each edited or flagged one are fitted again with it."
+        reach = gui.add_number("Around", page.state.settings.reach, step=1, hint=hint)
+        self._reach = Field(page, reach, self._take_reach)
         with gui.add_folder("Shape, solver, prior"):
             self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
         with gui.add_folder("Body and camera", expand_by_default=False):
             self._inputs.add_body()
         with gui.add_folder("All settings", expand_by_default=False):
             self._inputs.add_source()
-
-    def _add_buttons(self, gui: viser.GuiApi) -> None:
-        page = self._page
-        self._everything = Shown(gui.add_button("Fit everything", icon=viser.Icon.PLAYER_PLAY, color="blue"))
-        self._frames = Shown(gui.add_button("Re-run selected frames", color="gray"))
-        self._edited = Shown(gui.add_button("Re-run edited frames", color="gray"))
-        hint = "So many frames before and after each edited or flagged one are fitted again with it."
-        reach = gui.add_number("Around", page.state.settings.reach, step=1, hint=hint)
-        self._reach = Field(page, reach, self._take_reach)
-        self._shape = Shown(gui.add_button("Re-run shape", color="gray"))
-        on_press(page, self._everything.handle, page.submitting.everything)
-        on_press(page, self._frames.handle, page.submitting.frames)
-        on_press(page, self._edited.handle, page.submitting.edited)
-        on_press(page, self._shape.handle, page.submitting.shape)
 
     def _take_reach(self, value: float) -> None:
         self._page.set(settings=with_reach(self._page.state.settings, value))
@@ -62,34 +54,34 @@ class FitPanel:
     def _draw_buttons(self) -> None:
         page = self._page
         state, session = page.state, page.session
+        self._reach.show(state.settings.reach, wrong="reach" in dict(state.settings.problems))
         known = (state.frames, state.b, state.settings, session.edits, session.marked, session.fits.changes)
         if not page.changes.of("fit buttons", known):
             return
         fit, ready = page.corrected_fit(), not state.settings.problems and not session.project.read_only
-        self._everything.show(disabled=not ready)
-        self._reach.show(state.settings.reach, wrong="reach" in dict(state.settings.problems))
-        self._frames.show(label=self._frames_label(fit), disabled=not ready or fit is None or state.frames is None)
+        self._everything.show(row(action("fit", "Fit everything", disabled=not ready, kind="main")))
         windows = page.submitting.edited_windows(fit) if fit is not None else ()
-        where = f": {_spans(windows, page.first_frame)}" if windows else " (none since the fit)"
-        self._edited.show(label=f"Re-run around edits{where}", disabled=not ready or not windows)
-        self._shape.show(label=_shape_label(fit), disabled=not ready or fit is None)
+        frames = state.frames if fit is not None else None
+        self._again.show(
+            heading("Fit B again", "" if fit is not None else "there is no fit yet"),
+            row(action("rerun", self._frames_label(fit), disabled=not ready or frames is None)),
+            row(action("rerun_shape", "Re-run shape", disabled=not ready or fit is None)),
+            row(action("rerun_edited", self._edited_label(windows), disabled=not ready or not windows)),
+        )
 
-    def _frames_label(self, fit: "ShownFit | None") -> str:
+    def _frames_label(self, fit: "Shown | None") -> str:
         frames = self._page.state.frames
         if fit is None:
-            return "Re-run frames (no fit yet)"
-        which = "(Shift-drag selects)" if frames is None else _spans((frames,), self._page.first_frame)
-        return f"Re-run frames {which}"
+            return "Re-run frames"
+        if frames is None:
+            return "Re-run frames (Shift-drag selects)"
+        return f"Re-run frames {numbers(frames, self._page.first_frame)}"
 
-
-def _shape_label(fit: "ShownFit | None") -> str:
-    return "Re-run shape (no fit yet)" if fit is None else "Re-run shape"
-
-
-def _spans(windows: tuple[range, ...], first: int) -> str:
-    """Ranges of frames, in one line of a button; `first` is the number that users see for frame 0."""
-    said = ", ".join(f"{first + w[0]}–{first + w[-1]}" if len(w) > 1 else f"{first + w[0]}" for w in windows[:2])
-    return said if len(windows) < 3 else f"{said} and {len(windows) - 2} more"
+    def _edited_label(self, windows: tuple[range, ...]) -> str:
+        if not windows:
+            return "Re-run around edits (none since the fit)"
+        frames = [frame for window in windows for frame in window]
+        return f"Re-run around edits: {numbers(frames, self._page.first_frame, most=2)}"
 
 
 def with_reach(settings: FitSettings, value: float) -> FitSettings:

@@ -6,8 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-import tcfit_app.panels.markup as markup
-from tcfit_app.panels.fields import Shown, on_press
+from tcfit_app.panels.html import Board, Html, button, heading, paragraph, progress_bar, row, words
 from tcfit_app.session import RunningJob
 from tcfit_app.status import PHASES, duration
 
@@ -36,18 +35,16 @@ class FitProgress:
     def __init__(self, page: "Page") -> None:
         self._page = page
         gui = page.client.gui
-        self._said = Shown(gui.add_html("", visible=False))
-        self._bar = Shown(gui.add_progress_bar(0.0, visible=False))
-        self._plot = Shown(_empty_plot(gui))
-        self._cancel = Shown(gui.add_button("Cancel", visible=False, color="red", icon=viser.Icon.PLAYER_STOP))
-        self._cancel_all = Shown(gui.add_button("Cancel all", visible=False, color="red", icon=viser.Icon.PLAYER_STOP))
-        on_press(page, self._cancel.handle, self._cancel_first)
-        on_press(page, self._cancel_all.handle, lambda: page.session.cancel())
+        self._said = Board(page)
+        self._plot = _empty_plot(gui)
+        page.on_press("fit.cancel", self._cancel)
 
-    def _cancel_first(self) -> None:
+    def _cancel(self, which: str) -> None:
         session = self._page.session
-        if job := next(iter(session.jobs.values()), None):
-            session.worker.cancel(job.number)
+        if which == "all":
+            session.cancel()
+        elif which in map(str, session.jobs):
+            session.worker.cancel(int(which))
 
     def draw(self) -> None:
         """Send what changed."""
@@ -56,21 +53,16 @@ class FitProgress:
             return
         jobs = list(session.jobs.values())
         running = next((job for job in jobs if job.started), None)
-        said = self._running(running, jobs) if jobs else _ended(session.ended)
-        self._said.show(content=markup.panel(said), visible=bool(said))
-        progress = running.progress if running else None
-        self._bar.show(value=round(100 * progress.share, 1) if progress else 0.0, visible=bool(jobs))
-        self._cancel.show(visible=bool(jobs))
-        self._cancel_all.show(visible=len(jobs) > 1, label=f"Cancel all {len(jobs)}")
+        self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended)))
         fitted = running if running is not None and running.run is not None else session.ended
         self._draw_plot(fitted.losses if fitted else [])
 
-    def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> str:
-        lines = [_progress_text(job)] if job else []
-        for waiting in jobs:
-            if waiting is not job:
-                lines.append(markup.muted(f"waiting: {self._name(waiting)}"))
-        return "<br>".join(lines)
+    def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
+        waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
+        buttons = [button("Cancel", "fit.cancel", str((job or jobs[0]).number), kind="danger")]
+        if len(jobs) > 1:
+            buttons.append(button(f"Cancel all {len(jobs)}", "fit.cancel", "all", kind="danger"))
+        return [heading("In work"), *(_progress(job) if job else []), *waiting, row(*buttons)]
 
     def _name(self, job: RunningJob) -> str:
         run = self._page.session.fits.run(job.run) if job.run is not None else None
@@ -80,16 +72,17 @@ class FitProgress:
         if not self._page.changes.of("losses", len(losses), id(losses)):
             return
         if len(losses) < 2:
-            self._plot.show(visible=False)
+            if self._plot.visible:
+                self._plot.visible = False
             return
         names = charted(losses)
         data = curves(losses, names)
-        plot = self._plot.handle
         with self._page.client.atomic():
             if self._page.changes.of("loss names", names):
-                plot.series = _all_series(names)
-            plot.data = data
-            self._plot.show(visible=True)
+                self._plot.series = _all_series(names)
+            self._plot.data = data
+            if not self._plot.visible:
+                self._plot.visible = True
 
 
 def charted(losses: Losses) -> tuple[str, ...]:
@@ -136,23 +129,27 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     )
 
 
-def _progress_text(job: RunningJob) -> str:
+def _progress(job: RunningJob) -> list[Html]:
     progress = job.progress
     if progress is None:
-        return f"{markup.bold(job.title)}<br>{markup.muted('begins')}"
+        return [paragraph(words(job.title, "strong")), paragraph("begins", "dim"), progress_bar(0.0)]
     part = job.phases.index(progress.phase) + 1 if progress.phase in job.phases else 1
     where = f"phase {part} of {len(job.phases)}: {PHASES[progress.phase]}, {progress.label}"
     left = "" if progress.remaining is None else f", about {duration(progress.remaining)} left"
-    time = markup.muted(f"{duration(progress.elapsed)}{left}")
-    return f"{markup.bold(job.title)}<br>{markup.text(where)}<br>{time}"
+    return [
+        paragraph(words(job.title, "strong")),
+        paragraph(where),
+        paragraph(f"{duration(progress.elapsed)}{left}", "dim"),
+        progress_bar(progress.share),
+    ]
 
 
-def _ended(job: RunningJob | None) -> str:
+def _ended(job: RunningJob | None) -> list[Html]:
     """How the last job ended, until the next one begins."""
     if job is None:
-        return ""
+        return []
     took = f" after {duration(job.progress.elapsed)}" if job.progress else ""
     if job.outcome == "failed":
-        return f"{markup.bold(f'{job.title} failed{took}')}{markup.problem(job.reason)}"
-    word, color = ("cancelled", markup.MUTED) if job.outcome == "cancelled" else ("done", markup.GOOD)
-    return markup.colored(markup.text(f"{job.title}: {word}{took}"), color)
+        return [paragraph(words(f"{job.title} failed{took}", "strong")), paragraph(job.reason, "bad")]
+    word, kind = ("cancelled", "dim") if job.outcome == "cancelled" else ("done", "good")
+    return [paragraph(f"{job.title}: {word}{took}", kind)]

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import viser
 
-import tcfit_app.panels.markup as markup
 from fitting_core.body.forms import KINDS
 from fitting_core.body.registry import GENDERS
 from fitting_core.config import POSE_PRIORS, PRESETS, FitConfig
@@ -14,7 +13,9 @@ from fitting_core.config_file import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.registry import list_priors
 from fitting_core.settings import changed, settings, value_of
-from tcfit_app.panels.fields import Field, Shown, on_press
+from tcfit_app.panels.field import Dropdown, Field
+from tcfit_app.panels.html import Board, button, joined, paragraph, row, text
+from tcfit_app.panels.html import words as marked
 from tcfit_app.submitting import camera_of
 from tcfit_app.view_state import FitSettings
 
@@ -79,7 +80,7 @@ class FitInputs:
 
     def __init__(self, page: "Page") -> None:
         self._page, self._gui = page, page.client.gui
-        self._fields: dict[str, Field] = {}
+        self._fields: dict[str, Field[Any]] = {}
         self._reads: dict[str, Callable[[FitSettings], Any]] = {}
 
     # --- elements ---
@@ -89,11 +90,8 @@ class FitInputs:
         now = self._page.state.settings
         handle = self._gui.add_dropdown("Preset", tuple(PRESETS), initial_value=now.preset, hint="Sets all settings")
         self._add("preset", handle, self._take_preset, lambda s: s.preset)
-        self._changed = Shown(self._gui.add_html(""))
-        self._back = Shown(
-            self._gui.add_button("Back to the preset", visible=False, color="gray", icon=viser.Icon.ARROW_BACK_UP)
-        )
-        on_press(self._page, self._back.handle, lambda: self._take_preset(self._page.state.settings.preset))
+        self._changed = Board(self._page)
+        self._page.on_press("fit.preset", lambda _: self._take_preset(self._page.state.settings.preset))
 
     def add(self, *names: str) -> None:
         """Inputs of settings of LABELS."""
@@ -111,18 +109,18 @@ class FitInputs:
         hint = "In pixels. Counts for whole fits; a re-run keeps that of its run."
         focal = gui.add_number("Focal length", round(float(clip), 2), step=0.01, hint=hint)
         self._add("focal", focal, self._take_focal, lambda s: round(float(s.focal or clip), 2))
-        self._focal = Shown(gui.add_html(""))
+        self._focal = Board(self._page)
 
     def add_source(self) -> None:
         """All settings as a text that can be changed."""
         self._source = self._gui.add_text("TOML", "", multiline=True)
         self._source_of: Hashable = None
-        self._apply = self._gui.add_button("Use these settings", icon=viser.Icon.CHECK)
-        on_press(self._page, self._apply, self._take_source)
+        Board(self._page).show(row(button("Use these settings", "fit.source")))
+        self._page.on_press("fit.source", lambda _: self._take_source())
 
     def add_problems(self) -> None:
         """What was entered and cannot be used."""
-        self._problems = Shown(self._gui.add_html("", visible=False))
+        self._problems = Board(self._page)
 
     def _input(self, name: str) -> Any:
         value, setting = value_of(self._page.state.settings.config, name), settings()[name]
@@ -136,7 +134,8 @@ class FitInputs:
         return self._gui.add_number(label, value, step=1 if isinstance(value, int) else 0.1, hint=hint)
 
     def _add(self, name: str, handle: Any, take: Callable[[Any], None], read: Callable[[FitSettings], Any]) -> None:
-        self._fields[name] = Field(self._page, handle, lambda value: self._attempt(name, lambda: take(value)))
+        kind = Dropdown if isinstance(handle, viser.GuiDropdownHandle) else Field
+        self._fields[name] = kind(self._page, handle, lambda value: self._attempt(name, lambda: take(value)))
         self._reads[name] = read
 
     # --- what is entered ---
@@ -211,16 +210,16 @@ class FitInputs:
         wrong = dict(now.problems)
         pair = {"kind", "gender"}
         for name, field in self._fields.items():
-            if name == "pose_prior" and now.config.pose_prior not in field.handle.options:
-                field.handle.options = pose_priors(now.config.pose_prior)
-            field.show(self._reads[name](now), wrong=name in wrong and name not in pair)
+            if name == "pose_prior" and isinstance(field, Dropdown):
+                field.offer(pose_priors(now.config.pose_prior), now.config.pose_prior, wrong=name in wrong)
+            else:
+                field.show(self._reads[name](now), wrong=name in wrong and name not in pair)
         names = differences(now.config, now.preset)
         said = ", ".join(map(words, names)) if len(names) < 8 else f"{len(names)} settings"
-        self._changed.show(content=markup.panel(f"changed: {markup.bold(said)}") if names else "", visible=bool(names))
-        self._back.show(visible=bool(names))
-        self._focal.show(content=markup.panel(markup.muted(self._focal_text(now))))
-        problems = "".join(map(markup.problem, wrong.values()))
-        self._problems.show(content=markup.panel(problems), visible=bool(problems))
+        back = row(button("Back to the preset", "fit.preset", hint="Sets all settings as the preset has them"))
+        self._changed.show(*([paragraph(joined(text("Changed: "), marked(said, "strong"))), back] if names else []))
+        self._focal.show(paragraph(self._focal_text(now), "dim"))
+        self._problems.show(*(paragraph(problem, "bad") for problem in wrong.values()))
         self._draw_source(now)
 
     @property

@@ -64,7 +64,8 @@ def button(
         disabled: cannot be pressed now.
         keys: that do the same.
         hint: shown under the pointer.
-        kind: more of its looks: "main", "left", "mini"; "close": Escape and a click outside press it, in a window.
+        kind: more of its looks: "main", "danger", "left", "mini"; "close": Escape and a click outside press it, in a
+            window.
     """
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
     return Html(
@@ -113,14 +114,39 @@ def heading(title: str, note: object = "", *, first: bool = False) -> Html:
 
 
 def paragraph(content: object, kind: str = "") -> Html:
-    """A line of text; `kind` is "dim" or "warn"."""
+    """Text whose lines stay lines; `kind` as of `words`, or "warn"."""
     return tag("p", content, class_=f"tcfit-{kind}" if kind else "")
 
 
-def table(rows: Iterable[Html], head: Sequence[str] = ()) -> Html:
-    """Rows made by `line`, under headings."""
-    names = tag("tr", joined(*(tag("th", name) for name in head))) if head else Html()
-    return tag("table", joined(names, *rows), class_="tcfit-table")
+def words(content: object, kind: str) -> Html:
+    """A part of a text that is "good", "bad", "dim" or "strong"."""
+    return tag("span", content, class_=f"tcfit-{kind}")
+
+
+def badge(label: str, color: str) -> Html:
+    """A short dark label on a colour."""
+    return tag("b", label, class_="tcfit-badge", style=f"background:{color}")
+
+
+def progress_bar(share: float) -> Html:
+    """How far something is, 0 to 1."""
+    return tag("div", tag("div", "", class_="tcfit-bar", style=f"width:{100 * share:.1f}%"), class_="tcfit-track")
+
+
+def preformatted(content: str) -> Html:
+    """A file's text."""
+    return tag("pre", content)
+
+
+def table(rows: Iterable[Html], head: Sequence[str] = (), *, numbers: Sequence[int] = ()) -> Html:
+    """Rows made by `line`, under headings, of which those of `numbers` are aligned at the right."""
+    cells = (tag("th", name, class_="tcfit-number" if i in numbers else "") for i, name in enumerate(head))
+    return tag("table", joined(*([tag("tr", joined(*cells))] if head else []), *rows), class_="tcfit-table")
+
+
+def facts(known: Iterable[tuple[str, object]]) -> Html:
+    """Names and values beside each other."""
+    return tag("dl", joined(*(part for name, value in known for part in (tag("dt", name), tag("dd", value)))))
 
 
 def line(

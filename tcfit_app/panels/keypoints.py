@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import viser
 
-from fitting_core.frame_names import spans
 from fitting_core.keypoints import COUNT, FACE, GROUPS, NAMES
 from tcfit_app.body_regions import spoken
 from tcfit_app.correcting import describe
 from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.frame_words import in_words
 from tcfit_app.panels.edit_history import history_table, past_edits
 from tcfit_app.panels.field import Dropdown
 from tcfit_app.panels.html import Board, Html, action, button, dot, heading, joined, line, row, table, text
 from tcfit_app.panels.selected_keypoints import selected_keypoints, selection_table
-from tcfit_app.view.page_states import GROUP_COLOURS
+from tcfit_app.view.page_states import GROUP_COLORS
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
@@ -110,8 +110,7 @@ class KeypointsPanel:
         page = self._page
         if page.state.playing and page.state.frames is None:  # else it would change with each frame
             return "apply to the frame on show"
-        numbers = [page.first_frame + frame for frame in page.correcting.frames]
-        return f"apply to frame{'s' if len(numbers) > 1 else ''} {spans(numbers).replace('-', '–')}"
+        return f"apply to {in_words(page.correcting.frames, page.first_frame)}"
 
     def _bad(self) -> bool:
         """Whether all that is selected is bad."""
@@ -149,7 +148,7 @@ class KeypointsPanel:
         off = self._page.session.project.read_only
         rows = [
             line(
-                joined(dot(GROUP_COLOURS[name]), text(name.replace("_", " "))),
+                joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
                 joined(
                     button("Select", "keypoints.group", name, kind="mini"),
                     text(" "),

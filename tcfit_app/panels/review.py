@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.frame_names import spans
+from fitting_core.frame_names import runs
 from tcfit_app.fits import Shown
+from tcfit_app.frame_words import in_words, numbers
 from tcfit_app.panels.html import Board, Html, action, button, heading, line, paragraph, row, table
 from tcfit_app.session import Notice
 from tcfit_app.suspicion import Suspect
@@ -146,19 +147,18 @@ class ReviewPanel:
         return f"Both are for {fine}." if fine == flag else f"Looks fine is for {fine}, Flag for {flag}."
 
     def _where(self, frames: Sequence[int]) -> str:
-        numbers = spans([self._page.first_frame + frame for frame in frames]).replace("-", "–")
-        return f"frame{'s' if len(frames) > 1 else ''} {numbers}"
+        return in_words(frames, self._page.first_frame)
 
     def _flags(self, frames: list[int]) -> list[Html]:
         if not frames:
             return []
         first = self._page.first_frame
-        runs = frame_runs(frames)
+        found = runs(frames)
         buttons = [
-            button(_numbers(run, first), "review.frame", str(run.start), kind="mini", hint=f"Go to {first + run.start}")
-            for run in runs[:_FLAGS]
+            button(numbers(run, first), "review.frame", str(run.start), kind="mini", hint=f"Go to {first + run.start}")
+            for run in found[:_FLAGS]
         ]
-        more = [paragraph(f"and {len(runs) - _FLAGS} more", "dim")] if len(runs) > _FLAGS else []
+        more = [paragraph(f"and {len(found) - _FLAGS} more", "dim")] if len(found) > _FLAGS else []
         return [heading("Flagged"), row(*buttons, wrap=True), *more]
 
     def _entries(self, here: int | None, *, fitted: bool) -> list[Html]:
@@ -175,7 +175,7 @@ class ReviewPanel:
         rows = [
             line(
                 i + 1,
-                _numbers(suspect.frames, first),
+                numbers(suspect.frames, first),
                 suspect.reason,
                 numbers=(0, 1),
                 kind="here" if i == here else "",
@@ -185,7 +185,10 @@ class ReviewPanel:
             )
             for i, suspect in enumerate(self._suspects[:_MOST])
         ]
-        parts = [heading("Queue", "the worst first"), table(rows, ("", "frame", "what, where it is worst"))]
+        parts = [
+            heading("Queue", "the worst first"),
+            table(rows, ("", "frame", "what, where it is worst"), numbers=(0, 1)),
+        ]
         if (more := len(self._suspects) - _MOST) > 0:
             parts.append(paragraph(f"and {more} more, less suspicious", "dim"))
         if self._looking:
@@ -205,19 +208,3 @@ class ReviewPanel:
         self._media.show(heading("Video", first=True), paragraph(problem, "warn"))
         off = page.session.project.read_only
         self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off)))
-
-
-def frame_runs(frames: list[int]) -> list[range]:
-    """Ascending frames as runs that follow each other."""
-    runs: list[range] = []
-    for frame in frames:
-        if runs and frame == runs[-1].stop:
-            runs[-1] = range(runs[-1].start, frame + 1)
-        else:
-            runs.append(range(frame, frame + 1))
-    return runs
-
-
-def _numbers(frames: range, first: int) -> str:
-    start, last = first + frames[0], first + frames[-1]
-    return f"{start}" if start == last else f"{start}–{last}"

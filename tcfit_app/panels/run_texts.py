@@ -3,28 +3,32 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-import tcfit_app.panels.markup as markup
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.result import FitResult
 from fitting_core.settings import value_of
-from tcfit_app.panels.fit_settings import differences, nearest_preset, words
+from tcfit_app.frame_words import in_words
+from tcfit_app.panels.fit_settings import differences, nearest_preset
+from tcfit_app.panels.fit_settings import words as setting_words
+from tcfit_app.panels.html import Html, badge, facts, joined, line, paragraph, tag, text, words
 from tcfit_app.session import RunningJob, Session
 from tcfit_app.status import PHASES, duration
-from tcfit_app.storage.runs import Run
+from tcfit_app.storage.runs import Run, RunState
+from tcfit_app.view.layers import RUN_COLORS, css
 
 KINDS = {"fit": "everything", "frames": "frames", "shape": "shape", "corrections": "corrections"}
 """What a run fitted, in a word."""
-STATES = {
-    "running": ("running", "#4dabf7"),
-    "finished": ("finished", markup.GOOD),
-    "interrupted": ("interrupted", "#ffa94d"),
-    "cancelled": ("cancelled", markup.MUTED),
-    "failed": ("failed", markup.BAD),
+LOOKS: dict[RunState, str] = {
+    "running": "strong",
+    "finished": "good",
+    "interrupted": "warn",
+    "cancelled": "dim",
+    "failed": "bad",
 }
-"""Word and colour of each state."""
-BADGES = {"A": "#5aa0ff", "B": "#ff963c"}
-"""Colours of what is on show."""
+"""How each state is marked."""
+_OWN = {"frames": ("phase3",), "shape": ("phase2", "phase3"), "corrections": ("phase3",)}
+"""Phases that a run does itself; those before are its parent's. All, where nothing is said."""
+_BADGES = {name: badge(name, css(color)) for name, color in zip("AB", RUN_COLORS, strict=True)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,12 +41,11 @@ class Listed:
     edits: int
     """Edits since."""
     job: RunningJob | None
-    first_frame: int = 0
-    """The number that users see for frame 0."""
 
 
-_OWN = {"frames": ("phase3",), "shape": ("phase2", "phase3"), "corrections": ("phase3",)}
-"""Phases that a run does itself; those before are its parent's. All, where nothing is said."""
+def option(run: Run) -> str:
+    """A run in a choice; names may be alike, numbers are not."""
+    return f"{run.id} · {run.name}"
 
 
 def seconds_of(run: Run) -> float | None:
@@ -56,31 +59,43 @@ def seconds_of(run: Run) -> float | None:
 def when(time: datetime) -> str:
     """In the time of this computer; the day only if it is not today."""
     local = time.astimezone()
-    return f"{local:%H:%M}" if local.date() == datetime.now().astimezone().date() else f"{local:%Y-%m-%d %H:%M}"
+    return f"{local:%H:%M}" if local.date() == datetime.now().astimezone().date() else f"{local:%d %b %H:%M}"
 
 
-def row(listed: Listed) -> tuple[str, str]:
-    """The two cells of a run's line."""
+def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
+    """A run's row in the table.
+
+    Args:
+        listed: the run.
+        first_frame: the number that users see for frame 0.
+        here: whether its details are shown.
+    """
     run = listed.run
-    badges = "".join(
-        f' <span style="background:{BADGES[x]};color:#111;border-radius:3px;padding:0 4px;font-size:10.5px">{x}</span>'
-        for x in listed.shown_as
-    )
-    word, color = STATES[run.state]
-    if run.state == "running" and listed.job is not None and not listed.job.started:
-        word = "waiting"
-    elif run.state == "running" and listed.job is not None and listed.job.progress is not None:
-        word = f"{100 * listed.job.progress.share:.0f} %"
-    facts = [_kind(listed), *_since(listed.edits), *_settings(run)]
+    badges = joined(*(_BADGES[name] for name in listed.shown_as))
+    said = [_kind(run, first_frame), *_since(listed.edits), *_settings(run)]
     taken = seconds_of(run)
     time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
-    left = f"{markup.bold(run.name)}{badges}<br>{markup.muted(' · '.join(facts))}"
-    return left, f"{markup.colored(markup.text(word), color)}<br>{markup.muted(time)}"
+    return line(
+        joined(words(run.name, "strong"), badges, tag("div", " · ".join(said), class_="tcfit-dim")),
+        joined(words(_state(listed), LOOKS[run.state]), tag("div", time, class_="tcfit-dim")),
+        numbers=(1,),
+        kind="here" if here else "",
+        command="runs.choose",
+        value=str(run.id),
+    )
 
 
-def _kind(listed: Listed) -> str:
-    run, first = listed.run, listed.first_frame
-    return f"frames {first + run.frames[0]}–{first + run.frames[-1]}" if run.frames else KINDS[run.kind]
+def _state(listed: Listed) -> str:
+    run, job = listed.run, listed.job
+    if run.state != "running" or job is None:
+        return run.state
+    if not job.started:
+        return "waiting"
+    return "running" if job.progress is None else f"{100 * job.progress.share:.0f} %"
+
+
+def _kind(run: Run, first_frame: int) -> str:
+    return in_words(run.frames, first_frame) if run.frames else KINDS[run.kind]
 
 
 def _since(edits: int) -> list[str]:
@@ -94,7 +109,7 @@ def _settings(run: Run) -> list[str]:
         return [preset]
     if len(names) > 3:
         return [f"{preset}, {len(names)} settings changed"]
-    return [f"{preset}, {', '.join(f'{words(n)} {short(value_of(run.config, n))}' for n in names)}"]
+    return [f"{preset}, {', '.join(f'{setting_words(n)} {short(value_of(run.config, n))}' for n in names)}"]
 
 
 def short(value: object) -> str:
@@ -104,21 +119,21 @@ def short(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else "none" if value is None else str(value)
 
 
-def details(listed: Listed, session: Session, fit: FitResult | None) -> str:
+def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Html]:
     """All that is known of a run but its result."""
-    run = listed.run
+    run, clip = listed.run, session.project.clip
     parent = None if run.parent is None else session.project.runs.get(run.parent)
-    facts = {
-        "Fitted": _kind(listed),
+    known = {
+        "Fitted": _kind(run, clip.first_frame),
         "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else "",
         "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
         "Body": f"{run.body.kind}, {run.body.gender}",
         "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
         "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
-        **({} if fit is None else _found(fit, session.project.clip.camera)),
+        **({} if fit is None else _found(fit, clip.camera)),
     }
-    rows = [(markup.label(name), markup.text(value)) for name, value in facts.items() if value]
-    return markup.table(rows) + (markup.problem(run.message) if run.message else "") + _differences(run) + _notes(fit)
+    problem = [paragraph(run.message, "bad")] if run.message else []
+    return [facts((name, value) for name, value in known.items() if value), *problem, *_differences(run), *_notes(fit)]
 
 
 def _found(fit: FitResult, clip: Camera) -> dict[str, str]:
@@ -131,21 +146,20 @@ def _found(fit: FitResult, clip: Camera) -> dict[str, str]:
     }
 
 
-def _differences(run: Run) -> str:
+def _differences(run: Run) -> list[Html]:
     preset = nearest_preset(run.config)
     names = differences(run.config, preset)
     if not names:
-        return markup.muted(f"Settings: preset {preset}")
-    rows = [(markup.text(words(name)), markup.text(short(value_of(run.config, name)))) for name in names]
-    return markup.muted(f"Settings: preset {preset}, but") + markup.table(rows)
+        return [paragraph(f"Settings: preset {preset}", "dim")]
+    changed = facts((setting_words(name), short(value_of(run.config, name))) for name in names)
+    return [paragraph(f"Settings: preset {preset}, but", "dim"), changed]
 
 
-def _notes(fit: FitResult | None) -> str:
+def _notes(fit: FitResult | None) -> list[Html]:
     if fit is None:
-        return ""
-    notes = [note for phase in fit.phases for note in phase.notes]
-    notes = list(dict.fromkeys([*fit.warnings, *notes]))
-    return "".join(f"<div>{markup.muted('• ' + note)}</div>" for note in notes)
+        return []
+    notes = dict.fromkeys([*fit.warnings, *(note for phase in fit.phases for note in phase.notes)])
+    return [tag("ul", joined(*(tag("li", text(note)) for note in notes)), class_="tcfit-dim")] if notes else []
 
 
 def result_of(session: Session, run: Run) -> FitResult | None:

@@ -8,9 +8,8 @@ from fitting_core.errors import InputError
 from tcfit_app.fits import TITLES, FitChoice
 from tcfit_app.panels.field import Dropdown
 from tcfit_app.panels.html import Board, Html, action, button, choice, dot, heading, joined, row, text
-from tcfit_app.picture import css
 from tcfit_app.storage.runs import Run
-from tcfit_app.view.layers import RUN_COLORS
+from tcfit_app.view.layers import RUN_COLORS, css
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page

@@ -74,7 +74,7 @@ def selection_table(chosen: list[Selected], frame: int) -> list[Html]:
         ]
     head = ("keypoint", "state", "conf.", "x, y in pixels")
     rows = [row for one in chosen[:_MOST] for row in _lines(one)]
-    parts = [heading(title, f"frame {frame}", first=True), table(rows, head)]
+    parts = [heading(title, f"frame {frame}", first=True), table(rows, head, numbers=(2, 3))]
     if len(chosen) > _MOST:
         parts.append(paragraph(f"and {len(chosen) - _MOST} more: {_counts(chosen)}", "dim"))
     return parts

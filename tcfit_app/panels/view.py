@@ -9,7 +9,7 @@ from tcfit_app.panels.field import Dropdown, Field
 from tcfit_app.panels.html import Board, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.panels.runs_shown import RunsShown
 from tcfit_app.strip import PLOTTED
-from tcfit_app.view.page_states import GROUP_COLOURS
+from tcfit_app.view.page_states import GROUP_COLORS
 from tcfit_app.view_state import MODES, SPEEDS
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class ViewPanel:
         state = self._page.state
         groups = (
             button(
-                joined(dot(GROUP_COLOURS[name]), text(name.replace("_", " "))),
+                joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
                 "view.group",
                 name,
                 pressed=name in state.groups,

@@ -77,6 +77,11 @@ class FrameImage:
         return cls.encode(np.full((8, 8, 3), color, np.uint8))
 
 
+def css(color: RGB) -> str:
+    """A colour as browsers write it."""
+    return "#" + "".join(f"{channel:02x}" for channel in color)
+
+
 @cache
 def color_table() -> UInt8[np.ndarray, "256 3"]:
     """The colours of values from 0 to the limit, RGB: OpenCV's inferno, perceptually uniform, dark to light."""

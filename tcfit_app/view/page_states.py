@@ -11,8 +11,9 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from fitting_core import keypoints
+from fitting_core.frame_names import runs
 
-Colour = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
+Color = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
 Span = tuple[int, int]
 """First and last frame, both included."""
 
@@ -28,7 +29,7 @@ class Poster(_State, frozen=True, kw_only=True):
     """Of its centre, in viser's world."""
     label: str
     """In its corner; empty for none."""
-    colour: Colour = "#cfd6df"
+    color: Color = "#cfd6df"
 
 
 class Layout(_State, frozen=True, kw_only=True):
@@ -50,12 +51,12 @@ class Group(_State, frozen=True, kw_only=True):
     name: str
     start: int
     stop: int
-    colour: Colour
+    color: Color
     radius: float
     """Of a point at usual size, in CSS pixels."""
 
 
-GROUP_COLOURS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff9f43", "face": "#c58bff"}
+GROUP_COLORS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff9f43", "face": "#c58bff"}
 GROUP_RADII = {"body": 5.0, "left_hand": 3.0, "right_hand": 3.0, "face": 2.5}
 
 
@@ -64,7 +65,7 @@ class Skeleton(_State, frozen=True, kw_only=True):
 
     names: tuple[str, ...] = tuple(keypoints.NAMES)
     groups: tuple[Group, ...] = tuple(
-        Group(name=name, start=s.start, stop=s.stop, colour=GROUP_COLOURS[name], radius=GROUP_RADII[name])
+        Group(name=name, start=s.start, stop=s.stop, color=GROUP_COLORS[name], radius=GROUP_RADII[name])
         for name, s in keypoints.GROUPS.items()
     )
     bones: tuple[tuple[int, int], ...] = tuple(keypoints.BONES)
@@ -87,7 +88,7 @@ class Style(_State, frozen=True, kw_only=True):
 
     groups: tuple[str, ...] = tuple(keypoints.GROUPS)
     """Shown ones."""
-    colour_by: Literal["group", "confidence"] = "group"
+    color_by: Literal["group", "confidence"] = "group"
     points: bool = True
     bones: bool = True
     size: float = 1.0
@@ -108,7 +109,7 @@ class Curve(_State, frozen=True, kw_only=True):
     """One line in the timeline."""
 
     label: str
-    colour: Colour
+    color: Color
     values: tuple[float | None, ...]
     """For each frame."""
 
@@ -217,7 +218,7 @@ class Legend(_State, frozen=True, kw_only=True):
     unit: str
     low: float
     high: float
-    colours: tuple[Colour, ...]
+    colors: tuple[Color, ...]
     """Evenly from low to high."""
 
 
@@ -261,8 +262,4 @@ def curve_values(values: Float[np.ndarray, " T"]) -> tuple[float | None, ...]:
 
 def spans(frames: ArrayLike) -> tuple[Span, ...]:
     """Runs of frames that follow each other, of frame numbers in any order."""
-    numbers = np.unique(np.asarray(frames, int))
-    if not len(numbers):
-        return ()
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    return tuple((int(run[0]), int(run[-1])) for run in runs)
+    return tuple((run[0], run[-1]) for run in runs(np.unique(np.asarray(frames, int)).tolist()))

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,19 +34,24 @@ QUICK = FitConfig(
 
 @dataclass(frozen=True)
 class OneBody:
-    """The tiny body, whatever is asked for; with no body, what a user without model files gets."""
+    """The tiny body as neutral SMPL-X; with no body, what a user without model files gets."""
 
     body: BodyModel | None
 
+    def check(self, *, kind: str, gender: str) -> None:
+        if self.body is None or (kind, gender) != ("smplx", "neutral"):
+            raise InputError(f"There is no {gender} {kind} body. Put <{kind.upper()}>.npz there.")
+
     def find(self, *, kind: str = "smplx", gender: str = "neutral") -> BodyModel:
-        if self.body is None:
-            raise InputError("There is no body. Put one there.")
+        self.check(kind=kind, gender=gender)
+        assert self.body is not None
         return self.body
 
     def of(self, record: BodyRecord) -> BodyModel:
         return self.find()
 
 
+@cache
 def small_clip(body: BodyModel, frames: int = FRAMES) -> Clip:
     return clip_of(hidden(noisy(keypoints_of(body, arms_in_motion(frames)), 2.0), kp.HANDS, kp.FACE))
 

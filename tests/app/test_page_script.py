@@ -160,8 +160,8 @@ TIMELINE = states.Timeline(
     title="Error",
     unit="px",
     curves=(
-        states.Curve(label="run A", colour="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
-        states.Curve(label="run B", colour="#ff963c", values=(None,) * LENGTH),
+        states.Curve(label="run A", color="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
+        states.Curve(label="run B", color="#ff963c", values=(None,) * LENGTH),
     ),
 )
 
@@ -517,7 +517,7 @@ def test_a_clicked_button_does_not_keep_the_space_bar(tab: Tab) -> None:
 def test_text_stays_text(tab: Tab) -> None:
     tab.send("notice", states.Notice(title=HTML, text=HTML, kind="error", progress=0.5))
     tab.send("chips", states.Chips(chips=(states.Chip(text=HTML, kind="busy", progress=0.4),)))
-    tab.send("legend", states.Legend(title=HTML, unit="mm", low=0, high=50, colours=("#000000", "#ffffff")))
+    tab.send("legend", states.Legend(title=HTML, unit="mm", low=0, high=50, colors=("#000000", "#ffffff")))
     tab.settle()
     assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == tab.text(".tcfit-chip") == HTML
     assert tab.text(".tcfit-legend") == f"{HTML} [mm]02550"

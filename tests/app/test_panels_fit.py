@@ -17,31 +17,26 @@ from tcfit_app.panels.fit import FitPanel
 from tcfit_app.panels.fit_progress import POINTS, charted, curves
 from tcfit_app.panels.fit_settings import differences, nearest_preset
 from tcfit_app.view_state import FitSettings
-from tests.app.panel_pages import QUICK, PanelPage, panel_page
+from tests.app.lone_page import LonePage, tiny_page
+from tests.app.sessions import QUICK
 
 
 @pytest.fixture
-def page(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[PanelPage]:
-    with panel_page(panel_server, tmp_path / "p", tiny_body) as page:
-        yield page
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, FitPanel) as made:
+        yield made
 
 
-@pytest.fixture
-def panel(page: PanelPage) -> FitPanel:
-    panel = FitPanel(page)
-    panel.draw()
-    return panel
-
-
-def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
-    page.enter("w_T", 42.5)
-    page.enter("Mode", "sliding window")
-    page.enter("Window", 3)
-    page.enter("Focal length", 1000.0)
-    page.press("Fit everything")
+def test_what_is_entered_is_in_the_run(tested: LonePage):
+    page = tested.page
+    tested.enter("w_T", 42.5)
+    tested.enter("Mode", "sliding window")
+    tested.enter("Window", 3)
+    tested.enter("Focal length", 1000.0)
+    tested.click("Fit everything")
     (job,) = page.session.jobs.values()
     assert job.run is not None
-    page.until(lambda: not page.session.jobs, panel)
+    tested.until(lambda: not page.session.jobs)
     run = page.session.project.runs.get(job.run)
     assert run.state == "finished"
     assert run.config == changed(
@@ -52,12 +47,11 @@ def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
     assert camera.center == clip.center and "review" in camera.source
     assert page.corrected_fit().camera == camera  # pyright: ignore
     page.set(frames=range(2, 4))
-    panel.draw()
     jobs, submit = [], page.session.worker.submit
     page.session.worker.submit = lambda job: jobs.append(job) or submit(job)  # pyright: ignore
-    page.press("Re-run frames 2–3")
+    tested.click("Re-run frames 2–3")
     assert jobs[0].job.clip.camera == camera, "it is fitted again as its own camera sees it"
-    page.until(lambda: not page.session.jobs, panel)
+    tested.until(lambda: not page.session.jobs)
     rerun = page.session.fits.runs[-1]
     assert (rerun.kind, rerun.frames, rerun.parent) == ("frames", range(2, 4), run.id)
     assert page.session.fits.fit(rerun).camera == camera
@@ -70,134 +64,122 @@ def test_what_is_entered_is_in_the_run(page: PanelPage, panel: FitPanel):
         ("Window", 2.5, "whole number"),
         ("w_T", -1.0, "0 or more"),
         ("Focal length", 0.0, "above 0"),
-        ("Gender", "male", "No male smplx body. Put &lt;SMPLX&gt;.npz there."),
+        ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
         ("Around", -1, "0 to 1000"),
     ],
 )
-def test_a_wrong_value_is_told_and_fits_nothing(page: PanelPage, panel: FitPanel, label: str, value: object, said: str):
-    page.enter(label, value)
-    panel.draw()
-    assert said in page.html()
-    assert page.find(label).value == value, "it stays, to be put right"
-    assert page.find("Fit everything").disabled
-    page.press("Fit everything")
-    assert page.notices and page.notices[-1].kind == "error"
-    assert not page.session.jobs and not page.session.fits.runs
-    page.enter("Preset", "tcfit")
-    panel.draw()
+def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, value: object, said: str):
+    tested.enter(label, value)
+    assert said in tested.html()
+    assert tested.field(label).value == value, "it stays, to be put right"
+    assert tested.button("Fit everything").disabled
+    tested.page.do(lambda: tested.press("action", "fit"))  # by its key
+    assert tested.notices and tested.notices[-1].kind == "error"
+    assert not tested.page.session.jobs and not tested.page.session.fits.runs
+    tested.enter("Preset", "tcfit")
+    assert said not in tested.html()
     if label != "Gender":
-        assert page.find(label).value != value
-    assert not page.state.settings.problems and said not in page.html()
+        assert tested.field(label).value != value
+    assert not tested.page.state.settings.problems
 
 
-def test_a_preset_sets_everything_and_changes_are_named(page: PanelPage, panel: FitPanel):
-    page.enter("Preset", "tcfit")
-    panel.draw()
-    assert page.state.settings.config == PRESETS["tcfit"] and not page.find("Back to the preset").visible
-    page.enter("w_T", 5.0)
-    page.enter("Window", 9)
-    panel.draw()
-    assert "w_T, window size" in page.html()
-    page.press("Back to the preset")
-    panel.draw()
-    assert page.state.settings.config == PRESETS["tcfit"]
-    assert page.find("w_T").value == 100.0 and page.find("Window").value == 7
+def test_a_preset_sets_everything_and_changes_are_named(tested: LonePage):
+    tested.enter("Preset", "tcfit")
+    assert tested.page.state.settings.config == PRESETS["tcfit"] and "Back to the preset" not in tested.html()
+    tested.enter("w_T", 5.0)
+    tested.enter("Window", 9)
+    assert "w_T, window size" in tested.html()
+    tested.click("Back to the preset")
+    tested.draw()
+    assert tested.page.state.settings.config == PRESETS["tcfit"]
+    assert tested.field("w_T").value == 100.0 and tested.field("Window").value == 7
 
 
-def test_all_settings_as_a_text(page: PanelPage, panel: FitPanel):
-    text = page.find("TOML").value
+def test_all_settings_as_a_text(tested: LonePage):
+    text = tested.field("TOML").value
     assert text == as_toml(QUICK, preset_name="paper")
-    page.enter("TOML", text.replace("hand_components = 12", "hand_components = 6"))
-    page.press("Use these settings")
-    panel.draw()
-    assert page.state.settings.config == replace(QUICK, hand_components=6)
-    page.enter("TOML", "hand_components = 99")
-    page.press("Use these settings")
-    assert "hand_components is 99" in page.notices[-1].text
-    page.enter("TOML", "[weights\n")
-    page.press("Use these settings")
-    assert "is no TOML" in page.notices[-1].text
-    assert page.state.settings.config == replace(QUICK, hand_components=6)
+    tested.enter("TOML", text.replace("hand_components = 12", "hand_components = 6"))
+    tested.click("Use these settings")
+    assert tested.page.state.settings.config == replace(QUICK, hand_components=6)
+    tested.draw()
+    tested.enter("TOML", "hand_components = 99")
+    tested.click("Use these settings")
+    assert "hand_components is 99" in tested.notices[-1].text
+    tested.enter("TOML", "[weights\n")
+    tested.click("Use these settings")
+    assert "is no TOML" in tested.notices[-1].text
+    assert tested.page.state.settings.config == replace(QUICK, hand_components=6)
 
 
-def test_echoes_of_the_server_are_ignored(page: PanelPage, panel: FitPanel):
-    before = page.state.settings
+def test_echoes_of_the_server_are_ignored(tested: LonePage):
+    before = tested.page.state.settings
     for label in ("Preset", "w_T", "Mode", "Focal length", "Around", "Gender", "TOML"):
-        page.echo(label)
-    assert page.state.settings is before
+        tested.call_back(tested.field(label), None)
+    assert tested.page.state.settings is before
 
 
-def test_nothing_is_sent_when_nothing_changed(page: PanelPage, panel: FitPanel):
-    page.sent.clear()
-    panel.draw()
-    assert not page.sent
-    page.enter("w_T", 5.0)
-    panel.draw()
-    assert page.sent
-    page.sent.clear()
-    panel.draw()
-    panel.draw()
-    assert not page.sent
+def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
+    assert not tested.draw()
+    tested.enter("w_T", 5.0)
+    assert tested.draw()
+    assert not tested.draw()
 
 
-def test_typing_on_is_not_overwritten(page: PanelPage, panel: FitPanel):
+def test_typing_on_is_not_overwritten(tested: LonePage):
     """Two values come in before the drawing thread takes the first."""
     waiting: list = []
-    page._do = waiting.append
-    page.enter("w_T", 1.0)
-    page.enter("w_T", 12.0)
+    tested.page._do = waiting.append
+    tested.enter("w_T", 1.0)
+    tested.enter("w_T", 12.0)
     waiting.pop(0)()
-    panel.draw()
-    assert page.find("w_T").value == 12.0
+    tested.draw()
+    assert tested.field("w_T").value == 12.0
     waiting.pop(0)()
-    panel.draw()
-    assert page.find("w_T").value == 12.0 == page.state.settings.config.temporal.weight
+    tested.draw()
+    assert tested.field("w_T").value == 12.0 == tested.page.state.settings.config.temporal.weight
 
 
-def test_cancel_and_what_remains_to_be_seen(page: PanelPage, panel: FitPanel):
-    page.enter("TOML", as_toml(replace(QUICK, settings=replace(QUICK.settings, iterations=500)), preset_name="paper"))
-    page.press("Use these settings")
-    page.press("Fit everything")
-    page.press("Fit everything")
-    page.until(lambda: next(iter(page.session.jobs.values())).progress, panel)
-    assert "phase 1 of 3" in page.html() and "waiting" in page.html()
-    page.press("Cancel all")
-    page.until(lambda: not page.session.jobs, panel)
-    panel.draw()
-    assert [run.state for run in page.session.fits.runs] == ["cancelled"] * 2
-    assert "cancelled" in page.html() and not page.find("Cancel").visible
+def test_cancel_and_what_remains_to_be_seen(tested: LonePage):
+    session = tested.page.session
+    tested.enter("TOML", as_toml(replace(QUICK, settings=replace(QUICK.settings, iterations=500)), preset_name="paper"))
+    tested.click("Use these settings")
+    tested.click("Fit everything")
+    tested.click("Fit everything")
+    tested.until(lambda: next(iter(session.jobs.values())).progress)
+    assert "phase 1 of 3" in tested.html() and "waiting" in tested.html()
+    tested.click("Cancel all 2")
+    tested.until(lambda: not session.jobs)
+    assert [run.state for run in session.fits.runs] == ["cancelled"] * 2
+    shown = tested.html()
+    assert "cancelled" in shown and "fit.cancel" not in shown
 
 
-def test_a_failure_is_shown_until_the_next_job(page: PanelPage, panel: FitPanel, monkeypatch: pytest.MonkeyPatch):
+def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     def fail(*_: object) -> None:
         raise MemoryError("no <b>memory</b>")
 
     with monkeypatch.context() as broken:
         broken.setattr("tcfit_app.jobs.fit_events", fail)
-        page.press("Fit everything")
-        page.until(lambda: not page.session.jobs, panel)
-    panel.draw()
-    assert "MemoryError: no &lt;b&gt;memory&lt;/b&gt;" in page.html()
-    page.press("Fit everything")
-    panel.draw()
-    assert "MemoryError" not in page.html()
+        tested.click("Fit everything")
+        tested.until(lambda: not tested.page.session.jobs)
+    assert "MemoryError: no &lt;b&gt;memory&lt;/b&gt;" in tested.html()
+    tested.click("Fit everything")
+    assert "MemoryError" not in tested.html()
 
 
-def test_edited_and_flagged_frames_are_re_run(page: PanelPage, panel: FitPanel):
-    run = page.fit()
-    panel.draw()
-    assert page.find("Re-run around edits").disabled
-    page.session.edit(MarkBad(frames=(1,), joints=(4,)), author="test")
-    assert page.session.frames_edited_since(run) == {1}
-    page.session.undo(author="test")
-    assert page.session.frames_edited_since(run) == {1}, "undone again is changed again"
-    page.session.mark([5], "flag", author="test")
-    page.enter("Around", 0)
-    panel.draw()
-    page.press("Re-run around edits: 1, 5")
-    page.until(lambda: not page.session.jobs, panel)
-    again = page.session.fits.fit(page.session.fits.runs[-1]).last.params.body_pose
-    before = page.session.fits.fit(run).last.params.body_pose
+def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
+    session, run = tested.page.session, tested.fit()
+    assert tested.button("Re-run around edits").disabled
+    session.edit(MarkBad(frames=(1,), joints=(4,)), author="test")
+    assert session.frames_edited_since(run) == {1}
+    session.undo(author="test")
+    assert session.frames_edited_since(run) == {1}, "undone again is changed again"
+    session.mark([5], "flag", author="test")
+    tested.enter("Around", 0)
+    tested.click("Re-run around edits: 1, 5")
+    tested.until(lambda: not session.jobs)
+    again = session.fits.fit(session.fits.runs[-1]).last.params.body_pose
+    before = session.fits.fit(run).last.params.body_pose
     moved = np.flatnonzero((again != before).any(1).numpy())
     assert set(moved) <= {1, 5}
 

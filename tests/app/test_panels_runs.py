@@ -3,7 +3,8 @@
 import io
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -22,101 +23,99 @@ from tcfit_app.panels import compare
 from tcfit_app.panels.compare import ComparePanel, peaks
 from tcfit_app.panels.export import ExportPanel
 from tcfit_app.panels.runs import RunsPanel
-from tests.app.panel_pages import FRAMES, QUICK, PanelPage, panel_page
+from tcfit_app.view_state import FitSettings
+from tests.app.lone_page import LonePage, tiny_page
+from tests.app.project_samples import sample_clip
+from tests.app.sessions import FRAMES, QUICK
 
 EVIL = "<img src=x onerror=alert(1)>"
 
 
+Opener = Callable[[type], LonePage]
+
+
 @pytest.fixture
-def page(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[PanelPage]:
-    with panel_page(panel_server, tmp_path / "p", tiny_body) as page:
-        yield page
+def panel_of(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[Opener]:
+    with ExitStack() as opened:
+        yield lambda kind: opened.enter_context(tiny_page(panel_server, tmp_path / "p", tiny_body, kind))
 
 
-def test_runs_are_renamed_shown_deleted_and_restored(page: PanelPage):
-    panel = RunsPanel(page)
-    panel.draw()
-    assert "Nothing was fitted yet" in page.html()
-    first, second = page.fit(), page.fit()
-    panel.draw()
-    page.enter("Run", f"{first.id} · {first.name}")
-    page.enter("Name", EVIL)
-    _choose(page, "Rename")
-    panel.draw()
-    assert page.session.project.runs.get(first.id).name == EVIL
-    assert "<img" not in page.html() and "&lt;img src=x" in page.html()
-    _choose(page, "Show as A")
-    assert page.state.a == FitChoice(run=first.id)
-    panel.draw()
-    _choose(page, "Delete")
-    panel.draw()
-    assert [run.id for run in page.session.fits.runs] == [second.id]
-    page.press("Restore")
-    panel.draw()
-    assert [run.id for run in page.session.fits.runs] == [first.id, second.id]
+def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session = tested.page.session
+    assert "Nothing was fitted yet" in tested.html()
+    first, second = tested.fit(), tested.fit()
+    tested.enter("Run", f"{first.id} · {first.name}")
+    tested.draw()
+    tested.enter("Name", EVIL)
+    tested.click("Rename")
+    assert session.project.runs.get(first.id).name == EVIL
+    assert "<img" not in tested.html() and "&lt;img src=x" in tested.html()
+    tested.click("Show as A")
+    assert tested.page.state.a == FitChoice(run=first.id)
+    tested.click("Delete")
+    tested.draw()
+    assert [run.id for run in session.fits.runs] == [second.id]
+    tested.press("deleted.restore")
+    assert [run.id for run in session.fits.runs] == [first.id, second.id]
+    tested.press("runs.choose", str(first.id))
+    tested.draw()
+    assert tested.field("Run").value == f"{first.id} · {EVIL}" and tested.field("Name").value == EVIL
 
 
-def test_removing_for_good_asks(page: PanelPage):
-    panel = RunsPanel(page)
-    run = page.fit()
-    panel.draw()
-    _choose(page, "Delete")
-    panel.draw()
-    page.press("Remove for good")
-    assert page.session.project.runs.get(run.id).deleted
-    page.press("Remove 1 deleted run")
+def test_removing_for_good_asks(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    run = tested.fit()
+    tested.click("Delete")
+    tested.click("Remove all for good")
+    assert tested.page.session.project.runs.get(run.id).deleted
+    tested.click("Keep them")
+    assert "Remove 1 deleted run" not in tested.html()
+    tested.click("Remove all for good")
+    tested.click("Remove 1 deleted run")
     with pytest.raises(InputError, match="no run"):
-        page.session.project.runs.get(run.id)
+        tested.page.session.project.runs.get(run.id)
 
 
-def test_settings_of_a_run_are_taken_for_the_next(page: PanelPage):
-    panel = RunsPanel(page)
-    page.fit()
-    panel.draw()
-    page.enter("Run", "1 · Run 1")
-    page.set(settings=type(page.state.settings)())
-    page.press("Use its settings")
-    settings = page.state.settings
+def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tested.fit()
+    tested.page.set(settings=FitSettings())
+    tested.click("Use its settings")
+    settings = tested.page.state.settings
     assert (settings.config, settings.preset, settings.focal) == (QUICK, "paper", None)
 
 
-def test_a_run_without_a_name_or_result_is_refused(page: PanelPage):
-    panel = RunsPanel(page)
-    page.fit()
-    panel.draw()
-    page.enter("Name", "   ")
-    _choose(page, "Rename")
-    assert page.notices[-1].kind == "error" and page.session.fits.runs[0].name == "Run 1"
+def test_a_run_without_a_name_is_refused(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tested.fit()
+    tested.draw()
+    tested.enter("Name", "   ")
+    tested.click("Rename")
+    assert tested.notices[-1].kind == "error" and tested.page.session.fits.runs[0].name == "Run 1"
 
 
 @pytest.mark.parametrize("kind", [RunsPanel, ComparePanel, ExportPanel])
-def test_nothing_is_sent_when_nothing_changed(page: PanelPage, kind: type, monkeypatch: pytest.MonkeyPatch):
+def test_nothing_is_sent_when_nothing_changed(panel_of: Opener, kind: type, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(compare, "SETTLING", 0.0)
-    page.fit()
-    panel = kind(page)
-    page.until(lambda: not getattr(panel, "_waiting", False) and page.sent, panel)
-    end = time.monotonic() + 0.3
-    while time.monotonic() < end:
-        panel.draw()
-    page.sent.clear()
-    panel.draw()
-    assert not page.sent
+    tested = panel_of(kind)
+    before = tested.html()
+    tested.fit()
+    assert tested.html() != before
+    tested.until(lambda: not getattr(tested.panels[0], "_waiting", False))
+    tested.draw()
+    assert not tested.draw()
 
 
-def test_two_fits_are_compared(page: PanelPage, monkeypatch: pytest.MonkeyPatch):
+def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(compare, "SETTLING", 0.0)
-    panel = ComparePanel(page)
-    panel.draw()
-    assert "There is none yet" in page.html()
-    page.fit()
-    panel.draw()
-    assert "being measured" in page.html()
-    page.until(lambda: "Jitter" in page.html(), panel)
-    page.until(lambda: not panel._waiting, panel)
-    frames = page.find("Differ most").options
-    assert 1 <= len(frames) <= FRAMES
-    page.enter("Differ most", frames[0])
-    assert page.state.frame == int(frames[0])
+    tested = panel_of(ComparePanel)
+    assert "There is none yet" in tested.html()
+    tested.fit()
+    assert "Being measured" in tested.html()
+    tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
+    tested.press("compare.frame", "3")
+    assert tested.page.state.frame == 3
 
 
 def test_peaks_are_apart_from_each_other():
@@ -127,22 +126,19 @@ def test_peaks_are_apart_from_each_other():
     assert peaks(np.zeros(5)) == [] == peaks(np.zeros(0))
 
 
-def test_files_are_downloaded(page: PanelPage):
-    panel = ExportPanel(page)
-    panel.draw()
-    assert page.find("Summary").disabled and not page.find("Corrected keypoints").disabled
-    page.press("Summary")
-    assert "no fit to export" in page.notices[-1].text
-    page.fit()
-    panel.draw()
-    got = {}
+def test_files_are_downloaded(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    assert tested.button("Summary").disabled and not tested.button("Corrected keypoints").disabled
+    with pytest.raises(InputError, match="no fit to export"):
+        tested.press("export.begin", "summary")
+    tested.fit()
     for name in ("fit", "summary", "figures", "keypoints"):
-        page.press(EXPORTS[name].title)
-        assert panel.running is not None
-        panel.running.join(30)
-        panel.draw()
-        assert panel.running.state == "finished", panel.running.reason
-        got[name] = page.client.downloads["test clip" + EXPORTS[name].suffix]  # pyright: ignore
+        tested.click(EXPORTS[name].title)
+        running = tested.panels[0].running
+        running.join(30)
+        assert running.state == "finished", running.reason
+        assert "sent to the downloads" in tested.html()
+    got = {name: tested.downloads["test clip" + export.suffix] for name, export in EXPORTS.items() if name != "overlay"}
     with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
         assert fit["poses"].shape == (FRAMES, 165) and bool(fit["complete"])
     assert json.loads(got["summary"])["frames"] == FRAMES
@@ -152,19 +148,18 @@ def test_files_are_downloaded(page: PanelPage):
         assert len(archive.namelist()) == FRAMES
 
 
-def test_exported_keypoints_are_the_corrected_ones(page: PanelPage, tmp_path: Path):
-    ExportPanel(page)
-    page.press("Corrected keypoints")
-    while not page.client.downloads:  # pyright: ignore
-        time.sleep(0.01)
-    (content,) = page.client.downloads.values()  # pyright: ignore
+def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ExportPanel)
+    tested.click("Corrected keypoints")
+    tested.until(lambda: tested.downloads)
+    (content,) = tested.downloads.values()
     with ZipFile(io.BytesIO(content)) as archive:
         archive.extractall(tmp_path / "read")
     people = read_openpose(tmp_path / "read")
     assert len(people.frames) == FRAMES
 
 
-def test_an_export_can_be_cancelled_and_can_fail(page: PanelPage):
+def test_an_export_can_be_cancelled_and_can_fail():
     def endless(source: ExportSource, path: Path, progress: exports.Progress) -> None:
         path.write_bytes(b"half")
         while True:
@@ -174,7 +169,7 @@ def test_an_export_can_be_cancelled_and_can_fail(page: PanelPage):
     def broken(source: ExportSource, path: Path, progress: exports.Progress) -> None:
         raise InputError("No off-screen OpenGL here.")
 
-    source, got = ExportSource(clip=page.session.project.clip, a=None, b=None), []
+    source, got = ExportSource(clip=sample_clip(), a=None, b=None), []
     one = Exporting(Export(title="x", suffix=".x", hint="", write=endless), source, got.append)
     one.cancel()
     one.join(10)
@@ -182,10 +177,3 @@ def test_an_export_can_be_cancelled_and_can_fail(page: PanelPage):
     other.join(10)
     assert (one.state, other.state, other.reason) == ("cancelled", "failed", "No off-screen OpenGL here.")
     assert not got
-
-
-def _choose(page: PanelPage, option: str) -> None:
-    """Press a button of a group."""
-    groups = [h for h in page.client.gui._gui_input_handle_from_uuid.values() if option in getattr(h, "options", ())]
-    groups[0]._impl.value = option
-    page._call(groups[0], client=page.client)

@@ -253,7 +253,7 @@ def test_read_only(folder: Path, tiny_body: BodyModel):
 
 
 def test_without_a_body_model_the_user_is_told(folder: Path):
-    with session_of(folder, None) as session, pytest.raises(InputError, match="There is no body"):
+    with session_of(folder, None) as session, pytest.raises(InputError, match="There is no neutral smplx body"):
         session.fit_everything(QUICK, kind="smplx", gender="neutral")
 
 

@@ -14,8 +14,8 @@ from fitting_core.clip import Clip
 from fitting_core.config import PRESETS, FitConfig, SolverSettings
 from fitting_core.fitting import fit, rerun_events
 from fitting_core.keypoints import Keypoints
-from fitting_core.phases import independent, sharpening
-from fitting_core.phases.sharpening import LEVELS, NOISE, astray, residuals, sharpness, tells_noise, warrants
+from fitting_core.phases import sharp_frames, sharpening
+from fitting_core.phases.sharpening import LEVELS, NOISE, astray, misfits, residuals, sharpness, tells_noise, warrants
 from fitting_core.priors.loosened import Loosened
 from fitting_core.priors.network_file import write_network
 from fitting_core.stages import N_STAGES
@@ -68,6 +68,35 @@ def test_residual_is_that_of_an_image_1000_high(free_body: BodyModel, exact: Key
     assert sharpness(stages, state) == 1
 
 
+def test_one_hand_that_is_off_shows_in_the_misfit(free_body: BodyModel, exact: Keypoints):
+    """A typical keypoint of both hands does not tell: half of one hand is a quarter of them."""
+    xy = exact.xy.copy()
+    xy[1, kp.LEFT_HAND.start : kp.LEFT_HAND.start + 10] += 8.0
+    stages = stages_of(free_body, replace(exact, xy=xy), CONFIG)
+    state = stages.parametrisation.from_params(arms_in_motion(FRAMES, depth=3.5))
+    assert float(residuals(stages, state).max()) < 1e-6
+    root = (10 / 21 * 2 * 8.0**2) ** 0.5 * 1000 / CAMERA.size[1]
+    torch.testing.assert_close(misfits(stages, state), torch.tensor([0.0, root, 0.0]).double(), rtol=1e-6, atol=1e-6)
+    assert astray(misfits(stages, state), LEVELS[1]).tolist() == [False, True, False]
+
+
+def test_a_head_in_the_wrong_contour_table_finds_its_own(
+    free_body: BodyModel, exact: Keypoints, monkeypatch: pytest.MonkeyPatch
+):
+    """The fit of the table beside the right one turns the head, until the table is its own."""
+    stages, frame = stages_of(free_body, exact, CONFIG).sharpened(1000.0), torch.tensor([1])
+    truth = stages.parametrisation.from_params(arms_in_motion(FRAMES, depth=3.5))
+    objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
+    right, beside = (o.costs(truth[frame], frame)["data"] for o in (objective, objective.with_contour(1)))
+    assert float(right) < 1e-9 < 10 < float(beside)
+    monkeypatch.setattr(sharp_frames, "astray", lambda misfit, level: torch.ones_like(misfit, dtype=torch.bool))
+    at = sharp_frames.Sharpened(stages)
+    stuck, before = finished(at.descend(truth, frame, contour=1))
+    _, cost = finished(at.other_contours(stuck, before, frame))
+    assert float(cost[1]) < 0.99 * float(before[1])
+    assert float(cost[1]) <= 1.001 * float(finished(at.descend(truth, frame))[1][1])
+
+
 def test_sharpened_stages_weigh_the_data_alone_more(free_body: BodyModel, exact: Keypoints):
     stages = stages_of(free_body, exact, CONFIG)
     state = stages.parametrisation.neutral(FRAMES).with_columns(
@@ -99,7 +128,7 @@ def test_a_latent_prior_is_loosened(free_body: BodyModel, exact: Keypoints, tmp_
 def found(free_body: BodyModel, exact: Keypoints) -> BodyParams:
     """From exact keypoints, up to the first two levels: the others take a minute."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(independent, "LEVELS", LEVELS[:2])
+        patch.setattr(sharp_frames, "LEVELS", LEVELS[:2])
         return fit(clip_of(exact), free_body, CONFIG).last.params
 
 

@@ -3,7 +3,7 @@
 watch("notice", (notice) => {
   card.hidden = !notice;
   if (!notice) return;
-  card.style.setProperty("--kind", KIND_COLOURS[notice.kind]);
+  card.style.setProperty("--kind", KIND_COLORS[notice.kind]);
   card.setAttribute("role", notice.kind === "error" ? "alert" : "status");
   const parts = [element("h2", "", null, notice.title)];
   if (notice.text) parts.push(element("p", "", null, notice.text));
@@ -22,8 +22,8 @@ watch("chips", (state) => chipsBox.replaceChildren(...(state?.chips ?? []).map(c
 
 function chip({ text, kind, progress }) {
   const made = element("div", "tcfit-chip");
-  made.style.setProperty("--kind", KIND_COLOURS[kind]);
-  element("div", "tcfit-dot", made).style.background = KIND_COLOURS[kind];
+  made.style.setProperty("--kind", KIND_COLORS[kind]);
+  element("div", "tcfit-dot", made).style.background = KIND_COLORS[kind];
   element("span", "", made, text);
   if (progress !== null) element("div", "tcfit-bar", made).style.width = `${100 * progress}%`;
   return made;
@@ -32,11 +32,11 @@ function chip({ text, kind, progress }) {
 watch("legend", (legend) => {
   legendBox.hidden = !legend;
   if (!legend) return;
-  const colours = element("div", "tcfit-colours");
-  colours.style.background = `linear-gradient(to right, ${legend.colours.join(", ")})`;
+  const colors = element("div", "tcfit-colors");
+  colors.style.background = `linear-gradient(to right, ${legend.colors.join(", ")})`;
   const ends = element("div", "tcfit-ends");
   for (const value of [legend.low, (legend.low + legend.high) / 2, legend.high])
     element("span", "", ends, String(Number(value.toPrecision(3))));
   const title = legend.unit ? `${legend.title} [${legend.unit}]` : legend.title;
-  legendBox.replaceChildren(element("div", "", null, title), colours, ends);
+  legendBox.replaceChildren(element("div", "", null, title), colors, ends);
 });

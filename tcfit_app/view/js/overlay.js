@@ -1,6 +1,6 @@
 // Draws keypoints and bones over each poster, in step with viser's own drawing.
 
-const CONFIDENCE_COLOURS = [
+const CONFIDENCE_COLORS = [
   [224, 58, 50],
   [242, 197, 61],
   [62, 190, 90],
@@ -10,10 +10,10 @@ const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
 const PLAIN_BONES = "#c3cad4";
 
 /** Red over yellow to green, in twenty steps. */
-function confidenceColour(confidence) {
+function confidenceColor(confidence) {
   const place = Math.round(Math.min(Math.max(confidence, 0), 1) * 20) / 10;
   const from = Math.min(Math.floor(place), 1);
-  const mixed = CONFIDENCE_COLOURS[from].map((c, i) => c + (CONFIDENCE_COLOURS[from + 1][i] - c) * (place - from));
+  const mixed = CONFIDENCE_COLORS[from].map((c, i) => c + (CONFIDENCE_COLORS[from + 1][i] - c) * (place - from));
   return `rgb(${mixed.map(Math.round).join(", ")})`;
 }
 
@@ -28,8 +28,8 @@ function jointRadius(joint, map) {
 
 function jointPaint(joint) {
   const confidence = states.keypoints.confidence[joint];
-  if (states.style.colour_by === "confidence") return { colour: confidenceColour(confidence), alpha: 1 };
-  return { colour: states.skeleton.groups[groupOf[joint]].colour, alpha: 0.35 + 0.65 * Math.min(confidence, 1) };
+  if (states.style.color_by === "confidence") return { color: confidenceColor(confidence), alpha: 1 };
+  return { color: states.skeleton.groups[groupOf[joint]].color, alpha: 0.35 + 0.65 * Math.min(confidence, 1) };
 }
 
 function drawOverlay() {
@@ -70,7 +70,7 @@ function drawBones(context, map) {
     const width = (0.7 + 0.26 * group.radius) * zoomFactor(map) * Math.sqrt(states.style.size);
     if (width > FINE_BONES) stroke(context, lines[i], "rgba(8, 10, 14, 0.5)", width + 1.6);
     context.globalAlpha = 0.85;
-    stroke(context, lines[i], states.style.colour_by === "group" ? group.colour : PLAIN_BONES, width);
+    stroke(context, lines[i], states.style.color_by === "group" ? group.color : PLAIN_BONES, width);
     context.globalAlpha = 1;
   });
 }
@@ -80,16 +80,16 @@ function drawJoint(context, map, joint) {
   const radius = jointRadius(joint, map);
   if (badJoints.has(joint)) drawBad(context, x, y, radius);
   else drawDisc(context, x, y, radius, joint);
-  if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLOURS.edited, 1.6);
-  if (selected.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLOURS.selected, Math.min(1 + radius / 5, 2.2));
+  if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLORS.edited, 1.6);
+  if (selected.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, Math.min(1 + radius / 5, 2.2));
 }
 
 function drawDisc(context, x, y, radius, joint) {
-  const { colour, alpha } = jointPaint(joint);
+  const { color, alpha } = jointPaint(joint);
   stamp(context, rim(radius), x, y);
   if (states.keypoints.confidence[joint] === 0) return;
   context.globalAlpha = alpha;
-  stamp(context, disc(colour, radius), x, y);
+  stamp(context, disc(color, radius), x, y);
   context.globalAlpha = 1;
 }
 
@@ -97,7 +97,7 @@ function drawBad(context, x, y, radius) {
   const mark = cross(x, y, radius * 0.8 + 1);
   context.lineCap = "round";
   stroke(context, mark, "rgba(8, 10, 14, 0.85)", 4);
-  stroke(context, mark, COLOURS.bad, 2);
+  stroke(context, mark, COLORS.bad, 2);
 }
 
 /** Where edited keypoints were detected, and the way from there. */
@@ -109,7 +109,7 @@ function drawGhosts(context, map) {
     way.moveTo(x, y);
     way.lineTo(...toScreen(map, position(joint)));
     context.globalAlpha = 0.75;
-    stroke(context, way, COLOURS.edited, 1);
+    stroke(context, way, COLORS.edited, 1);
     stroke(context, cross(x, y, 3.5), "#0a0c10", 3);
     stroke(context, cross(x, y, 3.5), "#dfe6ee", 1.2);
     context.globalAlpha = 1;
@@ -120,7 +120,7 @@ function drawHovered(context) {
   if (!hovered || !shown(hovered.joint)) return;
   const { joint, poster } = hovered;
   const places = lastMaps.map((map) => toScreen(map, position(joint)));
-  lastMaps.forEach((map, i) => ring(context, ...places[i], jointRadius(joint, map) + 1.5, COLOURS.hover, 1.8));
+  lastMaps.forEach((map, i) => ring(context, ...places[i], jointRadius(joint, map) + 1.5, COLORS.hover, 1.8));
   if (!places[poster]) return;
   tooltip.textContent = jointLine(joint);
   place(tooltip, ...places[poster], false);
@@ -135,6 +135,7 @@ function jointLine(joint) {
   return parts.join("  ");
 }
 
+/** In their upper right corners: viser's messages come up at the upper left, chips and legend lie below. */
 function drawPosterLabels(context) {
   context.font = `600 12.5px ${FONT}`;
   context.textBaseline = "middle";
@@ -142,12 +143,13 @@ function drawPosterLabels(context) {
     const label = shortened(context, poster.label, ux * states.layout.image[0] - 60);
     if (!label) continue;
     const width = context.measureText(label).width + 32;
-    const [x, y] = [ox + 8, Math.max(oy, 0) + 8];
+    const right = Math.min(ox + ux * states.layout.image[0], canvasSize().width);
+    const [x, y] = [right - width - 8, Math.max(oy, 0) + 8];
     context.fillStyle = "rgba(16, 19, 24, 0.82)";
     context.beginPath();
     context.roundRect(x, y, width, 24, 6);
     context.fill();
-    context.fillStyle = poster.colour;
+    context.fillStyle = poster.color;
     context.fill(circle(x + 13, y + 12, 4.5));
     context.fillStyle = "#eef2f6";
     context.fillText(label, x + 23, y + 12.5);

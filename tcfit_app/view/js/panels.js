@@ -1,24 +1,24 @@
 // The panels' own HTML: its looks, and its buttons. Whatever carries data-tcfit is one: a command, with data-value.
 
 const PANEL_SHEET = `
-.tcfit-panel { padding: 0 10px 7px; font: 12px/1.4 ${FONT}; color: ${COLOURS.text}; font-variant-numeric: tabular-nums; }
+.tcfit-panel { padding: 0 10px 7px; font: 12px/1.4 ${FONT}; color: ${COLORS.text}; font-variant-numeric: tabular-nums; }
 .tcfit-panel h3 { display: flex; justify-content: space-between; gap: 8px; margin: 4px 0 5px; padding-top: 6px;
-  border-top: 1px solid #33383f; font: 600 11px/1.4 ${FONT}; color: ${COLOURS.dim}; }
+  border-top: 1px solid #33383f; font: 600 11px/1.4 ${FONT}; color: ${COLORS.dim}; }
 .tcfit-panel h3.tcfit-first { margin-top: 0; padding-top: 0; border-top: 0; }
 .tcfit-panel h3 span { font-weight: 400; }
-.tcfit-panel p { margin: 3px 0; }
+.tcfit-panel p { margin: 3px 0; white-space: pre-line; overflow-wrap: anywhere; }
 .tcfit-row { display: flex; align-items: center; gap: 4px; margin: 0 0 5px; }
 .tcfit-row:last-child { margin-bottom: 0; }
 .tcfit-wrap { flex-wrap: wrap; }
-.tcfit-row > label { flex: none; width: 74px; color: ${COLOURS.dim}; }
+.tcfit-row > label { flex: none; width: 74px; color: ${COLORS.dim}; }
 .tcfit-panel button { display: inline-flex; align-items: center; justify-content: center; flex: 1 1 auto; min-width: 0;
   height: 25px; padding: 0 7px; border: 1px solid #3d434c;
-  border-radius: 4px; background: #2c3037; color: ${COLOURS.text}; font: 12px/1 ${FONT}; white-space: nowrap; cursor: pointer; touch-action: manipulation; user-select: none;
+  border-radius: 4px; background: #2c3037; color: ${COLORS.text}; font: 12px/1 ${FONT}; white-space: nowrap; cursor: pointer; touch-action: manipulation; user-select: none;
   -webkit-user-select: none; }
 .tcfit-panel button > span { overflow: hidden; text-overflow: ellipsis; padding: 3px 0; }
 .tcfit-panel button:hover:not(:disabled) { background: #3a404a; border-color: #59616d; color: #fff; }
 .tcfit-panel button:active:not(:disabled) { background: #23272d; }
-.tcfit-panel button:focus-visible { outline: 2px solid ${COLOURS.accent}; outline-offset: 1px; }
+.tcfit-panel button:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }
 .tcfit-panel button[aria-pressed=true] { background: #1f5482; border-color: #3b8ad0; color: #fff; }
 .tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: #27649a; border-color: #5aa3e0; }
@@ -41,11 +41,19 @@ const PANEL_SHEET = `
 .tcfit-joined button:first-child { border-radius: 4px 0 0 4px; margin-left: 0; }
 .tcfit-joined button:last-child { border-radius: 0 4px 4px 0; }
 .tcfit-joined button[aria-pressed=true] { position: relative; z-index: 1; }
-.tcfit-dim { color: ${COLOURS.dim}; }
-.tcfit-warn { color: ${COLOURS.flagged}; overflow-wrap: anywhere; }
+.tcfit-panel button.tcfit-danger { border-color: #7d3a38; color: #ff9d97; }
+.tcfit-panel button.tcfit-danger:hover:not(:disabled) { background: #5e2826; border-color: #a84d49; color: #fff; }
+.tcfit-dim { color: ${COLORS.dim}; } .tcfit-good { color: ${COLORS.good}; } .tcfit-bad { color: ${COLORS.wrong}; }
+.tcfit-warn { color: ${COLORS.flagged}; } .tcfit-strong { font-weight: 600; }
+.tcfit-badge { margin-left: 4px; padding: 0 4px; border-radius: 3px; color: #111; font-size: 10.5px; }
+.tcfit-panel .tcfit-track { --kind: ${COLORS.accent}; margin: 5px 0 7px; }
+.tcfit-panel dl { display: grid; grid-template-columns: 74px 1fr; gap: 2px 4px; margin: 4px 0; font-size: 11.5px; }
+.tcfit-panel dt { color: ${COLORS.dim}; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
+.tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 11.5px; overflow-wrap: anywhere; }
+.tcfit-panel pre { margin: 0; font-size: 11px; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere; }
 .tcfit-table { width: 100%; border-collapse: collapse; font: 11.5px/1.35 ${FONT}; font-variant-numeric: tabular-nums; }
-.tcfit-table th { padding: 2px 5px 3px; text-align: left; font-weight: 500; color: ${COLOURS.dim}; white-space: nowrap; }
-.tcfit-table td { padding: 2.5px 5px; border-top: 1px solid #31363d; vertical-align: baseline;
+.tcfit-table th { padding: 2px 4px 3px; text-align: left; font-weight: 500; color: ${COLORS.dim}; white-space: nowrap; }
+.tcfit-table td { padding: 2.5px 4px; border-top: 1px solid #31363d; vertical-align: baseline;
   overflow-wrap: anywhere; }
 .tcfit-table .tcfit-number, .tcfit-table .tcfit-whole { white-space: nowrap; overflow-wrap: normal; }
 .tcfit-table .tcfit-number { text-align: right; }
@@ -54,9 +62,9 @@ const PANEL_SHEET = `
 .tcfit-table tr.tcfit-here td { background: #1f3f5c; }
 .tcfit-table tr.tcfit-off td { color: #737c88; }
 .tcfit-table tr.tcfit-off td:last-child { text-decoration: line-through #565e69; }
-.tcfit-table kbd { margin: 0; font: 11.5px/1 ${FONT}; color: ${COLOURS.text}; white-space: nowrap; }
-.tcfit-detected { color: #9fc6ea; } .tcfit-corrected { color: ${COLOURS.edited}; } .tcfit-bad { color: ${COLOURS.bad}; }
-.tcfit-missing { color: ${COLOURS.dim}; }
+.tcfit-table kbd { margin: 0; font: 11.5px/1 ${FONT}; color: ${COLORS.text}; white-space: nowrap; }
+.tcfit-detected { color: #9fc6ea; } .tcfit-corrected { color: ${COLORS.edited}; }
+.tcfit-missing { color: ${COLORS.dim}; }
 .mantine-Slider-markLabel { display: none; }
 div[style*="flex-shrink: 0"]:has(> p > label) { width: 78px !important; padding-right: 4px; }
 div[style*="flex-shrink: 0"] > p:has(> label) { font-size: 12px !important; letter-spacing: 0 !important; }

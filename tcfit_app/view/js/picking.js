@@ -42,14 +42,14 @@ function drawMarquee(context) {
   if (gesture?.kind !== "marquee") return;
   const { x0, y0, x, y } = gesture;
   context.fillStyle = "rgba(255, 225, 77, 0.12)";
-  context.strokeStyle = COLOURS.selected;
+  context.strokeStyle = COLORS.selected;
   context.lineWidth = 1;
   context.fillRect(x0, y0, x - x0, y - y0);
   context.strokeRect(x0, y0, x - x0, y - y0);
   for (const joint of within(gesture))
     for (const map of lastMaps) {
       const [px, py] = toScreen(map, position(joint));
-      ring(context, px, py, 1.5 * jointRadius(joint, map) + 1.8, COLOURS.selected, 1.2);
+      ring(context, px, py, 1.5 * jointRadius(joint, map) + 1.8, COLORS.selected, 1.2);
     }
 }
 

@@ -1,7 +1,7 @@
 // Small shapes. Discs are drawn once and stamped: as paths, hundreds a frame, they halved the frame rate in software.
 
-function stroke(context, path, colour, width) {
-  context.strokeStyle = colour;
+function stroke(context, path, color, width) {
+  context.strokeStyle = color;
   context.lineWidth = width;
   context.stroke(path);
 }
@@ -21,9 +21,9 @@ function cross(x, y, arm) {
   return path;
 }
 
-function ring(context, x, y, radius, colour, width) {
+function ring(context, x, y, radius, color, width) {
   stroke(context, circle(x, y, radius), "rgba(8, 10, 14, 0.7)", width + 1.6);
-  stroke(context, circle(x, y, radius), colour, width);
+  stroke(context, circle(x, y, radius), color, width);
 }
 
 const stamps = new Map(); // by what they show
@@ -55,8 +55,8 @@ const rim = (radius) =>
     stroke(context, edge, "rgba(8, 10, 14, 0.9)", Math.min(0.5 + 0.2 * radius, 1.3));
   });
 
-const disc = (colour, radius) =>
-  made(`${colour} ${rounded(radius)}`, radius + 2, (context) => {
-    context.fillStyle = colour;
+const disc = (color, radius) =>
+  made(`${color} ${rounded(radius)}`, radius + 2, (context) => {
+    context.fillStyle = color;
     context.fill(circle(0, 0, rounded(radius)));
   });

@@ -1,6 +1,6 @@
 // Colours, sizes and the style sheet.
 
-const COLOURS = {
+const COLORS = {
   surface: "#14171c",
   line: "#2a2f38",
   text: "#cfd6df",
@@ -13,8 +13,10 @@ const COLOURS = {
   edited: "#35d6ee",
   flagged: "#ffb02e",
   checked: "#55c26a",
+  good: "#51cf66",
+  wrong: "#ff8787", // in text: lighter than the marks, to be read on the panels' grey
 };
-const FIT_COLOURS = { queued: "#39414d", fitting: "#f0c44a", phase1: "#35618a", phase2: "#2f86c9", done: "#46b37b" };
+const FIT_COLORS = { queued: "#39414d", fitting: "#f0c44a", phase1: "#35618a", phase2: "#2f86c9", done: "#46b37b" };
 const FIT_NAMES = {
   queued: "waiting",
   fitting: "in work",
@@ -22,19 +24,19 @@ const FIT_NAMES = {
   phase2: "phase 2 done",
   done: "finished",
 };
-const KIND_COLOURS = {
-  info: COLOURS.accent,
-  loading: COLOURS.accent,
-  busy: COLOURS.flagged,
-  good: COLOURS.checked,
-  warning: COLOURS.flagged,
-  error: COLOURS.bad,
+const KIND_COLORS = {
+  info: COLORS.accent,
+  loading: COLORS.accent,
+  busy: COLORS.flagged,
+  good: COLORS.checked,
+  warning: COLORS.flagged,
+  error: COLORS.bad,
 };
 const FONT = 'Inter, system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
 
 const STYLE_SHEET = `
 .tcfit, .tcfit * { box-sizing: border-box; }
-.tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: ${COLOURS.text};
+.tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: ${COLORS.text};
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
@@ -60,18 +62,18 @@ const STYLE_SHEET = `
 @media (prefers-reduced-motion: reduce) { .tcfit-waiting { animation: none; width: 100%; opacity: 0.5; } }
 .tcfit-legend { position: absolute; right: 14px; bottom: 14px; width: 236px; padding: 8px 12px 7px; border-radius: 8px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12px; }
-.tcfit-legend .tcfit-colours { height: 10px; margin: 6px 0 3px; border-radius: 3px; }
-.tcfit-legend .tcfit-ends { display: flex; justify-content: space-between; color: ${COLOURS.dim};
+.tcfit-legend .tcfit-colors { height: 10px; margin: 6px 0 3px; border-radius: 3px; }
+.tcfit-legend .tcfit-ends { display: flex; justify-content: space-between; color: ${COLORS.dim};
   font-variant-numeric: tabular-nums; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
   background: rgba(12, 14, 18, 0.94); border: 1px solid rgba(255, 255, 255, 0.14); font-size: 12px; color: #e8edf3;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 10px rgba(0, 0, 0, 0.4); }
-.tcfit-strip { position: absolute; left: 0; right: 0; top: 100%; z-index: 2; background: ${COLOURS.surface};
+.tcfit-strip { position: absolute; left: 0; right: 0; top: 100%; z-index: 2; background: ${COLORS.surface};
   border-top: 1px solid #000; touch-action: none; user-select: none; -webkit-user-select: none;
-  font: 12px/1.4 ${FONT}; color: ${COLOURS.text}; }
+  font: 12px/1.4 ${FONT}; color: ${COLORS.text}; }
 .tcfit-strip > canvas { position: absolute; inset: 0; width: 100%; height: 100%; cursor: default; }
 .tcfit-strip > button { position: absolute; right: 4px; top: 1px; width: 24px; height: 18px; padding: 0; border: 0;
-  border-radius: 4px; background: transparent; color: ${COLOURS.dim}; cursor: pointer; font-size: 12px; }
+  border-radius: 4px; background: transparent; color: ${COLORS.dim}; cursor: pointer; font-size: 12px; }
 .tcfit-strip > button:hover { background: #2a2f38; color: #fff; }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
 [hidden].tcfit-tooltip, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }

@@ -45,16 +45,16 @@ function clipToPlot(context, draw) {
   context.restore();
 }
 
-function write(context, text, x, y, colour, align = "left", size = 10.5) {
+function write(context, text, x, y, color, align = "left", size = 10.5) {
   context.font = `${size}px ${FONT}`;
   context.textAlign = align;
   context.textBaseline = "middle";
-  context.fillStyle = colour;
+  context.fillStyle = color;
   context.fillText(text, x, y);
 }
 
-function fillBox(context, colour, x, y, width, height) {
-  context.fillStyle = colour;
+function fillBox(context, color, x, y, width, height) {
+  context.fillStyle = color;
   context.fillRect(x, y, width, height);
 }
 
@@ -67,10 +67,10 @@ function drawRuler(context) {
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
     const x = frameX(frame);
     if (x > strip.clientWidth - 90) break; // for the buttons
-    fillBox(context, COLOURS.line, Math.round(x), 0, 1, collapsed ? RULER : CURVES.bottom);
+    fillBox(context, COLORS.line, Math.round(x), 0, 1, collapsed ? RULER : CURVES.bottom);
     drawTick(context, frame, x + 4, pill);
   }
-  write(context, "frame", GUTTER - 8, RULER / 2, COLOURS.dim, "right");
+  write(context, "frame", GUTTER - 8, RULER / 2, COLORS.dim, "right");
 }
 
 /** Frame number and time, each unless the cursor's number lies on it. */
@@ -79,7 +79,7 @@ function drawTick(context, frame, x, pill) {
   const number = frameNumber(frame);
   context.font = `10.5px ${FONT}`;
   const after = x + context.measureText(number).width + 4;
-  if (free(x, after - 4)) write(context, number, x, RULER / 2, COLOURS.text);
+  if (free(x, after - 4)) write(context, number, x, RULER / 2, COLORS.text);
   context.font = `9.5px ${FONT}`;
   const clock = clockText(frame);
   const end = after + context.measureText(clock).width;
@@ -92,30 +92,30 @@ function drawRange(context) {
   clipToPlot(context, () => {
     const [left, right] = [edgeX(range.first), edgeX(range.last + 1)];
     fillBox(context, "rgba(40, 140, 220, 0.2)", left, 0, right - left, strip.clientHeight);
-    for (const x of [left, right - 1]) fillBox(context, COLOURS.accent, x, 0, 1.5, strip.clientHeight);
+    for (const x of [left, right - 1]) fillBox(context, COLORS.accent, x, 0, 1.5, strip.clientHeight);
   });
 }
 
 function drawMarks(context) {
   for (const { name, y } of MARK_ROWS) {
     fillBox(context, "#1b1f26", GUTTER, y, plotWidth(), ROW);
-    for (const [first, last] of states.marks?.[name] ?? []) drawSpan(context, first, last, y, COLOURS[name]);
+    for (const [first, last] of states.marks?.[name] ?? []) drawSpan(context, first, last, y, COLORS[name]);
   }
   fillBox(context, "#1b1f26", GUTTER, FIT_ROW, plotWidth(), ROW);
   for (const { first, last, state } of states.fit?.spans ?? [])
-    drawSpan(context, first, last, FIT_ROW, FIT_COLOURS[state]);
+    drawSpan(context, first, last, FIT_ROW, FIT_COLORS[state]);
 }
 
 /** At least two pixels wide: a single marked frame of ten thousand must be seen. */
-function drawSpan(context, first, last, y, colour) {
+function drawSpan(context, first, last, y, color) {
   const [left, right] = [edgeX(first), edgeX(last + 1)];
-  fillBox(context, colour, left, y, Math.max(right - left - (right - left > 6 ? 1 : 0), 2), ROW);
+  fillBox(context, color, left, y, Math.max(right - left - (right - left > 6 ? 1 : 0), 2), ROW);
 }
 
 function drawLabels(context) {
   for (const { name, y } of MARK_ROWS) {
     const some = (states.marks?.[name] ?? []).length > 0;
-    write(context, name, GUTTER - 8, y + ROW / 2 + 0.5, some ? COLOURS[name] : "#667080", "right", 9.5);
+    write(context, name, GUTTER - 8, y + ROW / 2 + 0.5, some ? COLORS[name] : "#667080", "right", 9.5);
   }
   write(context, "fit", GUTTER - 8, FIT_ROW + ROW / 2 + 0.5, "#667080", "right", 9.5);
 }
@@ -128,9 +128,9 @@ function drawCurves(context) {
     drawValueLabels(context, scale, y);
     clipToPlot(context, () => {
       context.lineJoin = "round";
-      for (const { values, colour } of curves) stroke(context, curvePath(values, y), colour, 1.4);
+      for (const { values, color } of curves) stroke(context, curvePath(values, y), color, 1.4);
     });
-  } else write(context, states.timeline.empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLOURS.dim, "left", 12);
+  } else write(context, states.timeline.empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLORS.dim, "left", 12);
   drawCurveLegend(context, curves);
 }
 
@@ -142,23 +142,23 @@ function drawValueLabels(context, scale, y) {
   for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
     if (y(value) < CURVES.top + 3) break;
     fillBox(context, "#222730", GUTTER, Math.round(y(value)), plotWidth(), 1);
-    write(context, valueText(value, step), GUTTER - 8, y(value), COLOURS.dim, "right", 10);
+    write(context, valueText(value, step), GUTTER - 8, y(value), COLORS.dim, "right", 10);
   }
 }
 
 function drawCurveLegend(context, curves) {
   const { title, unit } = states.timeline;
   context.font = `11px ${FONT}`;
-  const entries = curves.map(({ label, colour }) => ({ text: shortened(context, label, LEGEND_ENTRY), colour }));
+  const entries = curves.map(({ label, color }) => ({ text: shortened(context, label, LEGEND_ENTRY), color }));
   const heading = unit && title ? `${title} [${unit}]` : title || unit;
-  if (heading) entries.unshift({ text: heading, colour: null });
-  const widths = entries.map(({ text, colour }) => context.measureText(text).width + (colour ? 30 : 14));
+  if (heading) entries.unshift({ text: heading, color: null });
+  const widths = entries.map(({ text, color }) => context.measureText(text).width + (color ? 30 : 14));
   const whole = widths.reduce((sum, width) => sum + width, 0);
   let x = strip.clientWidth - MARGIN - whole;
   fillBox(context, "rgba(20, 23, 28, 0.82)", x - 6, CURVES.top, whole + 6, 16);
-  entries.forEach(({ text, colour }, i) => {
-    if (colour) fillBox(context, colour, x, CURVES.top + 6.5, 11, 3);
-    write(context, text, x + (colour ? 16 : 0), CURVES.top + 8.5, colour ? COLOURS.text : COLOURS.dim, "left", 11);
+  entries.forEach(({ text, color }, i) => {
+    if (color) fillBox(context, color, x, CURVES.top + 6.5, 11, 3);
+    write(context, text, x + (color ? 16 : 0), CURVES.top + 8.5, color ? COLORS.text : COLORS.dim, "left", 11);
     x += widths[i];
   });
 }
@@ -178,7 +178,7 @@ function cursorPill(context) {
 function drawCursor(context) {
   const pill = cursorPill(context);
   if (!pill) return;
-  fillBox(context, COLOURS.cursor, pill.x - 0.75, 0, 1.5, strip.clientHeight);
+  fillBox(context, COLORS.cursor, pill.x - 0.75, 0, 1.5, strip.clientHeight);
   context.beginPath();
   context.roundRect(pill.left, 1.5, pill.width, RULER - 3, 4);
   context.fill();
