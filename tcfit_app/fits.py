@@ -219,7 +219,9 @@ class Fits:
         """A run was submitted that goes on from a fit, or from nothing."""
         if start is not None:
             kept = tuple(p for p in start.phases if p.phase < 3)
-            self._publish(run.id, replace(start, phases=kept, config=run.config))
+            # Frames that are fitted again stand as they were until they come in, and all others for good.
+            partial = start.last.params if run.kind == "frames" else None
+            self._publish(run.id, replace(start, phases=kept, config=run.config), partial)
         self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
