@@ -26,7 +26,7 @@ _CONTEXT = 10
 """Frames around a corrected window."""
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
-TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
+TITLES = {1: "SMPLify-X", 2: "shared shape", 3: "temporal"}
 """What each phase is called where two of them stand side by side."""
 
 
@@ -175,7 +175,9 @@ class Fits:
         """A run was submitted that goes on from a fit, or from nothing."""
         if start is not None:
             kept = tuple(p for p in start.phases if p.phase < 3)
-            self._publish(run.id, replace(start, phases=kept, config=run.config))
+            # Frames that are fitted again stand as they were until they come in, and all others for good.
+            partial = start.last.params if run.kind == "frames" else None
+            self._publish(run.id, replace(start, phases=kept, config=run.config), partial)
         self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:

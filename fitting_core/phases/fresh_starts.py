@@ -29,6 +29,8 @@ _MISFIT = 0.04
 ones end at 0.01 to 0.03 at mean shape, in the mirror or with crossed fingers at 0.06 and more."""
 _BETTER = 0.8
 """Share of a part's misfit under which another one is better."""
+_LOST = 4
+"""Every so many drawn poses have any orientation: of 91 poses one, who lies, was turned by 178 degrees."""
 _ORIENT_SPREAD, _AXIS_ANGLE_SPREAD = 0.25, 0.4
 """Standard deviations in radians: of the root about each axis, and of joints where the prior is no latent space."""
 
@@ -110,8 +112,10 @@ class FreshStarts:
         vector[:, p.columns.translation] = state.vector[source, p.columns.translation]
         vector[:, p.columns.body] = drawn_poses(p.prior, self._normal(total, p.prior.size))
         vector[:, p.columns.hands] = self._normal(total, 2 * p.columns.hand)
-        turn = rotations.exp(_ORIENT_SPREAD * self._normal(total, 3))
-        starts = State(turn @ state.orient[source], vector)
+        orient = rotations.exp(_ORIENT_SPREAD * self._normal(total, 3)) @ state.orient[source]
+        lost = torch.arange(total, device=vector.device)[_LOST - 1 :: _LOST]
+        orient[lost] = rotations.orthonormalised(self._normal(len(lost), 3, 2))
+        starts = State(orient, vector)
         fists = torch.arange(0, total, 2, device=vector.device)
         return Starts(starts.put(fists, p.with_half_fists(starts[fists])), source)
 

@@ -109,7 +109,7 @@ def test_a_range_is_fitted_again_with_another_weight(review: Reviewing):
 def test_two_fits_side_by_side(review: Reviewing):
     review.press("2", lambda: len(shown_labels(review)) == 2)
     labels = shown_labels(review)
-    assert "per frame" in labels[0] and "temporal" in labels[1]
+    assert "SMPLify-X" in labels[0] and "temporal" in labels[1]
     a, b = (until(lambda i=i: body_in_page(review, i), "a body") for i in (0, 1))
     assert a != b
     review.press("b", lambda: "temporal" in shown_labels(review)[0])

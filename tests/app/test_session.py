@@ -108,6 +108,7 @@ def test_a_rerun_is_a_run_of_its_own_with_its_parent(session: Session):
     config = replace(QUICK, temporal=replace(QUICK.temporal, weight=3000.0))
     run = session.rerun_frames(before, config, (range(2, 5),))
     assert (run.kind, run.parent, run.frames) == ("frames", before.run.id, range(2, 5))
+    assert newest(session).phase == 3, "until its frames come in, the run shows those it starts from"
     idle(session)
     after = newest(session)
     assert after.run.id == run.id and after.run.config.temporal.weight == 3000.0

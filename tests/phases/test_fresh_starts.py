@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from fitting_core import rotations
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config import FitConfig, SolverSettings, Weights
 from fitting_core.phases.fresh_starts import DRAWN_LIMBS, PARTS, TURNED_WRISTS, FreshStarts, drawn_poses
@@ -50,6 +51,8 @@ def test_starts_are_drawn_where_the_states_are(fresh: FreshStarts):
     assert len(drawn.state.vector[:, c.body].unique(dim=0)) == 8
     half = fresh.parametrisation.with_half_fists(states[:1]).vector[0, c.hands]
     assert [torch.equal(row, half) for row in drawn.state.vector[:, c.hands]] == 4 * [True, False]
+    turns = rotations.log(drawn.state.orient @ states.orient[drawn.source].mT).norm(dim=1)
+    assert [float(t) > 1.0 for t in turns] == 2 * [False, False, False, True]  # radians; every fourth is any rotation
     identity = drawn.state.orient @ drawn.state.orient.mT
     torch.testing.assert_close(identity, torch.eye(3, dtype=torch.float64).expand(8, 3, 3))
 
