@@ -13,12 +13,14 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.overlay import Panel, write_overlay
+from fitting_core.overlay import PANEL_COLORS, Panel, write_overlay
 from fitting_core.result import FitResult
 from fitting_core.video import FrameSource
 
 _CHUNK = 16
 """Frames of which whole meshes are computed together."""
+_SIDE_BY_SIDE = PANEL_COLORS[1], PANEL_COLORS[0]
+"""A is blue and B orange, as on the screen."""
 _PLAIN = 235
 """Grey behind the bodies where there is no video."""
 
@@ -58,24 +60,25 @@ def write_side_by_side(
     *,
     progress: Callable[[int], None],
 ) -> None:
-    """Write an overlay video of any fits of one clip.
+    """Write an overlay video of A and B, or of one fit.
 
     Args:
         path: The mp4 file.
         clip: With its keypoints, which are drawn, too.
-        fits: Label, all frames, body and camera of each.
+        fits: Label, all frames, body and camera of each, two at most.
         progress: Called with the number of frames done; what it raises ends the video, of which nothing is kept.
 
     Raises:
         InputError: As `write_comparison`, or the bodies have other meshes than each other.
     """
+    assert len(fits) <= len(_SIDE_BY_SIDE)
     bodies = [body for _, _, body, _ in fits]
     if any(not np.array_equal(body.faces, bodies[0].faces) for body in bodies):
         kinds = " and ".join(body.kind for body in bodies)
         raise InputError(f"The fits have bodies of different meshes ({kinds}): choose runs of one body model.")
     panels = [
-        Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(Mesh(body), params)))
-        for label, params, body, camera in fits
+        Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(Mesh(body), params)), color=color)
+        for (label, params, body, camera), color in zip(fits, _SIDE_BY_SIDE, strict=False)
     ]
     with _frames(clip) as frames:
         write_overlay(

@@ -23,7 +23,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory, browser: "Browser") -> Iter
         yield found
 
 
-def test_buttons_work_and_show_their_state(opened: Opened):
+def test_buttons_work_and_show_their_state(opened: Reviewing):
     button = opened.tab.locator("[data-value=space]")
     button.click()
     until(lambda: button.get_attribute("aria-pressed") == "true")
@@ -32,7 +32,7 @@ def test_buttons_work_and_show_their_state(opened: Opened):
     until(lambda: opened.page.state.mode == "edit")
 
 
-def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Opened):
+def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
     button = opened.tab.locator("[data-tcfit='view.group'][data-value=face]")
     button.hover()
     opened.tab.mouse.down()
@@ -42,7 +42,7 @@ def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Opened):
     until(lambda: "face" not in opened.page.state.groups)
 
 
-def test_a_press_that_ends_elsewhere_does_nothing(opened: Opened):
+def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
     groups = opened.page.state.groups
     opened.tab.locator("[data-tcfit='view.group'][data-value=body]").hover()
     opened.tab.mouse.down()
@@ -52,14 +52,14 @@ def test_a_press_that_ends_elsewhere_does_nothing(opened: Opened):
     assert opened.page.state.groups == groups
 
 
-def test_buttons_by_keyboard(opened: Opened):
+def test_buttons_by_keyboard(opened: Reviewing):
     opened.tab.locator("[data-tcfit='view.color'][data-value=confidence]").focus()
     opened.tab.keyboard.press("Enter")
     until(lambda: opened.page.state.color_by == "confidence")
     opened.tab.keyboard.press("Escape")
 
 
-def test_names_of_runs_are_text(opened: Opened):
+def test_names_of_runs_are_text(opened: Reviewing):
     opened.page.do(lambda: opened.page.set(selection=(4,)))
     for name in ("Keypoints", "Review", "View"):
         opened.tab.get_by_text(name, exact=True).first.click()
@@ -68,7 +68,7 @@ def test_names_of_runs_are_text(opened: Opened):
     assert opened.tab.locator("img[src=x]").count() == 0
 
 
-def test_a_row_leads_to_its_frame(opened: Opened):
+def test_a_row_leads_to_its_frame(opened: Reviewing):
     opened.page.do(lambda: opened.page.set(frame=3, selection=(4,)))
     opened.page.do(opened.page.correcting.toggle_bad)
     until(lambda: opened.page.session.project.last_edit == 1)
@@ -80,7 +80,7 @@ def test_a_row_leads_to_its_frame(opened: Opened):
     until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
 
 
-def test_the_window_of_keys_opens_and_closes(opened: Opened):
+def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
     window = opened.tab.locator("[role=dialog]", has_text="Nudge by 1 px")
     ways = (
         lambda: opened.tab.keyboard.press("Escape"),
