@@ -26,26 +26,32 @@ class Columns:
 
     @property
     def orient(self) -> slice:
+        """The root's turn."""
         return slice(0, 3)
 
     @property
     def body(self) -> slice:
+        """The pose prior's numbers."""
         return slice(3, 3 + self.pose)
 
     @property
     def hands(self) -> slice:
+        """Left hand, then right."""
         return slice(self.body.stop, self.body.stop + 2 * self.hand)
 
     @property
     def jaw(self) -> slice:
+        """Axis-angle."""
         return slice(self.hands.stop, self.hands.stop + 3)
 
     @property
     def expression(self) -> slice:
+        """Its coefficients."""
         return slice(self.jaw.stop, self.jaw.stop + N_EXPRESSION)
 
     @property
     def translation(self) -> slice:
+        """From the body's origin into camera space, metres."""
         return slice(self.expression.stop, self.expression.stop + 3)
 
     @property
@@ -55,10 +61,12 @@ class Columns:
 
     @property
     def betas(self) -> slice:
+        """The shape."""
         return slice(self.frame, self.frame + N_BETAS)
 
     @property
     def total(self) -> int:
+        """Length of the whole vector."""
         return self.betas.stop
 
 
@@ -122,6 +130,7 @@ class State:
 
     @staticmethod
     def cat(states: list["State"]) -> "State":
+        """The frames of all of them, in order."""
         return State(torch.cat([s.orient for s in states]), torch.cat([s.vector for s in states]))
 
 

@@ -75,6 +75,7 @@ class Starts:
 
     @staticmethod
     def cat(parts: list["Starts"]) -> "Starts":
+        """All of them, in order."""
         return Starts(State.cat([p.state for p in parts]), torch.cat([p.source for p in parts]))
 
 
