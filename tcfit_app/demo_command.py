@@ -14,9 +14,9 @@ from fitting_core.evaluation.demo_clip import DemoClip, Truth, cached_demo, read
 from fitting_core.evaluation.metrics import jitter, mpjpe, pa_mpjpe
 from fitting_core.io.clip_reader import read_clip
 from tcfit_app.fit_command import Outcome, check_out, prepare_torch, run_fit
-from tcfit_app.new_command import is_project
 from tcfit_app.options import CameraOptions, DemoOptions, FitOptions, fit_config
 from tcfit_app.project import Project, check_free
+from tcfit_app.storage.database import is_project
 
 _PROJECT, _RESULT = Path("tcfit-demo.tcfit"), Path("tcfit-demo")
 _BODY = slice(0, JOINT["right_wrist"] + 1)

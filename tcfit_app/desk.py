@@ -1,5 +1,6 @@
 """What all browsers draw from: frames of the video, meshes and figures, made once for all of them."""
 
+import logging
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 
@@ -10,7 +11,7 @@ from fitting_core.errors import InputError
 from tcfit_app.background import Background, Value
 from tcfit_app.between_runs import between_runs
 from tcfit_app.curves import Curve, curve
-from tcfit_app.fits import Shown
+from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.meshes import Meshes
 from tcfit_app.posed_fit import PosedFit
 from tcfit_app.run_metrics import MeasuredRun, Metric, run_metrics
@@ -20,6 +21,7 @@ from tcfit_app.video_frames import VideoFrames
 
 _GROUND_PERCENTILE = 95.0
 """Of the lowest joint's height over the frames: a foot that the fit pushes through the floor now and then is none."""
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,16 @@ class Desk:
         return VideoFrames(
             clip.source, first_frame=clip.first_frame, count=len(clip), size=clip.camera.size, arrived=self._wake
         )
+
+    def warm_up(self) -> None:
+        """Read what the first picture of a fitted project needs (a second), before anybody asks for it."""
+        self.video.get(0)
+        try:
+            shown = self.session.fits.show(FitChoice())
+            if shown is not None:
+                self.body(shown, 0)
+        except InputError as error:  # who looks at it is told then
+            _log.info("Nothing to show yet: %s", error)
 
     def reopen_video(self) -> None:
         """The project's media lie elsewhere now."""

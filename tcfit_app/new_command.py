@@ -7,7 +7,7 @@ from fitting_core.clip import Clip
 from tcfit_app.clip_input import clip_of, described, notes_of
 from tcfit_app.options import NewOptions, ReviewOptions
 from tcfit_app.project import Project
-from tcfit_app.storage import database
+from tcfit_app.storage.database import is_project
 from tcfit_app.storage.names import name_of_file
 
 SUFFIX = ".tcfit"
@@ -40,8 +40,3 @@ def folder_of(clip: Clip) -> Path:
     """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
     # A name becomes a folder here only: not one part of it may lead elsewhere.
     return Path(name_of_file(clip.name).replace("/", "_").replace("\\", "_") + SUFFIX)
-
-
-def is_project(path: Path) -> bool:
-    """Whether a path is a project's folder."""
-    return (path / database.NAME).is_file()

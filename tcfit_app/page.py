@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, Literal
 
 import viser
@@ -18,6 +19,7 @@ from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.key_list import keys_html
 from tcfit_app.notices import Notice
 from tcfit_app.panels import PANELS
+from tcfit_app.panels.panel import Panel
 from tcfit_app.picture import Picture
 from tcfit_app.playback import Playback
 from tcfit_app.reviewing import Reviewing
@@ -27,7 +29,7 @@ from tcfit_app.submitting import Submitting
 from tcfit_app.view import page_events
 from tcfit_app.view.channel import Channel
 from tcfit_app.view.page_events import PageEvent
-from tcfit_app.view.page_states import Keys, Selection, Skeleton
+from tcfit_app.view.page_states import Cursor, Keys, Selection, Skeleton
 from tcfit_app.view_state import Mode, ViewState
 
 Do = Callable[[Callable[[], None]], None]
@@ -59,6 +61,8 @@ class Page:
         self.correcting, self.reviewing, self.submitting = Correcting(self), Reviewing(self), Submitting(self)
         self.playback = Playback(self.session.project.clip.frame_rate)
         self._do, self._remembered = do, remembered
+        self._followed: int | None = None
+        """The live correction that was sent last."""
         self._tab: str | None = None
         self._keys: Any = None
         """The window of keys, while it is open: viser's handle."""
@@ -70,8 +74,12 @@ class Page:
         self.channel.send("skeleton", Skeleton())
         self.channel.send("keys", Keys(bindings=bindings()))
         self.picture, self.strip, self.status = Picture(self), Strip(self), Status(self)
+
+    @cached_property
+    def panels(self) -> list[Panel]:
+        """Beside the picture, and made after it: they take half a second in the browser."""
         self._add_commands()
-        self.panels = [panel(self) for panel in self._tabs()]
+        return [panel(self) for panel in self._tabs()]
 
     def _tabs(self) -> list[Callable[["Page"], Any]]:
         tabs = self.client.gui.add_tab_group()
@@ -284,9 +292,16 @@ class Page:
             return
         if self.state.playing and not self._advance(now):
             return
+        live = self.session.live and self.session.live.revision
+        following = live is not None and live != self._followed
+        if following and self.playback.waits(now):
+            return  # bodies that pile up in a busy browser would come later and later
         drawn = self.picture.draw()
-        if drawn and self.state.playing:
+        if drawn and (self.state.playing or following):
             self.playback.sent(now, self.state.frame)
+        if drawn and following:
+            self._followed = live
+            self.channel.send("cursor", Cursor(frame=self.state.frame, playing=self.state.playing))
         if self.changes.of("selection", self.state.selection):
             self.channel.send("selection", Selection(joints=self.state.selection))
         self.strip.draw()

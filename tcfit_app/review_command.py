@@ -1,20 +1,22 @@
-"""`tcfit review`: open a project, or make one of a clip, and show it in the browser."""
+"""`tcfit review`: open a project, or make one of a clip, and show it in the browser.
+
+torch and what needs it are imported late: they take two seconds, in which the browser loads its page.
+"""
 
 import logging
+from contextlib import AbstractContextManager
 from pathlib import Path
-
-import torch
+from typing import TYPE_CHECKING
 
 from fitting_core.config import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
-from tcfit_app.app import ReviewApp
-from tcfit_app.bodies import Bodies
-from tcfit_app.new_command import is_project, make_project
 from tcfit_app.options import ReviewOptions, ServerOptions
-from tcfit_app.project import Project
-from tcfit_app.server import review_server, tell
-from tcfit_app.session import Session
+from tcfit_app.server import ReviewServer, review_server, tell
+from tcfit_app.storage.database import is_project
 from tcfit_app.storage.lock import ProjectLocked
+
+if TYPE_CHECKING:
+    from tcfit_app.project import Project
 
 
 def run_review(options: ReviewOptions) -> None:
@@ -23,12 +25,17 @@ def run_review(options: ReviewOptions) -> None:
     Raises:
         InputError: There is no such project, it cannot be made, or nothing can listen at the address.
     """
+    fit = PRESETS[DEFAULT_PRESET] if options.fit else None
+    if options.video is not None and is_project(options.video):
+        with _served(options.video.stem, options.server) as server, opened(options) as project:
+            _review(project, server, models=options.models, fit=fit)
+        return
     with opened(options) as project:
-        review(project, options.server, models=options.models, fit=PRESETS[DEFAULT_PRESET] if options.fit else None)
+        review(project, options.server, models=options.models, fit=fit)
 
 
 def review(
-    project: Project, options: ServerOptions, *, models: Path | None = None, fit: FitConfig | None = None
+    project: "Project", options: ServerOptions, *, models: Path | None = None, fit: FitConfig | None = None
 ) -> None:
     """Serve the review of an open project until Ctrl-C.
 
@@ -38,21 +45,33 @@ def review(
         models: folder with body models that alone is searched.
         fit: what to start with if the project has no fit; None: nothing.
     """
+    with _served(project.clip.name, options) as server:
+        _review(project, server, models=models, fit=fit)
+
+
+def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
+    return review_server(f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser)
+
+
+def _review(project: "Project", server: ReviewServer, *, models: Path | None, fit: FitConfig | None) -> None:
+    import torch
+
+    from tcfit_app.app import ReviewApp
+    from tcfit_app.bodies import Bodies
+    from tcfit_app.session import Session
+
     torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
     _log_warnings()
     session = Session(project, Bodies(models))
-    title = f"tcfit: {project.clip.name}"
-    server = review_server(title, host=options.host, port=options.port, open_browser=options.browser)
-    with server as running:
-        app = ReviewApp(session, running.viser)
-        try:
-            if fit is not None and not session.fits.runs and not project.read_only:
-                session.fit_everything(fit, kind="smplx", gender="neutral")
-            app.run()
-        except KeyboardInterrupt:
-            tell("Ending the review ...")
-        finally:
-            app.close()
+    app = ReviewApp(session, server.viser)
+    try:
+        if fit is not None and not session.fits.runs and not project.read_only:
+            session.fit_everything(fit, kind="smplx", gender="neutral")
+        app.run()
+    except KeyboardInterrupt:
+        tell("Ending the review ...")
+    finally:
+        app.close()
     tell(f"The review has ended. Everything is saved in {project.folder}")
 
 
@@ -63,19 +82,23 @@ def _log_warnings() -> None:
     logging.basicConfig(format="tcfit: %(message)s", handlers=[handler])
 
 
-def opened(options: ReviewOptions) -> Project:
+def opened(options: ReviewOptions) -> "Project":
     """The project that the options name: opened, made of a clip, or read-only if somebody else has it."""
     if options.video is not None and is_project(options.video):
         folder = options.video
         if options.keypoints is not None:
             raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
     else:
+        from tcfit_app.new_command import make_project
+
         folder = make_project(options, reopen=True)
     return open_project(folder, read_only=options.read_only)
 
 
-def open_project(folder: Path, *, read_only: bool = False) -> Project:
+def open_project(folder: Path, *, read_only: bool = False) -> "Project":
     """Open a project, read-only if somebody else has it, and say so. Raises InputError as `Project.open`."""
+    from tcfit_app.project import Project
+
     try:
         return Project.open(folder, read_only=read_only)
     except ProjectLocked as error:

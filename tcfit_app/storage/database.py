@@ -53,6 +53,12 @@ def _kinds_of_runs(connection: sqlite3.Connection) -> None:
 MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_tables, _review_marks, _kinds_of_runs)
 """MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
 
+
+def is_project(path: Path) -> bool:
+    """Whether a path is a project's folder."""
+    return (path / NAME).is_file()
+
+
 _DAMAGED = "is damaged ({}). Take it from a backup; the fits in runs and detections.npz can be read without it"
 _UNWRITABLE = "cannot be written ({}). Free space or allow writing there; what was stored before is still there"
 _REASONS = {
