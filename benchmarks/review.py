@@ -49,6 +49,17 @@ for (const name of ["bufferData", "bufferSubData"]) {
 }
 """
 """Note when pictures and vertices go to the graphics card."""
+NEXT_MOVE = """() => {
+  window.__mesh.length = 0;
+  const note = () => { window.__at = performance.now(); };
+  window.addEventListener("pointermove", note, { once: true, capture: true });
+}"""
+"""Note when the next move of the pointer arrives in the page."""
+AT_REST = """async (still) => {
+  while (performance.now() - Math.max(...window.__mesh, window.__at) < still)
+    await new Promise((go) => setTimeout(go, 20));
+}"""
+"""Until no body has come for some milliseconds."""
 LATER = """async ([list, since]) => {
   const end = performance.now() + 5000;
   while (performance.now() < end) {
@@ -112,12 +123,12 @@ def drags(page: "Page", place: tuple[float, float], count: int) -> list[float]:
     page.mouse.down()
     times = []
     for i in range(count + 1):
-        page.evaluate("() => { window.__mesh.length = 0; window.__at = performance.now(); }")
+        page.evaluate(NEXT_MOVE)
         page.mouse.move(x - 6 - 2 * i, y - 6 - i)
         found = page.evaluate(LATER, ["__mesh", page.evaluate("() => window.__at")])
         if found is not None and i > 0:  # the first one prepares the correction
             times.append(found)
-        page.wait_for_timeout(SETTLED_MS)
+        page.evaluate(AT_REST, SETTLED_MS)
     page.mouse.up()
     return times
 

@@ -39,21 +39,27 @@ function emit(event) {
   viewer().sendMessage({ type: "GuiUpdateMessage", uuid: field, updates: { value } });
 }
 
-/** Sends it in the next animation frame, unless a newer one of its kind comes first. */
+/** Sends it at once if none of its kind was sent just now, else in the next animation frame unless a newer one comes
+ * first. Not always with the frame: while the graphics card is busy that is a tenth of a second away. */
 function emitSoon(event) {
+  if (performance.now() - (sentAt.get(event.type) ?? -Infinity) >= SPACING) return emitLast(event);
   waiting.set(event.type, event);
   invalidate();
 }
 
+const SPACING = 16; // milliseconds between events of a kind
+const sentAt = new Map();
+
 function sendWaiting(kind) {
   const event = waiting.get(kind);
   waiting.delete(kind);
-  if (event) emit(event);
+  if (event) emitLast(event);
 }
 
 /** Sends it now; a waiting one of its kind is superseded. */
 function emitLast(event) {
   waiting.delete(event.type);
+  sentAt.set(event.type, performance.now());
   emit(event);
 }
 
