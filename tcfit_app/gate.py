@@ -73,6 +73,8 @@ class Gate:
         # A query is not for viser's page either: with "?websocket=" it would take orders from a foreign server.
         if path.startswith("/?") and not websocket:
             return _page(HTTPStatus.SEE_OTHER, "", {"Location": "/"})
+        if path == "/favicon.ico" and not websocket:  # browsers ask by themselves, and complain of a 404
+            return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
         return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the review.</a>")
 
     def _knows(self, headers: Headers) -> bool:

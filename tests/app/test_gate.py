@@ -289,6 +289,12 @@ def test_there_is_one_path(server: ReviewServer, cookie: str, path: str):
         assert refusal(server, path, Cookie=cookie) == 404
 
 
+def test_the_icon_that_browsers_ask_for_is_nothing(server: ReviewServer, cookie: str):
+    request = "GET /favicon.ico HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    assert raw(server, f"{request}Cookie: {cookie}\r\n\r\n".encode()).startswith(b"HTTP/1.1 204 ")
+    assert raw(server, f"{request}\r\n".encode()).startswith(b"HTTP/1.1 403 ")
+
+
 def test_no_query_reaches_the_page(server: ReviewServer, cookie: str):
     """viser's page would connect to the server that ?websocket= names, and run the scripts that it sends."""
     answer = get(server, "/?websocket=ws://evil.example", Cookie=cookie)
