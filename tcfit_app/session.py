@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Literal
 
 import numpy as np
@@ -62,6 +63,7 @@ class LiveWindow:
     params: BodyParams
     """Of these frames."""
     revision: int
+    """Another number for every window, also of later drags: meshes are kept by it."""
 
 
 @dataclass(kw_only=True)
@@ -99,6 +101,7 @@ class Session:
         """Another number whenever anything about jobs is another."""
         self.tell: Callable[[Notice], None] = lambda notice: None
         self._drags: dict[int, tuple[Drag, int]] = {}
+        self._revisions = count(1)
         self._following: _Following | None = None
 
     def close(self) -> None:
@@ -308,9 +311,8 @@ class Session:
         self._follow()
 
     def _show_live(self, moved: DragMoved) -> None:
-        revision = self.live.revision + 1 if self.live else 1
         run = self._drags[moved.drag][1]
-        self.live = LiveWindow(run=run, frames=moved.frames, params=moved.params, revision=revision)
+        self.live = LiveWindow(run=run, frames=moved.frames, params=moved.params, revision=next(self._revisions))
 
     def _take(self, report: Report) -> None:
         self.changes += 1

@@ -158,6 +158,22 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(session: S
         )
 
 
+def test_windows_of_a_later_drag_are_no_earlier_ones(session: Session):
+    """Meshes are kept by their revision: one that came again would show the body of the drag before."""
+    seen: list[int] = []
+    for frame in (1, 6):
+        shown = newest(session)
+        edit, xy = moved(session, 25.0, frame)
+        follower = session.begin_drag(shown, frame, (WRIST,), xy)
+        until(session, lambda: session.live)
+        assert session.live is not None
+        seen.append(session.live.revision)
+        session.release(follower, edit, author="me", shown=shown)
+        idle(session)
+        assert session.live is None
+    assert seen[1] > seen[0]
+
+
 def test_a_second_drag_keeps_what_the_first_one_did(session: Session):
     """Both start from the same result, before the first has been kept."""
     before = newest(session)
