@@ -196,6 +196,9 @@ def _read_legacy(stream: IO[bytes]) -> Checkpoint:
         (count,) = struct.unpack("<q", stream.read(8))
         places[key] = stream.tell()
         stream.seek(places[key] + max(count, 0) * unpickler.storages[key].dtype.itemsize)
+    # Storages lie in the order of their addresses, another in each file: the cut-off one may be one nobody asks for.
+    if stream.tell() > stream.seek(0, io.SEEK_END):
+        raise InputError("its end is missing: copy or download it again")
 
     def read(storage: Storage) -> bytes:
         stream.seek(places[storage.key])
