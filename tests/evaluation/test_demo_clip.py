@@ -14,10 +14,11 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.registry import FREE_FOLDER, find_body
 from fitting_core.errors import InputError
 from fitting_core.evaluation import demo_clip
-from fitting_core.evaluation.demo_clip import DemoClip, Truth, cached_demo, make_demo, read_truth
+from fitting_core.evaluation.demo_clip import DemoClip, cached_demo, make_demo
 from fitting_core.evaluation.demo_script import BETAS, FAILURES, SECONDS
 from fitting_core.evaluation.performance import perform, standing_root
 from fitting_core.evaluation.studio import CAMERA
+from fitting_core.evaluation.truth import Truth, read_truth
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.keypoints import INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.render import scaled_camera
