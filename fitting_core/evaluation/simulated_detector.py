@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
 from fitting_core.camera import Camera
-from fitting_core.evaluation.demo_script import Failure
 from fitting_core.evaluation.motion import wander
+from fitting_core.evaluation.script import Failure
 from fitting_core.keypoints import BODY_25, COUNT, GROUPS, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 
 MISSING = 0.05
