@@ -59,7 +59,7 @@ STANDING = (FootKey(0.0, (0.172, 0.16)),)
 
 @dataclass(frozen=True, kw_only=True)
 class Script:
-    """A performance. Turns are pitch (forward), yaw (to the person's left) and roll (to the person's right), degrees."""
+    """A performance. Turns: pitch (forward), yaw (to the person's left) and roll (to the person's right), degrees."""
 
     seconds: float
     arms: Mapping[str, Sequence[ArmKey]]
