@@ -17,7 +17,8 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
-from fitting_core.evaluation.demo_clip import cached_demo, read_truth
+from fitting_core.evaluation.demo_clip import cached_demo
+from fitting_core.evaluation.truth import read_truth
 from fitting_core.video import FrameSource
 from tcfit_app.view.layers import BodyLayer, FrameImage
 from tcfit_app.view.poster import Poster, Posters

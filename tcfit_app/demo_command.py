@@ -10,8 +10,9 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.positions import joints_in_space
 from fitting_core.errors import InputError
-from fitting_core.evaluation.demo_clip import DemoClip, Truth, cached_demo, read_truth
+from fitting_core.evaluation.demo_clip import DemoClip, cached_demo
 from fitting_core.evaluation.metrics import jitter, mpjpe, pa_mpjpe
+from fitting_core.evaluation.truth import Truth, read_truth
 from fitting_core.io.clip_reader import read_clip
 from tcfit_app.fit_command import Outcome, check_out, prepare_torch, run_fit
 from tcfit_app.options import CameraOptions, DemoOptions, FitOptions, fit_config

@@ -6,10 +6,9 @@ It is generated on the user's computer, so nothing large is shipped, and the sam
 import hashlib
 import os
 import shutil
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,19 +30,18 @@ from fitting_core.evaluation import demo_script
 from fitting_core.evaluation.clothing import Outfit
 from fitting_core.evaluation.performance import in_camera, perform, standing_root
 from fitting_core.evaluation.simulated_detector import detect, visible
-from fitting_core.evaluation.studio import CAMERA, STOOL_MIDDLE, Studio, camera_pose, vertex_normals
+from fitting_core.evaluation.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio, vertex_normals
+from fitting_core.evaluation.truth import Truth, write_truth
 from fitting_core.io.openpose import write_openpose
 
 NAME = "demo"
 FRAME_RATE = 25.0
 _VIDEO, _KEYPOINTS, _TRUTH = "video.mp4", "keypoints", "truth.npz"
-_PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
-_CAMERA = ("focal", "center", "size")
 _ENCODERS = ("ffmpeg", "avc1", "mp4v")
 """Without VP9, which would take longer than all the rest."""
 _MODULES = (
-    "clothing", "demo_clip", "demo_script", "gestures", "handshapes", "limbs", "motion", "performance", "rasterize",
-    "simulated_detector", "studio",
+    "clothing", "demo_clip", "demo_script", "floor_contact", "gestures", "handshapes", "limbs", "motion", "performance",
+    "rasterize", "script", "simulated_detector", "studio", "truth", "view",
 )  # fmt: skip
 """Those that shape the clip."""
 _SEAT_RADIUS = 0.17
@@ -60,27 +58,8 @@ class DemoClip:
     keypoints: Path
     """Folder of OpenPose JSON, one file per frame."""
     truth: Path
-    """Read it with `read_truth`."""
+    """Read it with `fitting_core.evaluation.truth.read_truth`."""
     camera: Camera
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Truth:
-    """What really happens in a clip of T frames."""
-
-    params: BodyParams
-    """In camera space."""
-    joints: Float[np.ndarray, "T 55 3"]
-    """Camera space, metres."""
-    keypoints: Float[np.ndarray, "T 137 2"]
-    """Pixels, without noise; meaningless where the body has no such point (`exists`)."""
-    visible: Bool[np.ndarray, "T 137"]
-    """Whether nothing hides the keypoint."""
-    exists: Bool[np.ndarray, "137"]
-    camera: Camera
-    frame_rate: float
-    body_hash: str
-    """Of the body model's file."""
 
 
 def cached_demo(*, progress: bool = True) -> DemoClip:
@@ -128,7 +107,7 @@ def make_demo(
             rng=np.random.default_rng([seed, 1]),
         )
         write_openpose(draft / _KEYPOINTS, keypoints, name=NAME)
-        _write_truth(draft / _TRUTH, truth)
+        write_truth(draft / _TRUTH, truth)
     return _clip_in(folder, camera)
 
 
@@ -168,9 +147,9 @@ def _appearing(folder: Path) -> Iterator[Path]:
 def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) -> tuple[Truth, BodyParams]:
     """The truth, as yet without what is visible, and the parameters in the world."""
     times = np.arange(round(demo_script.SECONDS * frame_rate)) / frame_rate
-    world = perform(body, times, np.random.default_rng([seed, 0]))
+    world = perform(body, demo_script.SCRIPT, times, np.random.default_rng([seed, 0]), betas=demo_script.BETAS)
     rest, _ = standing_root(body, demo_script.BETAS)
-    params = in_camera(world, rest[0], *camera_pose())
+    params = in_camera(world, rest[0], *VIEW.pose())
     points, exists = keypoints_in_space(body, params)
     pixels = np.zeros((*points.shape[:2], 2))
     pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
@@ -207,34 +186,3 @@ def _seat_height(seated: Float[np.ndarray, "V 3"]) -> float:
     """Height of the stool's seat: where the seated person ends below, and a little of it taken up by soft flesh."""
     over = np.hypot(seated[:, 0] - STOOL_MIDDLE[0], seated[:, 2] - STOOL_MIDDLE[1]) < _SEAT_RADIUS
     return float(seated[over, 1].min()) + _SINK
-
-
-def _write_truth(path: Path, truth: Truth) -> None:
-    """Arrays under the names of Truth's fields; those of params by their own names, those of camera with a prefix."""
-    params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
-    camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
-    rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
-    np.savez_compressed(path, allow_pickle=False, **params, **camera, **rest)
-
-
-def read_truth(path: Path) -> Truth:
-    """Read what `make_demo` wrote.
-
-    Raises:
-        InputError: It is no such file.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            values = {name: file[name] for name in file.files}
-        (fx, fy), (cx, cy), (width, height) = (values[f"camera_{name}"].tolist() for name in _CAMERA)
-        return Truth(
-            params=BodyParams(**{f.name: torch.as_tensor(values[f.name]) for f in fields(BodyParams)}),
-            camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=CAMERA.source),
-            frame_rate=float(values["frame_rate"]),
-            body_hash=str(values["body_hash"]),
-            **{name: values[name] for name in ("joints", "keypoints", "visible", "exists")},
-        )
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"{path} holds no truth of a demo clip ({error}): delete its folder and make it anew."
-        ) from error

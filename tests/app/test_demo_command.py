@@ -10,7 +10,8 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.positions import joints_in_space
-from fitting_core.evaluation.demo_clip import DemoClip, Truth
+from fitting_core.evaluation.demo_clip import DemoClip
+from fitting_core.evaluation.truth import Truth
 from tcfit_app import demo_command
 from tcfit_app.cli import main
 from tcfit_app.demo_command import joint_errors
