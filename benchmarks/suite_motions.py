@@ -10,15 +10,14 @@ import numpy as np
 import torch
 import tyro
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.evaluation.studio import vertex_normals
 from fitting_core.evaluation.suite import SEQUENCES, SuiteSequence, subject_body, world_params
 from fitting_core.joint_angles import AngleTable
-from fitting_core.priors.train.contact import DEPTH, Contact
-from fitting_core.priors.train.dataset import matrices
-from fitting_core.priors.train.skeleton import Skeleton
 
 _BODY_JOINTS = 22
 _TOUCHING = 0.004
@@ -96,10 +95,48 @@ def _slip(motion: Motion, part: np.ndarray) -> float:
 
 
 def overlap(motion: Motion) -> Figures:
-    """How deep parts are in each other, by spheres along the bones, beyond what flesh gives way."""
-    contact = Contact(Skeleton(motion.body))
-    depths = contact.depths(matrices(motion.pose)).double().numpy()
-    return {"overlap cm": float(100 * depths.max()), "frames overlapping %": float(100 * (depths > 0).any(1).mean())}
+    """How deep a limb is in another or in the trunk: vertices behind the surface of the other's nearest vertex."""
+    parts = _parts(motion)
+    deepest = np.zeros(len(motion.vertices))
+    for i in range(0, len(motion.vertices), _EVERY):
+        points, normals = motion.vertices[i], vertex_normals(motion.vertices[i], motion.body.faces)
+        trees = {name: cKDTree(points[part]) for name, part in parts.items()}
+        for first, second in _PAIRS:
+            distance, nearest = trees[second].query(points[parts[first]], distance_upper_bound=_DEEPEST)
+            near = np.flatnonzero(np.isfinite(distance))
+            other = parts[second][nearest[near]]
+            behind = ((points[parts[first][near]] - points[other]) * normals[other]).sum(1)
+            deepest[i] = max(deepest[i], -behind.min(initial=0.0))
+    return {"overlap cm": float(100 * deepest.max()), "at": float(deepest.argmax())}
+
+
+_EVERY = 2
+"""Overlaps are looked for in every second frame."""
+_DEEPEST = 0.08
+"""Metres from a surface beyond which a point is not taken to be inside."""
+_LEGS, _ARMS = ("left_leg", "right_leg"), ("left_arm", "right_arm")
+_PAIRS = (
+    _LEGS,
+    _ARMS,
+    *((arm, leg) for arm in _ARMS for leg in _LEGS),
+    *((arm, "trunk") for arm in _ARMS),
+)
+
+
+def _parts(motion: Motion) -> dict[str, np.ndarray]:
+    """Vertices of the limbs without what touches the trunk in all poses, and of trunk and head."""
+    body, parts = motion.body, {}
+    rest = body.joint_regressor @ body.template
+    for side in ("left", "right"):
+        first = 25 if side == "left" else 40
+        fingers = list(JOINT)[first : first + 15]
+        parts[f"{side}_arm"] = motion.part(f"{side}_elbow", f"{side}_wrist", *fingers)
+        hip, knee = rest[JOINT[f"{side}_hip"]], rest[JOINT[f"{side}_knee"]]
+        thigh = motion.part(f"{side}_hip")
+        lower = thigh[body.template[thigh, 1] < hip[1] + 0.4 * (knee[1] - hip[1])]
+        parts[f"{side}_leg"] = np.concatenate([lower, motion.part(*(f"{side}_{n}" for n in ("knee", "ankle", "foot")))])
+    parts["trunk"] = motion.part("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+    return parts
 
 
 def anatomy(motion: Motion) -> Figures:
@@ -135,7 +172,6 @@ def main(names: tyro.conf.Positional[tuple[str, ...]] = ()) -> None:
     print(f"{'':12}" + "".join(f"{column:>{len(column) + 3}}" for column in columns))
     for name, row in rows.items():
         print(f"{name:12}" + "".join(f"{row[column]:>{len(column) + 3}.2f}" for column in columns))
-    print(f"Overlap: of spheres along the bones, beyond {100 * DEPTH:.0f} cm that flesh gives way.")
 
 
 if __name__ == "__main__":

@@ -120,9 +120,14 @@ def _turned(keys: Sequence[Key], manner: Manner, clock: _Clock) -> list[Key]:
 
 
 def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]:
-    return [
-        replace(key, time=clock(key.time), place=(build.leg * key.place[0], build.leg * key.place[1])) for key in keys
-    ]
+    """Stout thighs cross with the feet farther from each other."""
+    wider = {_CROSSED: np.array((0.5, 1.2)) * build.stout}
+
+    def place(key: FootKey) -> tuple[float, float]:
+        x, z = build.leg * np.array(key.place) + wider.get(key.place, 0.0)
+        return float(x), float(z)
+
+    return [replace(key, time=clock(key.time), place=place(key)) for key in keys]
 
 
 _SEAT = -0.30
@@ -138,14 +143,14 @@ _HIPS_PATH: Sequence[Key] = (
 )  # fmt: skip
 _ON_FLOOR: Sequence[Key] = ((2.25, (0.0,)), (2.5, (1.0,)), (4.15, (1.0,)), (4.4, (0.0,)))
 _HIPS_TURN: Sequence[Key] = (
-    (0.0, (0, 0, 0)), (0.7, (2, 6, -2)), (1.2, (6, 3, 0)), (1.6, (30, -4, 3)), (2.0, (34, -12, 10)),
-    (2.4, (8, -6, 5)), (2.7, (-10, 0, 2)), (3.2, (-12, 0, 0)), (3.75, (-10, 0, 0)), (4.15, (5, -6, 5)),
-    (4.4, (18, -9, 7)), (4.8, (36, -6, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)), (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
+    (0.0, (0, 0, 0)), (0.7, (2, 6, -2)), (1.2, (6, 3, 0)), (1.6, (30, -4, 3)), (1.95, (31, -12, 9)),
+    (2.2, (18, -12, 11)), (2.45, (3, -7, 8)), (2.75, (-10, 0, 2)), (3.2, (-12, 0, 0)), (3.75, (-10, 0, 0)),
+    (4.15, (2, -6, 5)), (4.4, (10, -9, 7)), (4.8, (33, -6, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)), (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _SPINE_TURN: Sequence[Key] = (
-    (0.0, (0, 0, 0)), (0.7, (5, -3, 2)), (1.2, (8, -2, 0)), (1.6, (22, -6, 4)), (2.0, (26, -14, 12)),
-    (2.4, (26, -12, 10)), (2.8, (18, -4, 3)), (3.3, (17, 0, 0)), (3.7, (17, 0, 0)), (4.15, (28, -10, 8)),
-    (4.5, (30, -10, 8)), (4.9, (24, -4, 3)), (5.3, (14, 0, 0)), (5.7, (4, 0, 0)), (6.6, (0, 0, 0)),
+    (0.0, (0, 0, 0)), (0.7, (5, -3, 2)), (1.2, (8, -2, 0)), (1.6, (22, -6, 4)), (2.0, (24, -14, 14)),
+    (2.45, (24, -13, 14)), (2.8, (18, -5, 6)), (3.3, (17, 0, 0)), (3.7, (17, 0, 0)), (4.15, (25, -12, 13)),
+    (4.5, (28, -12, 13)), (4.9, (24, -4, 3)), (5.3, (14, 0, 0)), (5.7, (4, 0, 0)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _HEAD_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.5, (22, 4, 0)), (1.1, (14, 2, 0)), (1.6, (-6, -8, 0)), (2.0, (-8, -22, -4)),
@@ -153,7 +158,7 @@ _HEAD_TURN: Sequence[Key] = (
     (4.5, (-12, -8, 0)), (4.9, (-20, 0, 0)), (5.4, (2, 4, 0)), (5.8, (18, 4, 0)), (6.2, (2, 0, 0)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 
-_KNEE_AHEAD, _KNEE_OPEN, _KNEE_LOW = (0.15, 0.0, 1.0), (0.55, 0.2, 0.8), (0.9, 0.5, 0.45)
+_KNEE_AHEAD, _KNEE_OPEN, _KNEE_LOW = (0.15, 0.0, 1.0), (0.55, 0.2, 0.8), (0.82, 0.42, 0.62)
 _KNEE_RISING = (0.7, 0.45, 0.7)
 _BALL, _CROSSED = (0.13, 0.16), (-0.22, 0.39)
 _STANDING = FootKey(0.0, _BALL, knee=_KNEE_AHEAD)
@@ -168,7 +173,7 @@ _FEET = {
         replace(_SITTING, time=2.1, roll=50, yaw=4),
         replace(_SITTING, time=2.5),
         replace(_SITTING, time=4.2),
-        replace(_SITTING, time=4.6, roll=48, yaw=4, knee=_KNEE_RISING),
+        replace(_SITTING, time=4.55, roll=48, yaw=4, knee=_KNEE_RISING),
         replace(_STANDING, time=5.1, roll=22, knee=_KNEE_OPEN),
         replace(_STANDING, time=5.5),
     ),
@@ -185,7 +190,7 @@ _FEET = {
         replace(_SITTING_CROSSED, time=2.1, yaw=-16, roll=50),
         replace(_SITTING_CROSSED, time=2.5),
         replace(_SITTING_CROSSED, time=4.2),
-        replace(_SITTING_CROSSED, time=4.6, yaw=-16, roll=48, knee=_KNEE_RISING),
+        replace(_SITTING_CROSSED, time=4.55, yaw=-16, roll=48, knee=_KNEE_RISING),
         replace(_STANDING_CROSSED, time=5.1, yaw=-14, roll=26, knee=_KNEE_OPEN),
         replace(_STANDING_CROSSED, time=5.5),
         replace(_STANDING_CROSSED, time=5.6),
@@ -201,7 +206,7 @@ _FEET = {
 def _arm(side: str, build: Build, manner: Manner) -> list[ArmKey]:
     """An arm that supports the body, or balances it, on the way down and on the way up."""
     keys = [_hanging(0.0, build), _hanging(1.15, build)]
-    keys += _landing(side, 1.75, build, manner) if side in _supporting(manner.down) else _balancing(1.7, 2.25, build)
+    keys += _landing(side, 1.9, build, manner) if side in _supporting(manner.down) else _balancing(1.7, 2.25, build)
     keys += [_on_knee(3.35), _on_knee(3.65)]
     keys += _rising(side, 4.0, build, manner) if side in _supporting(manner.up) else _balancing(4.3, 4.85, build)
     return [*keys, _hanging(5.45, build, 0.09), _hanging(6.6, build)]
@@ -229,29 +234,29 @@ def _balancing(start: float, stop: float, build: Build) -> list[ArmKey]:
 
 
 _FLAT: dict[str, Any] = dict(
-    fingers=(0.75, 0.0, -0.6), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.5, 0.2, -1.0), anchor="floor"
+    fingers=(0.93, 0.0, 0.35), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.5, 0.2, -1.0), anchor="floor"
 )
-_LOOSE: dict[str, Any] = _FLAT | dict(fingers=(0.6, -0.75, -0.35), palm=(-0.35, -0.6, -0.5), shape="relaxed")
-_OVER: dict[str, Any] = _FLAT | dict(fingers=(0.6, -0.4, 0.5), palm=(-0.3, -0.9, 0.0), shape="relaxed")
+_LOOSE: dict[str, Any] = _FLAT | dict(fingers=(0.5, -0.85, 0.15), palm=(-0.8, -0.5, -0.1), shape="relaxed")
+_OVER: dict[str, Any] = _FLAT | dict(fingers=(0.45, -0.5, 0.75), palm=(-0.5, -0.8, -0.2), shape="relaxed")
 
 
 def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes down to the floor behind the seat, and then past the thigh to the knee."""
-    x, z = _support(side, build, manner, -0.17)
+    x, z = _support(side, build, manner, 0.05)
     return [
         ArmKey(time, (x, 0.13, z + 0.03), **_LOOSE),
         ArmKey(time + 0.25, (x, 0.0, z), **_FLAT),
-        ArmKey(time + 0.90, (x, 0.0, z), **_FLAT),
-        ArmKey(time + 1.07, (x + 0.02, 0.08, z + 0.06), **_LOOSE),
-        ArmKey(time + 1.33, (x + 0.08, 0.30, z + 0.34), **_OVER),
+        ArmKey(time + 0.80, (x, 0.0, z), **_FLAT),
+        ArmKey(time + 0.96, (x + 0.02, 0.08, z + 0.06), **_LOOSE),
+        ArmKey(time + 1.2, (x + 0.08, 0.30, z + 0.20), **_OVER),
     ]
 
 
 def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes from the knee past the thigh to the floor beside the seat, and pushes off."""
-    x, z = _support(side, build, manner, -0.07)
+    x, z = _support(side, build, manner, 0.10)
     return [
-        ArmKey(time - 0.17, (x + 0.08, 0.30, z + 0.26), **_OVER),
+        ArmKey(time - 0.17, (x + 0.08, 0.30, z + 0.12), **_OVER),
         ArmKey(time + 0.03, (x + 0.02, 0.09, z + 0.05), **_LOOSE),
         ArmKey(time + 0.20, (x, 0.0, z), **_FLAT),
         ArmKey(time + 0.72, (x, 0.0, z), **_FLAT),
@@ -259,10 +264,10 @@ def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey
     ]
 
 
-def _support(side: str, build: Build, manner: Manner, behind: float) -> tuple[float, float]:
-    """x and z (for the left side, metres) where a hand supports; `behind`: z from the seat."""
-    out = 0.40 * manner.reach + build.stout + SIDES[side] * _ASIDE
-    return float(build.leg * out), float(build.leg * (_SEAT + behind * manner.reach))
+def _support(side: str, build: Build, manner: Manner, ahead: float) -> tuple[float, float]:
+    """x and z (for the left side, metres) where a hand supports; `ahead`: z from the seat."""
+    out = 0.37 * manner.reach + build.stout + SIDES[side] * _ASIDE
+    return float(build.leg * out), float(build.leg * (_SEAT + ahead))
 
 
 _FOOT_POINTS = ("ankle", "big_toe", "small_toe", "heel")
