@@ -31,7 +31,7 @@ class Manner:
     mirror: bool
     """The left foot crosses in front."""
     down: str
-    """Which hands support on the way down: one of _HANDS."""
+    """Which hand supports on the way down."""
     up: str
     """The same for the way up."""
     rest: float
@@ -50,8 +50,8 @@ class Manner:
         """One person's by chance."""
         return Manner(
             mirror=bool(rng.random() < 0.5),
-            down=str(rng.choice(list(_HANDS), p=(0.5, 0.35, 0.15))),
-            up=str(rng.choice(list(_HANDS), p=(0.4, 0.35, 0.25))),
+            down=str(rng.choice(list(_HANDS))),
+            up=str(rng.choice(list(_HANDS))),
             rest=rng.uniform(0.12, 0.24),
             haste=rng.uniform(0.9, 1.1),
             reach=rng.uniform(0.92, 1.08),
@@ -60,8 +60,8 @@ class Manner:
         )
 
 
-_HANDS = {"right": 1.0, "left": -1.0, "both": 0.0}
-"""With how much the trunk turns to the supporting hand, to the person's right."""
+_HANDS = {"right": 1.0, "left": -1.0}
+"""That support, and which way the trunk then turns."""
 
 
 def cross_legged(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Script, list[Hazard]]:
@@ -145,7 +145,8 @@ _ON_FLOOR: Sequence[Key] = ((2.25, (0.0,)), (2.5, (1.0,)), (4.15, (1.0,)), (4.4,
 _HIPS_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.7, (2, 6, -2)), (1.2, (6, 3, 0)), (1.6, (30, -4, 3)), (1.95, (31, -12, 9)),
     (2.2, (18, -12, 11)), (2.45, (3, -7, 8)), (2.75, (-10, 0, 2)), (3.2, (-12, 0, 0)), (3.75, (-10, 0, 0)),
-    (4.15, (2, -6, 5)), (4.4, (10, -9, 7)), (4.8, (33, -6, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)), (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
+    (4.15, (2, -6, 5)), (4.4, (10, -9, 7)), (4.8, (33, -6, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)),
+    (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _SPINE_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.7, (5, -3, 2)), (1.2, (8, -2, 0)), (1.6, (22, -6, 4)), (2.0, (24, -14, 14)),
@@ -206,14 +207,10 @@ _FEET = {
 def _arm(side: str, build: Build, manner: Manner) -> list[ArmKey]:
     """An arm that supports the body, or balances it, on the way down and on the way up."""
     keys = [_hanging(0.0, build), _hanging(1.15, build)]
-    keys += _landing(side, 1.9, build, manner) if side in _supporting(manner.down) else _balancing(1.7, 2.25, build)
+    keys += _landing(side, 1.9, build, manner) if side == manner.down else _balancing(1.7, 2.25, build)
     keys += [_on_knee(3.35), _on_knee(3.65)]
-    keys += _rising(side, 4.0, build, manner) if side in _supporting(manner.up) else _balancing(4.3, 4.85, build)
+    keys += _rising(side, 4.0, build, manner) if side == manner.up else _balancing(4.3, 4.85, build)
     return [*keys, _hanging(5.45, build, 0.09), _hanging(6.6, build)]
-
-
-def _supporting(hands: str) -> tuple[str, ...]:
-    return tuple(SIDES) if hands == "both" else (hands,)
 
 
 def _hanging(time: float, build: Build, forward: float = 0.055) -> ArmKey:
@@ -234,21 +231,24 @@ def _balancing(start: float, stop: float, build: Build) -> list[ArmKey]:
 
 
 _FLAT: dict[str, Any] = dict(
-    fingers=(0.93, 0.0, 0.35), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.5, 0.2, -1.0), anchor="floor"
+    fingers=(0.72, 0.0, 0.7), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.5, 0.2, -1.0), anchor="floor"
 )
-_LOOSE: dict[str, Any] = _FLAT | dict(fingers=(0.5, -0.85, 0.15), palm=(-0.8, -0.5, -0.1), shape="relaxed")
-_OVER: dict[str, Any] = _FLAT | dict(fingers=(0.45, -0.5, 0.75), palm=(-0.5, -0.8, -0.2), shape="relaxed")
+_LOWERED: dict[str, Any] = _FLAT | dict(fingers=(0.25, -0.95, 0.05), palm=(-0.9, -0.3, -0.2), shape="relaxed")
+_REACHING: dict[str, Any] = _FLAT | dict(fingers=(0.2, -0.5, 0.85), palm=(-0.6, -0.75, -0.2), shape="relaxed")
+_OVER: dict[str, Any] = _FLAT | dict(fingers=(0.1, -0.4, 0.9), palm=(-0.5, -0.8, -0.3), shape="relaxed")
 
 
 def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes down to the floor behind the seat, and then past the thigh to the knee."""
     x, z = _support(side, build, manner, 0.05)
     return [
-        ArmKey(time, (x, 0.13, z + 0.03), **_LOOSE),
+        ArmKey(time, (x, 0.13, z + 0.03), **_LOWERED),
+        ArmKey(time + 0.19, (x, 0.02, z), **_FLAT),
         ArmKey(time + 0.25, (x, 0.0, z), **_FLAT),
         ArmKey(time + 0.80, (x, 0.0, z), **_FLAT),
-        ArmKey(time + 0.96, (x + 0.02, 0.08, z + 0.06), **_LOOSE),
-        ArmKey(time + 1.2, (x + 0.08, 0.30, z + 0.20), **_OVER),
+        ArmKey(time + 0.86, (x, 0.02, z), **_FLAT),
+        ArmKey(time + 1.0, (x + 0.02, 0.09, z + 0.06), **_LOWERED),
+        ArmKey(time + 1.22, (x + 0.08, 0.30, z + 0.20), **_OVER),
     ]
 
 
@@ -257,10 +257,12 @@ def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey
     x, z = _support(side, build, manner, 0.10)
     return [
         ArmKey(time - 0.17, (x + 0.08, 0.30, z + 0.12), **_OVER),
-        ArmKey(time + 0.03, (x + 0.02, 0.09, z + 0.05), **_LOOSE),
+        ArmKey(time - 0.01, (x + 0.02, 0.10, z + 0.05), **_REACHING),
+        ArmKey(time + 0.14, (x, 0.02, z), **_FLAT),
         ArmKey(time + 0.20, (x, 0.0, z), **_FLAT),
         ArmKey(time + 0.72, (x, 0.0, z), **_FLAT),
-        ArmKey(time + 0.88, (x, 0.10, z + 0.04), **_LOOSE),
+        ArmKey(time + 0.78, (x, 0.02, z), **_FLAT),
+        ArmKey(time + 0.92, (x, 0.10, z + 0.04), **_LOWERED),
     ]
 
 
