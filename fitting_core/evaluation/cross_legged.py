@@ -13,12 +13,15 @@ import numpy as np
 from fitting_core.evaluation.build import Build
 from fitting_core.evaluation.hazards import Hazard
 from fitting_core.evaluation.motion import Key
-from fitting_core.evaluation.script import ArmKey, FootKey, Script, mirrored
+from fitting_core.evaluation.script import SIDES, ArmKey, FootKey, Script, mirrored
 
 _ACTIVE_SECONDS = 6.6
 """All of it but the rest on the floor."""
 _DOWN, _UP = 3.4, 3.6
 """When the person has sat down; when they start to rise, if the rest on the floor is left out. Seconds."""
+_MIDDLE = (_DOWN + _UP) / 2
+_ON_HANDS = (1.5, 5.1)
+"""Between them turns aside are to the hand that supports."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,10 +30,16 @@ class Manner:
 
     mirror: bool
     """The left foot crosses in front."""
+    down: str
+    """Which hand supports on the way down."""
+    up: str
+    """The same for the way up."""
     rest: float
     """Share of the whole that the person rests on the floor."""
+    haste: float
+    """How much longer the way down takes against the way up, each against the usual."""
     reach: float
-    """How far from the seat the hand supports, against the usual."""
+    """How far from the seat the hands support, against the usual."""
     bow: float
     """How far the trunk bends forward, against the usual."""
     look: float
@@ -41,11 +50,18 @@ class Manner:
         """One person's by chance."""
         return Manner(
             mirror=bool(rng.random() < 0.5),
+            down=str(rng.choice(list(_HANDS))),
+            up=str(rng.choice(list(_HANDS))),
             rest=rng.uniform(0.12, 0.24),
+            haste=rng.uniform(0.9, 1.1),
             reach=rng.uniform(0.92, 1.08),
             bow=rng.uniform(0.9, 1.1),
             look=rng.uniform(-18, 18),
         )
+
+
+_HANDS = {"right": 1.0, "left": -1.0}
+"""That support, and which way the trunk then turns."""
 
 
 def cross_legged(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Script, list[Hazard]]:
@@ -57,14 +73,17 @@ def cross_legged(build: Build, seconds: float, rng: np.random.Generator) -> tupl
         rng: Source of chance.
     """
     manner = Manner.draw(rng)
-    clock = _Clock(seconds, manner.rest)
+    clock = _Clock(seconds, manner)
     script = Script(
         seconds=seconds,
-        arms={"left": _left_arm(build, clock), "right": _right_arm(build, manner, clock)},
+        arms={side: [replace(k, time=clock(k.time)) for k in _arm(side, build, manner)] for side in SIDES},
         hips_path=[(clock(t), build.leg * np.array(v)) for t, v in _HIPS_PATH],
-        hips_turn=_bent(_HIPS_TURN, manner.bow, clock),
-        spine_turn=_bent(_SPINE_TURN, manner.bow, clock),
-        head_turn=[(clock(t), np.add(v, (0, manner.look * (_DOWN - 0.1 < t < _UP), 0))) for t, v in _HEAD_TURN],
+        hips_turn=_turned(_HIPS_TURN, manner, clock),
+        spine_turn=_turned(_SPINE_TURN, manner, clock),
+        head_turn=[
+            (t, np.add(v, (0, manner.look * (_DOWN < u < _UP), 0)))
+            for (t, v), (u, _) in zip(_turned(_HEAD_TURN, manner, clock), _HEAD_TURN, strict=True)
+        ],
         feet={side: _foot(keys, build, clock) for side, keys in _FEET.items()},
         on_floor=[(clock(t), v) for t, v in _ON_FLOOR],
     )
@@ -77,22 +96,38 @@ def cross_legged(build: Build, seconds: float, rng: np.random.Generator) -> tupl
 class _Clock:
     """From the script's times to the person's."""
 
-    def __init__(self, seconds: float, rest: float) -> None:
-        self.pause = rest * seconds
-        self.pace = (seconds - self.pause) / _ACTIVE_SECONDS
+    def __init__(self, seconds: float, manner: Manner) -> None:
+        self.pause = manner.rest * seconds
+        down, up = _MIDDLE * manner.haste, (_ACTIVE_SECONDS - _MIDDLE) / manner.haste
+        pace = (seconds - self.pause) / (down + up)
+        self.down, self.up = pace * manner.haste, pace / manner.haste
 
     def __call__(self, time: float) -> float:
-        return time * self.pace + self.pause * float(np.clip((time - _DOWN) / (_UP - _DOWN), 0, 1))
+        moving = self.down * min(time, _MIDDLE) + self.up * max(time - _MIDDLE, 0.0)
+        return moving + self.pause * min(max((time - _DOWN) / (_UP - _DOWN), 0.0), 1.0)
 
 
-def _bent(keys: Sequence[Key], bow: float, clock: _Clock) -> list[Key]:
-    return [(clock(t), np.multiply(v, (bow, 1, 1))) for t, v in keys]
+def _turned(keys: Sequence[Key], manner: Manner, clock: _Clock) -> list[Key]:
+    """Bent forward as the person does, and turned to the hands that support."""
+
+    def factors(time: float) -> tuple[float, float, float]:
+        if not _ON_HANDS[0] < time < _ON_HANDS[1]:
+            return manner.bow, 1.0, 1.0
+        aside = _HANDS[manner.down if time < _MIDDLE else manner.up]
+        return manner.bow, aside, aside
+
+    return [(clock(t), np.multiply(v, factors(t))) for t, v in keys]
 
 
 def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]:
-    return [
-        replace(key, time=clock(key.time), place=(build.leg * key.place[0], build.leg * key.place[1])) for key in keys
-    ]
+    """Stout thighs cross with the feet farther from each other."""
+    wider = {_CROSSED: np.array((0.5, 1.2)) * build.stout}
+
+    def place(key: FootKey) -> tuple[float, float]:
+        x, z = build.leg * np.array(key.place) + wider.get(key.place, 0.0)
+        return float(x), float(z)
+
+    return [replace(key, time=clock(key.time), place=place(key)) for key in keys]
 
 
 _SEAT = -0.30
@@ -108,54 +143,74 @@ _HIPS_PATH: Sequence[Key] = (
 )  # fmt: skip
 _ON_FLOOR: Sequence[Key] = ((2.25, (0.0,)), (2.5, (1.0,)), (4.15, (1.0,)), (4.4, (0.0,)))
 _HIPS_TURN: Sequence[Key] = (
-    (0.0, (0, 0, 0)), (0.7, (2, 6, -2)), (1.2, (6, 3, 0)), (1.6, (32, -4, 3)), (2.0, (36, -12, 10)),
-    (2.4, (8, -6, 5)), (2.7, (-10, 0, 2)), (3.2, (-12, 0, 0)), (3.75, (-10, 0, 0)), (4.15, (18, -8, 5)),
-    (4.4, (34, -12, 8)), (4.8, (44, -8, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)), (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
+    (0.0, (0, 0, 0)), (0.7, (2, 6, -2)), (1.2, (6, 3, 0)), (1.6, (30, -4, 3)), (1.95, (31, -12, 9)),
+    (2.2, (18, -12, 11)), (2.45, (3, -7, 8)), (2.75, (-10, 0, 2)), (3.2, (-12, 0, 0)), (3.75, (-10, 0, 0)),
+    (4.15, (2, -6, 5)), (4.4, (10, -9, 7)), (4.8, (33, -6, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)),
+    (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _SPINE_TURN: Sequence[Key] = (
-    (0.0, (0, 0, 0)), (0.7, (5, -3, 2)), (1.2, (8, -2, 0)), (1.6, (24, -6, 4)), (2.0, (26, -14, 12)),
-    (2.4, (26, -12, 10)), (2.8, (18, -4, 3)), (3.3, (17, 0, 0)), (3.7, (17, 0, 0)), (4.15, (32, -10, 8)),
-    (4.5, (34, -10, 8)), (4.9, (28, -4, 3)), (5.3, (16, 0, 0)), (5.7, (4, 0, 0)), (6.6, (0, 0, 0)),
+    (0.0, (0, 0, 0)), (0.7, (5, -3, 2)), (1.2, (8, -2, 0)), (1.6, (22, -6, 4)), (2.0, (24, -14, 14)),
+    (2.45, (24, -13, 14)), (2.8, (18, -5, 6)), (3.3, (17, 0, 0)), (3.7, (17, 0, 0)), (4.15, (25, -12, 13)),
+    (4.5, (28, -12, 13)), (4.9, (24, -4, 3)), (5.3, (14, 0, 0)), (5.7, (4, 0, 0)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _HEAD_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.5, (22, 4, 0)), (1.1, (14, 2, 0)), (1.6, (-6, -8, 0)), (2.0, (-8, -22, -4)),
-    (2.4, (-10, -16, -2)), (2.8, (0, 0, 0)), (3.3, (-2, 0, 0)), (3.7, (-2, 0, 0)), (4.1, (8, -14, 0)),
-    (4.5, (-12, -8, 0)), (4.9, (-22, 0, 0)), (5.4, (2, 4, 0)), (5.8, (18, 4, 0)), (6.2, (2, 0, 0)), (6.6, (0, 0, 0)),
+    (2.4, (-10, -16, -2)), (2.8, (0, 0, 0)), (3.45, (-2, 0, 0)), (3.55, (-2, 0, 0)), (4.1, (4, -14, 0)),
+    (4.5, (-12, -8, 0)), (4.9, (-20, 0, 0)), (5.4, (2, 4, 0)), (5.8, (18, 4, 0)), (6.2, (2, 0, 0)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 
-_KNEE_AHEAD, _KNEE_OPEN, _KNEE_LOW = (0.15, 0.0, 1.0), (0.55, 0.2, 0.8), (0.9, 0.5, 0.45)
-_LEFT_BALL, _RIGHT_BALL, _CROSSED_BALL = (0.125, 0.16), (0.125, 0.16), (-0.215, 0.40)
+_KNEE_AHEAD, _KNEE_OPEN, _KNEE_LOW = (0.15, 0.0, 1.0), (0.55, 0.2, 0.8), (0.82, 0.42, 0.62)
+_KNEE_RISING = (0.7, 0.45, 0.7)
+_BALL, _CROSSED = (0.13, 0.16), (-0.22, 0.39)
+_STANDING = FootKey(0.0, _BALL, knee=_KNEE_AHEAD)
+_SITTING = FootKey(0.0, _BALL, roll=66, yaw=0, knee=_KNEE_LOW)
+_STANDING_CROSSED = FootKey(0.0, _CROSSED, yaw=-12, roll=4, knee=_KNEE_AHEAD)
+_SITTING_CROSSED = FootKey(0.0, _CROSSED, yaw=-18, roll=66, knee=_KNEE_LOW)
 _FEET = {
     "left": (
-        FootKey(0.0, _LEFT_BALL, knee=_KNEE_AHEAD),
-        FootKey(1.15, _LEFT_BALL, knee=_KNEE_AHEAD),
-        FootKey(1.6, _LEFT_BALL, roll=8, knee=_KNEE_OPEN),
-        FootKey(2.1, _LEFT_BALL, roll=45, yaw=5, knee=_KNEE_LOW),
-        FootKey(2.5, _LEFT_BALL, roll=68, yaw=0, knee=_KNEE_LOW),
-        FootKey(4.2, _LEFT_BALL, roll=68, yaw=0, knee=_KNEE_LOW),
-        FootKey(4.6, _LEFT_BALL, roll=45, yaw=5, knee=_KNEE_LOW),
-        FootKey(5.1, _LEFT_BALL, roll=8, knee=_KNEE_OPEN),
-        FootKey(5.5, _LEFT_BALL, knee=_KNEE_AHEAD),
+        _STANDING,
+        replace(_STANDING, time=1.15),
+        replace(_STANDING, time=1.6, roll=22, knee=_KNEE_OPEN),
+        replace(_SITTING, time=2.1, roll=50, yaw=4),
+        replace(_SITTING, time=2.5),
+        replace(_SITTING, time=4.2),
+        replace(_SITTING, time=4.55, roll=48, yaw=4, knee=_KNEE_RISING),
+        replace(_STANDING, time=5.1, roll=22, knee=_KNEE_OPEN),
+        replace(_STANDING, time=5.5),
     ),
     "right": (
-        FootKey(0.0, _RIGHT_BALL, knee=_KNEE_AHEAD),
-        FootKey(0.42, _RIGHT_BALL, knee=_KNEE_AHEAD),
-        FootKey(0.68, (-0.02, 0.36), yaw=-6, lift=0.07, knee=_KNEE_AHEAD),
-        FootKey(0.98, _CROSSED_BALL, yaw=-20, knee=_KNEE_AHEAD),
-        FootKey(1.15, _CROSSED_BALL, yaw=-20, knee=_KNEE_AHEAD),
-        FootKey(1.6, _CROSSED_BALL, yaw=-20, roll=8, knee=_KNEE_OPEN),
-        FootKey(2.1, _CROSSED_BALL, yaw=-24, roll=45, knee=_KNEE_LOW),
-        FootKey(2.5, _CROSSED_BALL, yaw=-28, roll=68, knee=_KNEE_LOW),
-        FootKey(4.2, _CROSSED_BALL, yaw=-28, roll=68, knee=_KNEE_LOW),
-        FootKey(4.6, _CROSSED_BALL, yaw=-24, roll=45, knee=_KNEE_LOW),
-        FootKey(5.1, _CROSSED_BALL, yaw=-20, roll=8, knee=_KNEE_OPEN),
-        FootKey(5.5, _CROSSED_BALL, yaw=-20, knee=_KNEE_AHEAD),
-        FootKey(5.62, _CROSSED_BALL, yaw=-20, knee=_KNEE_AHEAD),
-        FootKey(5.9, (-0.02, 0.36), yaw=-6, lift=0.07, knee=_KNEE_AHEAD),
-        FootKey(6.2, _RIGHT_BALL, knee=_KNEE_AHEAD),
+        _STANDING,
+        replace(_STANDING, time=0.36),
+        replace(_STANDING, time=0.54, heel=24),
+        replace(_STANDING, time=0.60, heel=24, lift=0.015),
+        FootKey(0.74, (0.0, 0.36), yaw=-2, heel=8, lift=0.07, knee=_KNEE_AHEAD),
+        replace(_STANDING_CROSSED, time=0.92, lift=0.025),
+        replace(_STANDING_CROSSED, time=1.0),
+        replace(_STANDING_CROSSED, time=1.15),
+        replace(_STANDING_CROSSED, time=1.6, yaw=-14, roll=26, knee=_KNEE_OPEN),
+        replace(_SITTING_CROSSED, time=2.1, yaw=-16, roll=50),
+        replace(_SITTING_CROSSED, time=2.5),
+        replace(_SITTING_CROSSED, time=4.2),
+        replace(_SITTING_CROSSED, time=4.55, yaw=-16, roll=48, knee=_KNEE_RISING),
+        replace(_STANDING_CROSSED, time=5.1, yaw=-14, roll=26, knee=_KNEE_OPEN),
+        replace(_STANDING_CROSSED, time=5.5),
+        replace(_STANDING_CROSSED, time=5.6),
+        replace(_STANDING_CROSSED, time=5.74, heel=20),
+        replace(_STANDING_CROSSED, time=5.80, heel=20, lift=0.015),
+        FootKey(5.94, (0.0, 0.34), yaw=-2, heel=6, lift=0.06, knee=_KNEE_AHEAD),
+        replace(_STANDING, time=6.14, lift=0.025),
+        replace(_STANDING, time=6.22),
     ),
 }
-_PALM_DOWN: dict[str, Any] = dict(palm=(0.0, -1.0, 0.0), shape="flat")
+
+
+def _arm(side: str, build: Build, manner: Manner) -> list[ArmKey]:
+    """An arm that supports the body, or balances it, on the way down and on the way up."""
+    keys = [_hanging(0.0, build), _hanging(1.15, build)]
+    keys += _landing(side, 1.9, build, manner) if side == manner.down else _balancing(1.7, 2.25, build)
+    keys += [_on_knee(3.35), _on_knee(3.65)]
+    keys += _rising(side, 4.0, build, manner) if side == manner.up else _balancing(4.3, 4.85, build)
+    return [*keys, _hanging(5.45, build, 0.09), _hanging(6.6, build)]
 
 
 def _hanging(time: float, build: Build, forward: float = 0.055) -> ArmKey:
@@ -164,41 +219,57 @@ def _hanging(time: float, build: Build, forward: float = 0.055) -> ArmKey:
 
 
 def _on_knee(time: float) -> ArmKey:
-    return ArmKey(
-        time, (-0.05, 0.085, -0.06), (0.45, -0.35, 0.8), (0.0, -1.0, -0.2), "relaxed", (0.8, -0.6, -0.3), "knee"
-    )
+    wrist, elbow = (-0.05, 0.085, -0.06), (0.8, -0.6, -0.3)
+    return ArmKey(time, wrist, (0.45, -0.35, 0.8), (0.0, -1.0, -0.2), "relaxed", elbow, "knee")
 
 
-def _right_arm(build: Build, manner: Manner, clock: _Clock) -> list[ArmKey]:
-    out, behind = (np.array((0.40, 0.17)) * manner.reach + (build.stout, 0)) * build.leg
-    place = (float(out - _ASIDE * build.leg), 0.0, float(_SEAT * build.leg - behind))
-    back: dict[str, Any] = dict(fingers=(0.75, 0.0, -0.6), elbow=(0.5, 0.2, -1.0), anchor="floor", **_PALM_DOWN)
-    lowered: dict[str, Any] = back | dict(fingers=(0.6, -0.75, -0.35), palm=(-0.35, -0.6, -0.5), shape="relaxed")
-    ahead = (place[0] + 0.02, 0.0, place[2] + 0.10)
-    keys = [
-        _hanging(0.0, build), _hanging(1.25, build),
-        ArmKey(1.75, (place[0], 0.13, place[2] + 0.03), **lowered),
-        ArmKey(2.0, place, **back), ArmKey(2.65, place, **back),
-        ArmKey(2.82, (place[0] + 0.02, 0.07, place[2] + 0.06), **lowered),
-        _on_knee(3.35), _on_knee(3.7),
-        ArmKey(4.0, (ahead[0] + 0.02, 0.09, ahead[2] + 0.05), **lowered),
-        ArmKey(4.2, ahead, **back), ArmKey(4.72, ahead, **back),
-        ArmKey(4.88, (ahead[0], 0.10, ahead[2] + 0.04), **lowered),
-        _hanging(5.5, build, 0.09), _hanging(6.6, build),
-    ]  # fmt: skip
-    return [replace(key, time=clock(key.time)) for key in keys]
+def _balancing(start: float, stop: float, build: Build) -> list[ArmKey]:
+    """The arm is held out ahead."""
+    wrist = (0.24 + build.stout, 0.17 * build.arm, 0.41 * build.arm)
+    ahead = ArmKey(start, wrist, (-0.1, 0.1, 1.0), (-0.7, -0.7, 0.0), "relaxed", (0.9, -0.6, -0.2))
+    return [ahead, replace(ahead, time=stop)]
 
 
-def _left_arm(build: Build, clock: _Clock) -> list[ArmKey]:
-    def ahead(time: float) -> ArmKey:
-        wrist = (0.26 + build.stout, -0.28 * build.arm, 0.30 * build.arm)
-        return ArmKey(time, wrist, (0.1, -0.5, 0.9), (-0.8, -0.6, 0.0), "relaxed", (0.9, -0.5, -0.3))
+_FLAT: dict[str, Any] = dict(
+    fingers=(0.72, 0.0, 0.7), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.5, 0.2, -1.0), anchor="floor"
+)
+_LOWERED: dict[str, Any] = _FLAT | dict(fingers=(0.25, -0.95, 0.05), palm=(-0.9, -0.3, -0.2), shape="relaxed")
+_REACHING: dict[str, Any] = _FLAT | dict(fingers=(0.2, -0.5, 0.85), palm=(-0.6, -0.75, -0.2), shape="relaxed")
+_OVER: dict[str, Any] = _FLAT | dict(fingers=(0.1, -0.4, 0.9), palm=(-0.5, -0.8, -0.3), shape="relaxed")
 
-    keys = [
-        _hanging(0.0, build), _hanging(1.1, build), ahead(1.8), ahead(2.2), _on_knee(2.9), _on_knee(3.9),
-        ahead(4.5), ahead(4.8), _hanging(5.5, build, 0.09), _hanging(6.6, build),
-    ]  # fmt: skip
-    return [replace(key, time=clock(key.time)) for key in keys]
+
+def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
+    """The hand goes down to the floor behind the seat, and then past the thigh to the knee."""
+    x, z = _support(side, build, manner, 0.05)
+    return [
+        ArmKey(time, (x, 0.13, z + 0.03), **_LOWERED),
+        ArmKey(time + 0.19, (x, 0.02, z), **_FLAT),
+        ArmKey(time + 0.25, (x, 0.0, z), **_FLAT),
+        ArmKey(time + 0.80, (x, 0.0, z), **_FLAT),
+        ArmKey(time + 0.86, (x, 0.02, z), **_FLAT),
+        ArmKey(time + 1.0, (x + 0.02, 0.09, z + 0.06), **_LOWERED),
+        ArmKey(time + 1.22, (x + 0.08, 0.30, z + 0.20), **_OVER),
+    ]
+
+
+def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
+    """The hand goes from the knee past the thigh to the floor beside the seat, and pushes off."""
+    x, z = _support(side, build, manner, 0.10)
+    return [
+        ArmKey(time - 0.17, (x + 0.08, 0.30, z + 0.12), **_OVER),
+        ArmKey(time - 0.01, (x + 0.02, 0.10, z + 0.05), **_REACHING),
+        ArmKey(time + 0.14, (x, 0.02, z), **_FLAT),
+        ArmKey(time + 0.20, (x, 0.0, z), **_FLAT),
+        ArmKey(time + 0.72, (x, 0.0, z), **_FLAT),
+        ArmKey(time + 0.78, (x, 0.02, z), **_FLAT),
+        ArmKey(time + 0.92, (x, 0.10, z + 0.04), **_LOWERED),
+    ]
+
+
+def _support(side: str, build: Build, manner: Manner, ahead: float) -> tuple[float, float]:
+    """x and z (for the left side, metres) where a hand supports; `ahead`: z from the seat."""
+    out = 0.37 * manner.reach + build.stout + SIDES[side] * _ASIDE
+    return float(build.leg * out), float(build.leg * (_SEAT + ahead))
 
 
 _FOOT_POINTS = ("ankle", "big_toe", "small_toe", "heel")

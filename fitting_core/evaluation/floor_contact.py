@@ -1,11 +1,15 @@
 """Where feet, hands and seat of a body meet the floor."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.evaluation.motion import through
+from fitting_core.evaluation.script import ArmKey
 
 _SINK = 0.008
 """How deep the seat sinks into the floor, metres: flesh is soft."""
@@ -95,6 +99,40 @@ def seat_gap(body: BodyModel, vertices: Float[np.ndarray, "T V 3"]) -> Float[np.
     """How far the seat is above where it would rest on the floor (metres; negative: below)."""
     seat = body.skinning_weights[:, [JOINT["pelvis"], JOINT["left_hip"], JOINT["right_hip"]]].sum(1) > 0.6
     return vertices[:, seat, 1].min(1) + _SINK
+
+
+def within_reach(
+    keys: Sequence[ArmKey],
+    times: Float[np.ndarray, "T"],
+    wrist: Float[np.ndarray, "T 3"],
+    shoulder: Float[np.ndarray, "T 3"],
+    length: float,
+) -> Float[np.ndarray, "T 3"]:
+    """How far hands on the floor must be shifted, along it and towards the shoulder, so that the arm reaches them.
+
+    Args:
+        keys: Of the arm.
+        times: Of the frames, seconds.
+        wrist: Where the keys want the wrist, metres; only where the hand is on the floor or near it matters.
+        shoulder: Where the shoulder is.
+        length: How far the arm reaches.
+    """
+    floor = [key for key in keys if key.anchor == "floor"]
+    down = [key.time for key in floor if key.wrist[1] == 0]
+    # One stay of the hand on the floor is from one such key to the next.
+    stays = [(start, stop) for start, stop in pairwise(down) if not any(start < k.time < stop for k in keys)]
+    shifts = [_shift(wrist[f], shoulder[f], length) for f in ((times >= a) & (times <= b) for a, b in stays)]
+    nearest = [min(range(len(stays)), key=lambda i: abs(np.mean(stays[i]) - key.time)) for key in floor]
+    return through([(key.time, shifts[i]) for key, i in zip(floor, nearest, strict=True)], times)
+
+
+def _shift(wrist: np.ndarray, shoulder: np.ndarray, length: float) -> Float[np.ndarray, "3"]:
+    """The least of 21 shifts towards the mean place below the shoulder with which the arm reaches in all frames."""
+    whole = ((shoulder - wrist) * [1.0, 0.0, 1.0]).mean(0) if len(wrist) else np.zeros(3)
+    for share in np.linspace(0.0, 1.0, 21):
+        if (np.linalg.norm(wrist + share * whole - shoulder, axis=1) <= length).all():
+            return share * whole
+    return whole
 
 
 def _lowest(points: Float[np.ndarray, "P 3"], rotation: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T"]:

@@ -9,18 +9,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.evaluation.floor_contact import FootShape, HandShape, seat_gap
+from fitting_core.evaluation.floor_contact import FootShape, HandShape, seat_gap, within_reach
 from fitting_core.evaluation.gestures import expressions
 from fitting_core.evaluation.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.evaluation.motion import Key, directions_through, through, wander
 from fitting_core.evaluation.script import SIDES, FootKey, Script
 
+_AROUND = 8
+"""Frames before and after sitting on the floor in which the hips must not be below it either."""
+_STRETCHED = 0.985
+"""Share of an arm's length at which its hand can support: hardly anybody locks the elbow."""
 _COLLAR_DEGREES = 6.0
 """How far a shoulder sinks when the arm hangs."""
 
@@ -64,12 +69,12 @@ def perform(
     actor = _Actor(body, script, times, _Unrest.draw(rng, times), betas)
     on_floor = through(script.on_floor, times)[:, 0]
     root = actor.scripted_root()
-    for _ in range(2 if on_floor.any() else 0):
+    near = np.flatnonzero(maximum_filter1d(on_floor, 1 + 2 * _AROUND))
+    for _ in range(2 if len(near) else 0):
         # Sinking hips turn the thighs, on whose flesh people sit: the second round takes the rest off.
         params = actor.params(actor.pose(root))
-        sitting = np.flatnonzero(on_floor)
-        gap = seat_gap(body, Mesh(body)(params[sitting.tolist()]).numpy())
-        root[sitting, 1] -= on_floor[sitting] * gap
+        gap = seat_gap(body, Mesh(body)(params[near.tolist()]).numpy())
+        root[near, 1] -= gaussian_filter1d(np.minimum(on_floor[near] * gap, gap), 1.0, mode="nearest")
     return actor.params(actor.pose(root))
 
 
@@ -215,7 +220,11 @@ def _from_knee(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, han
 
 
 def _from_floor(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, hand: np.ndarray) -> np.ndarray:
-    return offset + np.stack([0 * actor.times, actor.hands[side].height(hand), 0 * actor.times], 1)
+    wrist = offset + np.stack([0 * actor.times, actor.hands[side].height(hand), 0 * actor.times], 1)
+    shoulder, elbow, end = (actor.rest[JOINT[f"{side}_{name}"]] for name in ("shoulder", "elbow", "wrist"))
+    length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(end - elbow))
+    _, origin = figure.world(f"{side}_shoulder")
+    return wrist + within_reach(actor.script.arms[side], actor.times, wrist, origin, _STRETCHED * length)
 
 
 _ANCHORS = {"chest": _from_chest, "knee": _from_knee, "floor": _from_floor}
