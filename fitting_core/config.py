@@ -172,7 +172,7 @@ PRESETS: dict[str, FitConfig] = {
         one_sided_cut_off=True,
         unswap_sides=True,
         yaws="four",
-        relay_rounds=3,
+        relay_rounds=20,
         curled_hands=True,
         sharper_keypoints=True,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
