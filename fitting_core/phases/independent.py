@@ -203,16 +203,18 @@ class _Frames:
     def flip_limbs(
         self, objective: FrameObjective, state: State, cost: Tensor
     ) -> Generator[Step, None, tuple[State, Tensor]]:
-        """Every frame restarts with its limbs mirrored in depth, one at a time, and keeps the lowest cost."""
-        flips, settings = LimbFlips(self.stages), self.stages.config.settings
-        quick = make_solver(self.stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
-        frames, share = self.frames[cost[self.frames].isfinite()], (0.6, 0.6)
+        """Frames restart with their limbs mirrored in depth, one at a time, and keep the lowest cost."""
+        stages, settings = self.stages, self.stages.config.settings
+        flips = LimbFlips(stages)
+        quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
+        frames, share = self.frames[:: stages.config.limb_flips_every], (0.6, 0.6)
+        frames = frames[cost[frames].isfinite()]
         for _ in range(_FLIP_ROUNDS):
             if not len(frames):
                 break
             tried, costs = [], []
             for label, start in flips.every(state[frames]):
-                run = _Frames(self.stages, quick, frames)
+                run = _Frames(stages, quick, frames)
                 trial, trial_cost = yield from run._minimise(objective, state.put(frames, start), label, share)
                 tried.append(trial[frames])
                 costs.append(trial_cost[frames])
@@ -223,7 +225,7 @@ class _Frames:
                 if not len(hopeful):
                     break
                 target, start = frames[hopeful], everything[kept.indices[k, hopeful] * len(frames) + hopeful]
-                run = _Frames(self.stages, self.solver, target)
+                run = _Frames(stages, self.solver, target)
                 trial, trial_cost = yield from run._minimise(objective, state.put(target, start), "limbs", share)
                 better = trial_cost < cost * (1 - _LOWER)
                 state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)

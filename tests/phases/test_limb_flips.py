@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
@@ -88,19 +89,37 @@ def test_flipping_twice_changes_nothing(scene: tuple[Stages, State], limb: str):
     np.testing.assert_allclose(flips.positions(twice)[:, chain], flips.positions(truth)[:, chain], atol=1e-9)
 
 
-def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State]):
-    """From a fit whose left forearm points away, though the cost is lower where it points to the camera."""
-    stages, truth = scene
-    solver = make_solver("lm", CONFIG.settings)
-    run = _Frames(stages, solver, FRAMES)
+def stuck_of(stages: Stages, truth: State) -> tuple[State, Tensor, Tensor]:
+    """Fits whose left forearm points away, though the cost is lower where it points to the camera; it and theirs."""
+    run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
     objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
     right, lowest = finished(run._minimise(objective, truth, "", (0, 1)))
     mirrored = LimbFlips(stages).flipped(right, LIMBS["left_arm"], upper=False, lower=True)
     stuck, cost = finished(run._minimise(objective, mirrored, "", (0, 1)))
-    assert (cost > 1.05 * lowest).all()  # else the descent alone finds back, and this test shows nothing
+    assert (cost > 1.05 * lowest).all()  # else the descent alone finds back, and these tests show nothing
+    return stuck, cost, lowest
+
+
+def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State]):
+    stages, truth = scene
+    stuck, cost, lowest = stuck_of(stages, truth)
+    run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
+    objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
     state, freed = finished(run.flip_limbs(objective, stuck, cost))
     assert (freed <= cost).all() and (freed < 1.02 * lowest).all()
     torch.testing.assert_close(objective.cost(state, FRAMES), freed, rtol=1e-9, atol=0)
+
+
+@pytest.mark.parametrize("every", [1, 3, 0])
+def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, State], every: int):
+    """Of three frames only the first has its limbs mirrored, and all three are freed; without any they stay."""
+    stages, truth = scene
+    config = replace(CONFIG, relay_rounds=2, limb_flips=every > 0, limb_flips_every=max(every, 1))
+    stuck, cost, lowest = stuck_of(stages, truth)
+    stages = Stages(stages.keypoints, stages.camera, stages.body, config)
+    run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
+    _, freed = finished(run.relay(stuck, stuck))
+    assert (freed < 1.02 * lowest).all() if every else (freed > 0.99 * cost).any()
 
 
 def test_frames_that_failed_are_left_alone(scene: tuple[Stages, State]):
