@@ -9,7 +9,6 @@ from fitting_core.io.coco_wholebody import holds_coco
 from fitting_core.io.detections import Detections
 from fitting_core.io.pose_binary import starts_as_pose
 
-
 _START = 65536
 """Bytes of a file by which its format is told: COCO's annotation files can start with a list of licences."""
 
@@ -59,8 +58,8 @@ def read_detections(path: Path) -> Detections:
             return getattr(import_module(module), function)(path)
     found = "is empty" if not start else "starts as none of these"
     raise InputError(
-        f"{path} is no keypoint format that can be read: it {found}. Expected a folder of OpenPose JSON files or one of "
-        "them, a COCO-WholeBody JSON, or a .pose file."
+        f"{path} is no keypoint format that can be read: it {found}. Expected a folder of OpenPose JSON files or one "
+        "of them, a COCO-WholeBody JSON, or a .pose file."
     )
 
 

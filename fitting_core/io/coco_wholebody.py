@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+import fitting_core.io.coco_wholebody_layout as layout
 from fitting_core.errors import InputError
 from fitting_core.frame_names import natural_key
-import fitting_core.io.coco_wholebody_layout as layout
 from fitting_core.io.atomic import replacing
 from fitting_core.io.detections import Detections
 from fitting_core.io.json_points import checked_points, kind, numbers, read_json, short
@@ -176,7 +176,7 @@ def _annotation_file(path: Path, content: dict[str, Any]) -> _Content:
     _forbid_same_name(path, [stem for _, stem, _ in images])
     sizes = {size for _, _, size in images}
     info = content.get("info")
-    rate = info.get("frame_rate") if isinstance(info, dict) else None
+    rate: Any = info.get("frame_rate") if isinstance(info, dict) else None
     return _Content(
         frames=tuple(_Frame(stem=stem, people=tuple(people[number])) for number, stem, _ in images),
         size=sizes.pop() if len(sizes) == 1 else None,
@@ -191,15 +191,15 @@ def _image(path: Path, k: int, entry: Any) -> tuple[Any, str, tuple[int, int] | 
     name = entry.get("file_name")
     if not isinstance(name, str) or not name:
         raise InputError(f"{path}: image {k} has the file_name {short(name)}; expected a text.")
-    sides = (entry.get("width"), entry.get("height"))
-    size = (sides[0], sides[1]) if all(type(side) is int and 1 <= side <= 100_000 for side in sides) else None
+    sides: Any = (entry.get("width"), entry.get("height"))
+    size = sides if all(type(side) is int and 1 <= side <= 100_000 for side in sides) else None
     return entry["id"], _stem(name), size
 
 
 def _result_list(path: Path, content: list[Any]) -> _Content:
     people: dict[int | str, list[tuple[str, dict[str, Any]]]] = {}
     for k, (where, entry) in enumerate(_entries(path, "result", content)):
-        number = entry.get("image_id")
+        number: Any = entry.get("image_id")
         if type(number) not in (int, str) or (type(number) is int and not 0 <= number < 10**15):
             raise InputError(f"{path}: result {k} has the image_id {short(number)}; expected a number or a name.")
         people.setdefault(number, []).append((where, entry))

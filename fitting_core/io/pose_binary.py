@@ -5,8 +5,8 @@ All numbers are little-endian, texts have their length in front (16 bits) and ar
 | part | content |
 |---|---|
 | header | version (float32); width, height, depth (uint16); number of components (uint16), and each of these |
-| component | name, format such as "XYC"; numbers of points, limbs and colours (uint16); names of points; limbs as pairs of \
-points, colours as red, green, blue (uint16) |
+| component | name, format such as "XYC"; numbers of points, limbs and colours (uint16); their names; limbs \
+as pairs of points, colours as red, green, blue (uint16) |
 | body 0.2 | frames per second (float32), frames (uint32), people (uint16) |
 | body 0.1 | frames per second, frames, people (uint16); frames overflow, so their number follows from the file's size |
 | data | float32 (frames, people, points, dimensions), then confidence (frames, people, points) |

@@ -1,5 +1,7 @@
 """Which of our 137 keypoints the points of `.pose` files are: OpenPose, MediaPipe Holistic, COCO-WholeBody."""
 
+from collections.abc import Sequence
+
 from fitting_core.io.coco_wholebody_layout import COCO_17, FEET_6
 from fitting_core.io.pose_binary import Component
 from fitting_core.keypoints import BODY_25, BONES, FACE, GROUPS, INDEX, LEFT_HAND, RIGHT_HAND
@@ -62,7 +64,7 @@ All pairs mirror each other. The contour's lie on the mesh's outline, where a de
 _FACE_70 = range(FACE.start, FACE.stop)
 
 
-def _hand(side: slice, names: list[str]) -> dict[str, int]:
+def _hand(side: slice, names: Sequence[str]) -> dict[str, int]:
     return dict(zip(names, range(side.start, side.stop), strict=True))
 
 

@@ -1,4 +1,4 @@
-"""`.pose` files as keypoints: reading of OpenPose, MediaPipe Holistic and COCO-WholeBody points, writing of OpenPose's."""
+"""`.pose` files as keypoints: OpenPose, MediaPipe Holistic and COCO-WholeBody points are read, OpenPose's written."""
 
 from pathlib import Path
 
