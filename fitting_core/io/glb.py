@@ -88,7 +88,7 @@ def _document(rig: Rig, motion: Motion, found: Deviation) -> gltf.GLTF2:
     document = gltf.GLTF2(
         asset=gltf.Asset(version="2.0", generator="tcfit", extras=said),
         scene=0,
-        scenes=[gltf.Scene(name=motion.name, nodes=[_ROOT, _CAMERA], extras=said)],
+        scenes=[gltf.Scene(name=motion.name, nodes=[_ROOT, _MESH, _CAMERA], extras=said)],
         nodes=_nodes(rig, motion),
         cameras=[_camera(motion)],
         materials=[_material()],
@@ -120,7 +120,7 @@ def _nodes(rig: Rig, motion: Motion) -> list[gltf.Node]:
         for j in range(N_JOINTS)
     ]
     return [
-        gltf.Node(name=motion.name, children=[_MESH, _FIRST_JOINT]),
+        gltf.Node(name=motion.name, children=[_FIRST_JOINT]),
         gltf.Node(name="body", mesh=0, skin=0),
         gltf.Node(name="camera", camera=0),
         *joints,
@@ -160,10 +160,10 @@ def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
         material=0,
         targets=[{"POSITION": buffer.add(shape, vertices, bounds=True)} for shape in rig.morphs.directions],
     )
-    weights = rig.morphs.weights[0].tolist()
-    return gltf.Mesh(
-        name="body", primitives=[primitive], weights=weights, extras={"targetNames": list(rig.morphs.names)}
-    )
+    mesh = gltf.Mesh(name="body", primitives=[primitive], extras={"targetNames": list(rig.morphs.names)})
+    if rig.morphs.names:
+        mesh.weights = rig.morphs.weights[0].tolist()
+    return mesh
 
 
 def _normals(rig: Rig) -> Float[np.ndarray, "V 3"]:

@@ -67,7 +67,7 @@ def corrective_morphs(motion: Motion, *, most: int = MOST) -> Morphs:
     largest = np.maximum(abs(weights).max(0, initial=0.0), 1e-12)
     return Morphs(
         names=tuple(f"corrective_{k}" for k in range(count)),
-        directions=(shapes * largest).T.reshape(count, -1, 3).astype(np.float32),
+        directions=(shapes * largest).T.reshape(count, len(motion.body.template), 3).astype(np.float32),
         weights=(weights / largest).astype(np.float32),
     )
 
