@@ -70,7 +70,7 @@ def test_animations_read_back(tiny_body: BodyModel, seed: int, axes: str, hands:
         found = read_motion(file)
     posed = found.on(tiny_body, CAMERA)
     expected = motion.pose
-    assert torch.allclose(Motion(**{**vars(motion), "params": posed}).pose, expected, atol=1e-9)
+    assert torch.allclose(replace(motion, params=posed).pose, expected, atol=1e-9)
     assert np.abs(joints_in_space(tiny_body, posed) - joints_in_space(tiny_body, motion.params)).max() < 1e-9
     assert found.numbers == (7, 8, 9) and found.frame_rate == 29.97 and found.camera is not None
 

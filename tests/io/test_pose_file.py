@@ -18,7 +18,8 @@ from tests.io.keypoint_samples import SIZE, as_points, by_frame, keypoints
 
 MEDIAPIPE_BODY = (
     "NOSE LEFT_EYE_INNER LEFT_EYE LEFT_EYE_OUTER RIGHT_EYE_INNER RIGHT_EYE RIGHT_EYE_OUTER LEFT_EAR RIGHT_EAR "
-    "MOUTH_LEFT MOUTH_RIGHT LEFT_SHOULDER RIGHT_SHOULDER LEFT_ELBOW RIGHT_ELBOW LEFT_WRIST RIGHT_WRIST LEFT_PINKY RIGHT_PINKY "
+    "MOUTH_LEFT MOUTH_RIGHT LEFT_SHOULDER RIGHT_SHOULDER LEFT_ELBOW RIGHT_ELBOW LEFT_WRIST RIGHT_WRIST LEFT_PINKY "
+    "RIGHT_PINKY "
     "LEFT_INDEX RIGHT_INDEX LEFT_THUMB RIGHT_THUMB LEFT_HIP RIGHT_HIP LEFT_KNEE RIGHT_KNEE LEFT_ANKLE RIGHT_ANKLE "
     "LEFT_HEEL RIGHT_HEEL LEFT_FOOT_INDEX RIGHT_FOOT_INDEX"
 ).split()
@@ -91,7 +92,7 @@ def test_a_reduced_face_mesh(tmp_path: Path):
 
 
 def test_the_face_mesh_points_mirror_each_other():
-    """In MediaPipe's mesh the left half has the numbers from 248 on, and points of the middle line mirror themselves."""
+    """In MediaPipe's mesh the left half has the numbers from 248 on; points of the middle line mirror themselves."""
     middle_line = (0, 2, 4, 5, 13, 14, 17, 152, 168, 197)
     points = {NAMES[place]: int(name) for name, place in COMPONENTS["FACE_LANDMARKS"].items()}
     middle = {name.removeprefix("face_") for name, point in points.items() if point in middle_line}
