@@ -1,11 +1,12 @@
 """COCO-WholeBody JSON: annotation files, result lists as mmpose and DWPose write them, and mmpose's predictions."""
 
-import json
 import math
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from jaxtyping import Float
 
@@ -121,7 +122,7 @@ def write_coco_wholebody(
         "categories": [{"id": 1, "name": "person", "keypoints": list(layout.COCO_17), "skeleton": []}],
     }
     with replacing(file) as draft:
-        draft.write_text(json.dumps(content), encoding="utf-8")
+        draft.write_bytes(msgspec.json.encode(content))
 
 
 def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any]:
@@ -157,7 +158,7 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
     points[_KEYPOINTS[len(values)]] = values
     for key, (part, flag) in PARTS.items():
         if entry.get(key) and entry.get(flag, True):
-            values = _triples(where, key, entry)
+            values = _triples(where, key, entry, first=part.start)
             if len(values) != part.stop - part.start:
                 count = part.stop - part.start
                 raise InputError(f"{where}, {key}: found {len(values)} points; expected {count}, or an empty list.")
@@ -165,7 +166,13 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
     return points
 
 
-def _triples(where: str, key: str, entry: dict[str, Any]) -> Float[np.ndarray, "K 3"]:
+@cache
+def _labels(key: str, first: int) -> list[str]:
+    """Names of a list's points, for messages."""
+    return [f"{name} ({key})" for name in _NAMES[first:]]
+
+
+def _triples(where: str, key: str, entry: dict[str, Any], *, first: int = 0) -> Float[np.ndarray, "K 3"]:
     """x, y and score: one flat list, a list for each point, or with the scores in a list of their own."""
     values, scores = entry[key], entry.get("keypoint_scores") if key == "keypoints" else None
     if not isinstance(values, list):
@@ -176,9 +183,9 @@ def _triples(where: str, key: str, entry: dict[str, Any]) -> Float[np.ndarray, "
             found = len(values[wrong[0]])
             raise InputError(f"{where}, {key}: point {wrong[0]} has {found} values; expected {each} for each.")
         values = [number for value in values for number in value]
-    if len(values) % each or len(values) // each > layout.WHOLEBODY_COUNT:
+    if len(values) % each or len(values) // each > layout.WHOLEBODY_COUNT - first:
         raise InputError(f"{where}, {key}: found {len(values)} values; expected {each} for each of 133 points.")
-    names = [f"{name} ({key})" for name in _NAMES]
+    names = _labels(key, first)
     xy = numbers(where, values, names, each=each).reshape(-1, each)
     if scores is None:
         return xy
