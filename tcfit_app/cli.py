@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from tcfit_app.import_options import ImportOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
@@ -58,6 +59,7 @@ Options = (
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
     | Annotated[Models, subcommand("models")]
+    | Annotated[ImportOptions, subcommand("import")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
 )
@@ -81,6 +83,13 @@ def _review(options: ReviewOptions, command: str) -> int:
     from tcfit_app.review_command import run_review
 
     run_review(options)
+    return 0
+
+
+def _import(options: ImportOptions, command: str) -> int:
+    from tcfit_app.import_command import run_import
+
+    run_import(options)
     return 0
 
 
@@ -123,6 +132,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     FitOptions: _fit,
     NewOptions: _new,
     ReviewOptions: _review,
+    ImportOptions: _import,
     DemoOptions: _demo,
     Models: _models,
     Settings: _settings,

@@ -16,7 +16,7 @@ MODULES = {
 }
 
 LAYERS = [
-    ["errors", "config", "config_file", "settings", "frame_names", "io.atomic"],
+    ["errors", "config", "config_file", "settings", "frame_names", "io.atomic", "npz"],
     ["rotations"],
     ["camera", "keypoints", "body", "reliability"],
     ["clip"],
@@ -28,7 +28,7 @@ LAYERS = [
     ["result", "events", "fitting", "objective_values"],
 ]
 """A module imports from its own layer and from those above; packages stand for all their modules."""
-DATA_TYPES = ["errors", "rotations", "camera", "keypoints", "body", "clip", "config", "events", "result", "frame_names"]
+DATA_TYPES = "errors npz rotations camera keypoints body clip config events result frame_names".split()
 OUTER = {
     # The summary of a fit tells figures: metrics and reliability are arithmetic on arrays and import nothing else.
     "io": ["io", "video", "config_file", "evaluation.metrics", "reliability", *DATA_TYPES],
@@ -46,13 +46,14 @@ APP_LAYERS = {
     "what a project keeps": "storage project bodies",
     "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
     "run_metrics between_runs video_frames",
-    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits session",
+    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads "
+    "importing session",
     "what all tabs draw from": "desk overlay_video exports exporting",
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
     "commands": "options progress clip_input probes doctor fit_command models_command new_command review_command "
-    "demo_command cli __main__",
+    "demo_command import_options import_command cli __main__",
 }
 """Of the app: a module imports from its own layer and from those above."""
 APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}
