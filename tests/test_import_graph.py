@@ -33,6 +33,8 @@ OUTER = {
     # The summary of a fit tells figures: metrics and reliability are arithmetic on arrays and import nothing else.
     "io": ["io", "video", "config_file", "evaluation.metrics", "reliability", *DATA_TYPES],
     "evaluation": ["evaluation", "io", "encode", "video", *DATA_TYPES],
+    # Detected boxes are followed as keypoints are (io.person); what is detected is stored beside where it is read.
+    "detect": ["detect", "io", "video", *DATA_TYPES],
     "render": ["render", "off_screen", *DATA_TYPES],
     "overlay": ["overlay", "render", "off_screen", "encode", "video", *DATA_TYPES],
     "video": ["video", *DATA_TYPES],
