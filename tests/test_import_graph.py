@@ -33,7 +33,7 @@ OUTER = {
     # The summary of a fit tells figures: metrics and reliability are arithmetic on arrays and import nothing else.
     "io": ["io", "video", "config_file", "evaluation.metrics", "reliability", *DATA_TYPES],
     "evaluation": ["evaluation", "io", "encode", "video", *DATA_TYPES],
-    # Detected boxes are followed as keypoints are (io.person); what is detected is stored beside where it is read.
+    # A format of points (io.coco_wholebody_layout), and files that appear whole (io.atomic).
     "detect": ["detect", "io", "video", *DATA_TYPES],
     "render": ["render", "off_screen", *DATA_TYPES],
     "overlay": ["overlay", "render", "off_screen", "encode", "video", *DATA_TYPES],
