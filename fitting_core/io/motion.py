@@ -1,0 +1,161 @@
+"""A fitted motion as it is handed to other programs: body, parameters, camera and time, in a stated world."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from fitting_core import rotations
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+
+Progress = Callable[[float], None]
+"""Takes the share that is done, 0 to 1; what it raises ends the writing."""
+CHUNK = 16
+"""Frames of which whole meshes are in memory at once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axes:
+    """A world: the camera stands at its origin in each of them."""
+
+    from_camera: tuple[tuple[int, int, int], ...]
+    """Rotation of camera space (x right, y down, z away from the camera) into it, by rows."""
+    text: str
+
+
+AXES: dict[str, Axes] = {
+    "camera": Axes(from_camera=((1, 0, 0), (0, 1, 0), (0, 0, 1)), text="x right, y down, z away from the camera"),
+    "y-up": Axes(from_camera=((1, 0, 0), (0, -1, 0), (0, 0, -1)), text="x right, y up, z towards the camera"),
+    "z-up": Axes(from_camera=((1, 0, 0), (0, 0, 1), (0, -1, 0)), text="x right, y away from the camera, z up"),
+}
+"""Upright means: as the camera was held."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """A body that moves over T frames."""
+
+    body: BodyModel
+    params: BodyParams
+    """T frames; orientation and translation into the world of `axes`."""
+    camera: Camera
+    frame_rate: float
+    """Frames per second."""
+    name: str
+    first_frame: int = 0
+    """Number of the first frame in the video, from 0."""
+    axes: str = "camera"
+    """A name of AXES."""
+
+    def __len__(self) -> int:
+        return len(self.params)
+
+    def __getitem__(self, frames: slice) -> "Motion":
+        """Consecutive frames."""
+        start, _, _ = frames.indices(len(self))
+        return replace(self, params=self.params[frames], first_frame=self.first_frame + start)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The body, ready to be posed in single precision."""
+        return Mesh(self.body)
+
+    @property
+    def one_shape(self) -> "Motion":
+        """With the mean of the betas in all frames: phase 1 finds others in each, and a rig has one."""
+        betas = self.params.betas.mean(0, keepdim=True).expand(len(self), -1)
+        return self if torch.equal(betas, self.params.betas) else replace(self, params=replace(self.params, betas=betas))
+
+    def in_axes(self, axes: str) -> "Motion":
+        """The same motion in another world.
+
+        The root turns about the pelvis, which lies off the body's origin: so the translation changes by more than the
+        turn, t' = R (p + t) - p with p the pelvis at rest.
+
+        Raises:
+            InputError: The name is not one of AXES.
+        """
+        if axes not in AXES:
+            raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}.")
+        turn = torch.tensor(AXES[axes].from_camera, dtype=torch.float64) @ torch.tensor(
+            AXES[self.axes].from_camera, dtype=torch.float64
+        ).mT
+        if torch.equal(turn, torch.eye(3, dtype=torch.float64)):
+            return replace(self, axes=axes)
+        pelvis = self.rest_joints[:, 0].double()
+        orient = rotations.log(turn @ rotations.exp(self.params.global_orient.double()))
+        translation = (pelvis + self.params.camera_translation.double()) @ turn.mT - pelvis
+        like = self.params.global_orient
+        turned = replace(self.params, global_orient=orient.to(like), camera_translation=translation.to(like))
+        return replace(self, params=turned, axes=axes)
+
+    @cached_property
+    def rest_joints(self) -> Float[torch.Tensor, "T 55 3"]:
+        """The joints of the rest pose with each frame's shape and expression, metres, double precision."""
+        body, params = self.body, self.params.to(dtype=torch.float64)
+        directions = np.concatenate([body.shape_directions, body.expression_directions], 2)
+        moved = np.einsum("jv,vac->jac", body.joint_regressor, directions)
+        coefficients = torch.cat([params.betas, params.expression], 1)
+        rest = torch.as_tensor(body.joint_regressor @ body.template, dtype=torch.float64)
+        return rest + torch.einsum("jac,tc->tja", torch.as_tensor(moved, dtype=torch.float64), coefficients)
+
+    @property
+    def pelvis(self) -> Float[np.ndarray, "T 3"]:
+        """Where the root joint is, metres: the translation alone is not, because the pelvis is off the origin."""
+        return (self.rest_joints[:, 0] + self.params.camera_translation.double()).numpy()
+
+    @property
+    def pose(self) -> Float[torch.Tensor, "T 55 3"]:
+        """Axis-angle of all joints, hands with their mean, double precision; of the root, in the world."""
+        return full_pose(self.body, self.params.to(dtype=torch.float64))
+
+    def joints(self) -> Float[np.ndarray, "T 55 3"]:
+        """The joints in the world, metres."""
+        return self.mesh.joints(self.params).numpy()
+
+    def vertices(self) -> Iterator[Float[np.ndarray, "V 3"]]:
+        """All vertices in the world (metres), frame by frame."""
+        for start in range(0, len(self), CHUNK):
+            yield from self.mesh(self.params[start : start + CHUNK]).numpy()
+
+
+def stated(motion: Motion) -> dict[str, Any]:
+    """What every file says about the motion in it, as plain values."""
+    world, camera, body = AXES[motion.axes], motion.camera, motion.body
+    return {
+        "name": motion.name,
+        "frames": len(motion),
+        "first_frame": motion.first_frame,
+        "frame_rate": motion.frame_rate,
+        "axes": motion.axes,
+        "axes_text": f"{world.text}; metres; the camera stands at the origin",
+        "gender": body.gender,
+        "body_kind": body.kind,
+        "body_hash": body.hash,
+        "intrinsics": {
+            "focal_px": list(camera.focal),
+            "center_px": list(camera.center),
+            "image_size_px": list(camera.size),
+            "focal_source": camera.source,
+        },
+        "camera_to_world": [list(row) for row in world.from_camera],
+        "generator": "tcfit",
+    }
+
+
+def stated_by_frame(motion: Motion) -> dict[str, Any]:
+    """What a file of meshes or of a skeleton alone does not have: shape, and translation and pelvis by frame."""
+    params = motion.params
+    return stated(motion) | {
+        "betas": motion.one_shape.params.betas[0].tolist() if len(motion) else [],
+        "translation": params.camera_translation.tolist(),
+        "pelvis": motion.pelvis.tolist(),
+    }
