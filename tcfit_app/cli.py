@@ -58,10 +58,10 @@ Options = (
     | Annotated[NewOptions, subcommand("new")]
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
-    | Annotated[DetectOptions, subcommand("detect")]
     | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
+    | Annotated[DetectOptions, subcommand("detect")]
 )
 
 
