@@ -56,6 +56,7 @@ class Project:
         """Where the video or images were when the project was opened, and what is wrong with them."""
         self.runs, self.marks = Runs(folder, store), Marks(store, len(stored))
         self._stored, self._database, self._lock = stored, store, held
+        self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
         if held:
             with accessing(folder):
@@ -152,7 +153,7 @@ class Project:
     @property
     def has_detections(self) -> bool:
         """Whether anything was detected in any frame; without that, `take_detections` can be called."""
-        return bool((self._stored.keypoints.confidence > 0).any())
+        return self._detected
 
     def take_detections(self, keypoints: Keypoints, notes: tuple[str, ...] = ()) -> None:
         """Give a project that was made without keypoints its detections; when this returns, they are on the disk.
@@ -168,13 +169,16 @@ class Project:
         with self._guard:
             if self.has_detections:
                 raise InputError(f"{self.folder}: has its keypoints already. Make a new project for others.")
-            if len(keypoints) != len(self._stored) or not (keypoints.confidence > 0).any():
-                found = f"keypoints of {len(keypoints)} frames" if keypoints.confidence.any() else "no keypoint at all"
-                raise InputError(f"Found {found}; expected some of the {len(self._stored)} frames of the clip.")
+            if len(keypoints) != len(self._stored):
+                raise InputError(
+                    f"Found keypoints of {len(keypoints)} frames; expected {len(self._stored)}, the clip's."
+                )
+            if not (keypoints.confidence > 0).any():
+                raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
             stored = replace(self._stored, keypoints=_fixed(keypoints), notes=(*self._stored.notes, *notes))
             history = EditHistory(stored.keypoints, self._log)
             replace_detections(self.folder, self._database, stored.keypoints, stored.notes)
-            self._stored, self._history = stored, history
+            self._stored, self._history, self._detected = stored, history, True
 
     def relink(self, source: Path) -> None:
         """Say where the video or the images are now.

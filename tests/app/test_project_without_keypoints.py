@@ -74,8 +74,8 @@ def test_keypoints_placed_by_hand_before_stay(folder: Path):
 @pytest.mark.parametrize(
     ("found", "words"),
     [
-        (sample_keypoints(FRAMES - 1), f"keypoints of {FRAMES - 1} frames; expected some of the {FRAMES} frames"),
-        (empty_clip().keypoints, "no keypoint at all"),
+        (sample_keypoints(FRAMES - 1), f"keypoints of {FRAMES - 1} frames; expected {FRAMES}"),
+        (empty_clip().keypoints, "No keypoint was found in any"),
     ],
 )
 def test_keypoints_that_do_not_fit_the_clip(folder: Path, found: Keypoints, words: str):
