@@ -155,21 +155,21 @@ class Detection:
 
     def _tracked(self, part: range, before: Float[np.ndarray, "n 133 3"]) -> Iterator[Float[np.ndarray, "1 133 3"]]:
         """Points of a part, each frame's in a box around those of the frame before, the first of which is given."""
-        size, heights = self.source.size, before[..., 2].ravel()
-        box = box_around(before[-1], heights, size) if len(before) else None
+        size, highest = self.source.size, float(before[..., 2].max(initial=0.0))
+        box = box_around(before[-1], highest, size) if len(before) else None
         for frame in part:
             image = self.source.frame(frame)
-            points = self._looked_for(image, heights) if box is None else self._points(image, box)
-            box = box_around(points, heights, size)
+            points = self._looked_for(image, highest) if box is None else self._points(image, box)
+            box = box_around(points, highest, size)
             if box is None:
                 points = np.zeros_like(points)
-            heights = np.append(heights, points[:, 2])
+            highest = max(highest, points[:, 2].max())
             yield points[None]
 
-    def _looked_for(self, image: UInt8[np.ndarray, "H W 3"], heights: Float[np.ndarray, "n"]) -> np.ndarray:
+    def _looked_for(self, image: UInt8[np.ndarray, "H W 3"], highest: float) -> Float[np.ndarray, "133 3"]:
         """Points of a person who can be anywhere: in the whole image, then again in the box that this gives."""
         points = self._points(image, whole(self.source.size))
-        nearer = box_around(points, heights, self.source.size)
+        nearer = box_around(points, highest, self.source.size)
         return points if nearer is None else self._points(image, nearer)
 
     def _points(self, image: UInt8[np.ndarray, "H W 3"], box: Float[np.ndarray, "4"]) -> Float[np.ndarray, "133 3"]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitting_core.detect.known_models import KnownModel, Origin, model_path, models_folder, pin, pinned, write_origin
+from fitting_core.detect.known_models import KnownModel, Origin, model_path, pin, pinned, write_origin
 from fitting_core.detect.onnx_model import OnnxModel
 from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
@@ -75,7 +75,7 @@ def download(model: KnownModel, folder: Path | None = None) -> Iterator[Download
         InputError: The server cannot be reached or has something else, the disk is full, or the checksum is another
             one; no model is there then that was not there before.
     """
-    folder = folder or models_folder()
+    folder = folder or model_path(model.name).parent
     part = folder / f".{model.name}.part"
     try:
         folder.mkdir(parents=True, exist_ok=True)

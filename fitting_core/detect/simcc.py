@@ -135,7 +135,13 @@ def peaks(bins: Float[np.ndarray, "K n"]) -> tuple[Float[np.ndarray, "K"], Float
     return highest + np.clip(shift, -0.5, 0.5), bins.max(1) - np.median(bins, 1)
 
 
-def confidence(heights: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Confidences, 0 to 1, of the peaks' heights of a whole clip, or as much of it as is known."""
-    scale = _SCALES[int(bool(heights.size) and float(heights.max()) > _HIGH)]
-    return np.clip(heights / scale, 0.0, 1.0)
+def confidence(heights: Float[np.ndarray, "*n"], *, highest: float | None = None) -> Float[np.ndarray, "*n"]:
+    """Confidences, 0 to 1, of peaks' heights.
+
+    Args:
+        heights: Of the peaks.
+        highest: The largest in the clip, or as much of it as is known; None: these are all.
+    """
+    if highest is None:
+        highest = float(heights.max(initial=0.0))
+    return np.clip(heights / _SCALES[int(highest > _HIGH)], 0.0, 1.0)

@@ -154,16 +154,16 @@ def bridged(boxes: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
 
 
 def box_around(
-    points: Float[np.ndarray, "133 3"], heights: Float[np.ndarray, "*n"], size: tuple[int, int]
+    points: Float[np.ndarray, "133 3"], highest: float, size: tuple[int, int]
 ) -> Float[np.ndarray, "4"] | None:
     """The box in which to look for a person in the next frame; None if the person is lost.
 
     Args:
         points: Of this frame, as `PoseModel.points` gives them.
-        heights: Of the points' peaks in all frames so far.
+        highest: Height of the highest peak of a point in all frames so far.
         size: Of the image.
     """
-    confidence = simcc.confidence(np.append(heights, points[:, 2]))[-len(points) :]
+    confidence = simcc.confidence(points[:, 2], highest=max(highest, points[:, 2].max()))
     inside = ((points[:, :2] >= 0) & (points[:, :2] < size)).all(1)
     sure = points[(confidence >= SURE) & inside, :2]
     if len(sure) < _FEWEST_SURE:

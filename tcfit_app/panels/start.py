@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _FILE = "An ONNX file of yours"
 _NONE = "None: follow from frame to frame"
-_TO_FETCH = "to be downloaded"
+_TO_FETCH = "download"
 _RECOMMENDED = "dwpose-l"
 """What is offered where no whole-body model has been downloaded."""
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fitting_core.detect import detecting
+from fitting_core.detect import detecting, known_models
 from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.keypoints import INDEX
@@ -171,11 +171,12 @@ def test_the_list_of_models(capsys: pytest.CaptureFixture[str]):
 def test_a_download_shows_what_it_is_and_then_the_model_has_its_name(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.setattr(known_models, "models_folder", lambda: tmp_path / "data")
     known = replace(KNOWN_MODELS["dwpose-m"], url=model.resolve().as_uri())
     monkeypatch.setitem(KNOWN_MODELS, "dwpose-m", known)
     assert main(["detect", "--download", "dwpose-m", "--yes"]) == 0
     said = capsys.readouterr().out
+    assert (tmp_path / "data" / "dwpose-m.onnx").is_file()
     assert known.url in said and known.licence in said and "remembered for the next download" in said
     assert main(["detect", "--download", "dwpose-m", "--yes"]) == 0
     assert "(as expected)" in capsys.readouterr().out

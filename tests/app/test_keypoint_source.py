@@ -218,7 +218,7 @@ def test_a_model_that_is_not_here_is_shown_before_it_is_fetched(
 ):
     known = replace(KNOWN_MODELS["dwpose-m"], url=model.as_uri())
     monkeypatch.setitem(KNOWN_MODELS, "dwpose-m", known)
-    page.enter("Model", f"{known.title} (to be downloaded)")
+    page.enter("Model", f"{known.title} (download)")
     html = page.html()
     assert known.url in html and known.licence in html and "none is known" in html
     page.click("Agree and download")
