@@ -147,7 +147,7 @@ class NewOptions:
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
     keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """OpenPose JSON: a folder with a file for each frame, or one file. Without any, the review gets them."""
+    """OpenPose JSON: a folder with a file for each frame, or one file."""
     out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """The project's folder, which may not exist yet."""
     copy_video: bool = False
@@ -178,7 +178,7 @@ class ReviewOptions:
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
     """A project's folder; or what `tcfit new` takes."""
     keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """For a new project: OpenPose JSON, a folder or a file. Without any, the review imports or detects them."""
+    """For a new project. OpenPose JSON: a folder with a file for each frame, or one file."""
     out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """For a new project: its folder."""
     copy_video: bool = False
