@@ -4,6 +4,7 @@ A copy of a fitted project is opened in Debian's Chromium, with WebGL in softwar
 the app into states and yields a name for each; the picture is taken then.
 """
 
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -71,8 +72,7 @@ def show(review: Reviewing, **state: Any) -> None:
 
 def open_panel(review: Reviewing, title: str) -> None:
     """Bring a panel to the front."""
-    titles = [panel.title for panel in PANELS]
-    review.tab.get_by_role("tab").nth(titles.index(title)).click()
+    review.tab.get_by_role("tab", name=re.compile(rf"^\s*{title}\s*$")).click()
     settle(review, busy=bool(review.session.jobs))
 
 
@@ -201,6 +201,29 @@ def first_look(review: Reviewing) -> Iterator[str]:
         yield title.lower()
 
 
+def starting(review: Reviewing) -> Iterator[str]:
+    """A project without keypoints: what it offers, a model that is to be downloaded, and one that fails."""
+    settle(review)
+    review.tab.get_by_text("Import from this path").wait_for()
+    yield "start"
+    choose_model(review, "An ONNX file of yours")
+    yield "own-model"
+    review.app.post(lambda: review.session.source.import_path("no/such/folder"))
+    until(lambda: not review.session.source.busy, "the failure")
+    settle(review)
+    yield "failed"
+    for title in ("View", "Keypoints", "Fit"):
+        open_panel(review, title)
+        yield title.lower()
+
+
+def choose_model(review: Reviewing, title: str) -> None:
+    """Choose a whole-body model by its title."""
+    review.tab.locator("xpath=//*[normalize-space(text())='Model']/following::input[1]").click()
+    review.tab.get_by_role("option", name=title).click()
+    settle(review)
+
+
 # --- projects ---
 
 
@@ -257,7 +280,7 @@ SCENES = {
     "read-only": Scene(shots=first_look, read_only=True),
     "no-fit": Scene(shots=first_look, make=without_fit),
     "no-video": Scene(shots=first_look, make=without_video),
-    "no-keypoints": Scene(shots=first_look, make=without_keypoints),
+    "no-keypoints": Scene(shots=starting, make=without_keypoints),
 }
 """By what their pictures' names begin with."""
 

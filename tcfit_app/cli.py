@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from tcfit_app.detect_options import DetectOptions
 from tcfit_app.import_options import ImportOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
@@ -62,6 +63,7 @@ Options = (
     | Annotated[ImportOptions, subcommand("import")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
+    | Annotated[DetectOptions, subcommand("detect")]
 )
 
 
@@ -103,6 +105,13 @@ def _demo(options: DemoOptions, command: str) -> int:
     return 0
 
 
+def _detect(options: DetectOptions, command: str) -> int:
+    from tcfit_app.detect_command import run_detect
+
+    run_detect(options)
+    return 0
+
+
 def _models(options: Models, command: str) -> int:
     from tcfit_app.models_command import list_models, register_models
 
@@ -134,6 +143,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     ReviewOptions: _review,
     ImportOptions: _import,
     DemoOptions: _demo,
+    DetectOptions: _detect,
     Models: _models,
     Settings: _settings,
     Doctor: _doctor,

@@ -2,15 +2,18 @@
 
 import dataclasses
 import re
+from typing import Any
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip
-from tcfit_app.options import FitOptions, NewOptions, ReviewOptions
+from fitting_core.io.clip_reader import read_clip, read_footage
+from tcfit_app.options import ClipOptions, FitOptions, NewOptions, ReviewOptions
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
     """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here.
+
+    A project can be made of a video alone: nothing is detected then.
 
     Raises:
         InputError: Files or options cannot be used.
@@ -22,19 +25,35 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
         return names.sub(lambda name: "--" + name[0].replace("_", "-"), text)
 
     try:
-        clip = read_clip(options.video, options.keypoints, **details)
+        clip = _read(options, details)
     except InputError as error:
         raise InputError(translated(str(error))) from error
     return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
+
+
+def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, Any]) -> Clip:
+    video = options.video
+    if isinstance(options, FitOptions) or video is None or options.keypoints is not None or not video.exists():
+        return read_clip(video, options.keypoints, **details)
+    if (video / "images").is_dir() and (video / "keypoints").is_dir():
+        return read_clip(video, **details)
+    plain = ClipOptions()
+    for name in ("person", "keypoint_scale"):
+        if details.pop(name) != getattr(plain, name):
+            named = f"--{name.replace('_', '-')}"
+            raise InputError(f"{named} is of no use without keypoints: {video} has none yet. Leave it out.")
+    return read_footage(video, **details)
 
 
 def described(clip: Clip) -> list[str]:
     """Length and camera, as lines for the user."""
     camera = clip.camera
     frames = f"{len(clip)} frames from {clip.first_frame} on at {clip.frame_rate:g} per second"
+    none = "No keypoints yet: the review (tcfit review) imports or detects them, in its panel Start"
     return [
         f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
         f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
+        *([] if clip.keypoints.confidence.any() else [none]),
         *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
     ]
 

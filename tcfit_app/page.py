@@ -18,7 +18,7 @@ from tcfit_app.edits import Edit
 from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.key_list import keys_html
 from tcfit_app.notices import Notice
-from tcfit_app.panels import PANELS
+from tcfit_app.panels import PANELS, WITHOUT_KEYPOINTS
 from tcfit_app.panels.panel import Panel
 from tcfit_app.picture import Picture
 from tcfit_app.playback import Playback
@@ -84,7 +84,7 @@ class Page:
     def _tabs(self) -> list[Callable[["Page"], Any]]:
         tabs = self.client.gui.add_tab_group()
         made = []
-        for kind in PANELS:
+        for kind in PANELS if self.session.project.has_detections else WITHOUT_KEYPOINTS:
             tab = tabs.add_tab(kind.title, kind.icon)
 
             def build(page: "Page", kind: Any = kind, tab: viser.GuiTabHandle = tab) -> Any:

@@ -5,7 +5,7 @@ A project is a folder:
 | file | |
 |---|---|
 | project.sqlite | clip, log of edits, runs with their settings, review marks (`storage/database.py` has the tables) |
-| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels and confidence (T, 137); never changed |
+| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137); stay once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
 | media/ | the video or images, if they were copied; else the database knows where they are |
 | project.lock | held by the one process that writes |
@@ -25,6 +25,7 @@ from pathlib import Path
 from types import TracebackType
 
 import msgspec
+import numpy as np
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
@@ -33,7 +34,7 @@ from tcfit_app.corrected import Corrected
 from tcfit_app.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
 from tcfit_app.edits import Edit
 from tcfit_app.storage import database, media
-from tcfit_app.storage.clip import read_clip, write_clip
+from tcfit_app.storage.clip import read_clip, replace_detections, write_clip
 from tcfit_app.storage.database import Database
 from tcfit_app.storage.durable import accessing, sweep, sync
 from tcfit_app.storage.lock import Lock, ProjectLocked
@@ -55,6 +56,7 @@ class Project:
         """Where the video or images were when the project was opened, and what is wrong with them."""
         self.runs, self.marks = Runs(folder, store), Marks(store, len(stored))
         self._stored, self._database, self._lock = stored, store, held
+        self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
         if held:
             with accessing(folder):
@@ -148,6 +150,36 @@ class Project:
         with self._guard:
             return replace(self._stored, keypoints=self._history.keypoints, source=self.media.path)
 
+    @property
+    def has_detections(self) -> bool:
+        """Whether anything was detected in any frame; without that, `take_detections` can be called."""
+        return self._detected
+
+    def take_detections(self, keypoints: Keypoints, notes: tuple[str, ...] = ()) -> None:
+        """Give a project that was made without keypoints its detections; when this returns, they are on the disk.
+
+        Args:
+            keypoints: Of every frame of the clip.
+            notes: For the user, added to those of the clip.
+
+        Raises:
+            InputError: It has detections, the keypoints are of another number of frames or none, or the project cannot
+                be written; nothing has changed.
+        """
+        with self._guard:
+            if self.has_detections:
+                raise InputError(f"{self.folder}: has its keypoints already. Make a new project for others.")
+            if len(keypoints) != len(self._stored):
+                raise InputError(
+                    f"Found keypoints of {len(keypoints)} frames; expected {len(self._stored)}, the clip's."
+                )
+            if not (keypoints.confidence > 0).any():
+                raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
+            stored = replace(self._stored, keypoints=_fixed(keypoints), notes=(*self._stored.notes, *notes))
+            history = EditHistory(stored.keypoints, self._log)
+            replace_detections(self.folder, self._database, stored.keypoints, stored.notes)
+            self._stored, self._history, self._detected = stored, history, True
+
     def relink(self, source: Path) -> None:
         """Say where the video or the images are now.
 
@@ -235,6 +267,14 @@ class Project:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+
+def _fixed(keypoints: Keypoints) -> Keypoints:
+    """The same as detections, in arrays of their own which nobody can write to."""
+    xy, confidence = (np.array(array, dtype=float) for array in (keypoints.xy, keypoints.confidence))
+    for array in (xy, confidence):
+        array.setflags(write=False)
+    return Keypoints(xy=xy, confidence=confidence)
 
 
 def check_free(folder: Path) -> None:

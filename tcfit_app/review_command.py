@@ -65,7 +65,7 @@ def _review(project: "Project", server: ReviewServer, *, models: Path | None, fi
     session = Session(project, Bodies(models))
     app = ReviewApp(session, server.viser)
     try:
-        if fit is not None and not session.fits.runs and not project.read_only:
+        if fit is not None and project.has_detections and not session.fits.runs and not project.read_only:
             session.fit_everything(fit, kind="smplx", gender="neutral")
         app.run()
     except KeyboardInterrupt:

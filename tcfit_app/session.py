@@ -25,6 +25,7 @@ from tcfit_app.edits import Edit, MoveKeypoint
 from tcfit_app.fits import Fits, Shown
 from tcfit_app.importing import ImportChoices, import_run
 from tcfit_app.jobs import FitEverything, FitShape, Job, RerunFrames
+from tcfit_app.keypoint_source import KeypointSource
 from tcfit_app.live import REACH, Correction
 from tcfit_app.notices import Notice
 from tcfit_app.outbox import (
@@ -92,6 +93,8 @@ class Session:
         self.project, self.bodies = project, bodies
         self.fits = Fits(project)
         self.worker = Worker(self.fits)
+        self.source = KeypointSource(project)
+        """Gets keypoints for a project that has none."""
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
         self.ended: RunningJob | None = None
@@ -111,6 +114,7 @@ class Session:
 
     def close(self) -> None:
         """End all work; what had finished is on the disk."""
+        self.source.close()
         self.worker.close()
         for job in self.jobs.values():
             self._end_run(job, "cancelled", "tcfit was closed")
@@ -176,6 +180,8 @@ class Session:
         Raises:
             InputError: The body is not there, or the project cannot be written.
         """
+        if not self.project.has_detections:
+            raise InputError("This project has no keypoints yet: import or detect them first, in the panel Start.")
         body = self.bodies.find(kind=kind, gender=gender)
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
@@ -341,7 +347,20 @@ class Session:
             self.changes += 1
         if news.moved is not None and news.moved.drag in self._drags:
             self._show_live(news.moved)
+        self._take_keypoints()
         self._follow()
+
+    def _take_keypoints(self) -> None:
+        """Take up what has ended of getting keypoints."""
+        ended = self.source.take()
+        if ended is None:
+            return
+        self.changes += 1
+        if ended.state == "failed":
+            self.tell(Notice(title=f"{ended.job.title} failed", text=ended.reason, kind="error"))
+        elif ended.state == "finished" and ended.found is not None:
+            self.edits += 1
+            self.tell(Notice(title="This project has its keypoints", text="\n".join(ended.found.notes), kind="done"))
 
     def _show_live(self, moved: DragMoved) -> None:
         run = self._drags[moved.drag][1]

@@ -40,7 +40,9 @@ class Status:
         chips += [progress_chip(job) for job in running]
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
-        if not session.jobs and not session.fits.showable():
+        if not session.project.has_detections:
+            chips.append(self._keypoint_chip())
+        elif not session.jobs and not session.fits.showable():
             chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
         media = session.project.media.problem or page.desk.video.problem_of(page.state.frame)
         for text in (media, self.problem):
@@ -53,14 +55,19 @@ class Status:
 
     def _notice(self) -> Notice | None:
         """A card where there is nothing else to see."""
-        if not (self._page.session.project.detections.confidence > 0).any():
-            return Notice(
-                title="This project has no keypoints",
-                text="Nothing can be fitted or corrected. Make a new project with tcfit new VIDEO --keypoints FOLDER, "
-                "where FOLDER holds OpenPose's JSON files, one for each frame.",
-                kind="error",
-            )
-        return None
+        project = self._page.session.project
+        if project.has_detections or project.media.path is not None:
+            return None
+        text = "This project has no keypoints yet, and its video is not there. Import keypoints in the panel Start."
+        return Notice(title="There is nothing to see yet", text=text)
+
+    def _keypoint_chip(self) -> Chip:
+        """How far it is that the project gets its keypoints, or where they are to be had."""
+        going = self._page.session.source.going
+        if going is None or going.state != "running":
+            return Chip(text="No keypoints yet: import or detect them in the panel Start", kind="warning")
+        progress = None if going.share is None else round(going.share, 2)
+        return Chip(text=f"{going.job.title}: {going.text}", kind="busy", progress=progress)
 
 
 def progress_chip(job: RunningJob) -> Chip:

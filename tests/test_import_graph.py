@@ -33,6 +33,8 @@ OUTER = {
     # The summary of a fit tells figures: metrics and reliability are arithmetic on arrays and import nothing else.
     "io": ["io", "video", "config_file", "evaluation.metrics", "reliability", *DATA_TYPES],
     "evaluation": ["evaluation", "io", "encode", "video", *DATA_TYPES],
+    # A format of points (io.coco_wholebody_layout), and files that appear whole (io.atomic).
+    "detect": ["detect", "io", "video", *DATA_TYPES],
     "render": ["render", "off_screen", *DATA_TYPES],
     "overlay": ["overlay", "render", "off_screen", "encode", "video", *DATA_TYPES],
     "video": ["video", *DATA_TYPES],
@@ -47,13 +49,13 @@ APP_LAYERS = {
     "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
     "run_metrics between_runs video_frames",
     "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads "
-    "importing session",
+    "importing uploads keypoint_jobs keypoint_source session",
     "what all tabs draw from": "desk overlay_video exports exporting",
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
-    "commands": "options progress clip_input probes doctor fit_command models_command new_command review_command "
-    "demo_command import_options import_command cli __main__",
+    "commands": "options detect_options import_options progress clip_input probes doctor fit_command detect_command "
+    "models_command new_command review_command demo_command import_command cli __main__",
 }
 """Of the app: a module imports from its own layer and from those above."""
 APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}

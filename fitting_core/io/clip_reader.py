@@ -1,38 +1,22 @@
 """Read a clip: frames, keypoints and camera put together into what is fitted."""
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import Camera, default_focal, focal_from_35mm, focal_from_fov
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.alignment import Timeline, align, select, timeline_of_keypoints
+from fitting_core.io.camera_options import camera_of, focal_option
 from fitting_core.io.detections import Detections, to_pixels
 from fitting_core.io.person import choose_person
-from fitting_core.keypoints import Keypoints
+from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.video import FrameSource
 
 DEFAULT_FRAME_RATE = 30.0
 _MAX_FRAME_RATE = 2000.0
-_FOV_RANGE = (0.5, 170.0)
-"""Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
-FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
-    "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels, as given"),
-    "fov": (
-        lambda degrees, size: focal_from_fov(degrees, size[0]),
-        "horizontal field of view of {:g} degrees, as given",
-    ),
-    "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm, as given"),
-}
-"""By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
-_DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
-_MAX_CENTER = 2.0
-"""Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
 
 _LANDSCAPE = ((320, 240), (640, 480), (854, 480), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160), (7680, 4320))
 _COMMON_SIZES = sorted([*_LANDSCAPE, *((h, w) for w, h in _LANDSCAPE)], key=lambda size: size[0] * size[1])
@@ -88,7 +72,7 @@ def read_clip(
     Raises:
         InputError: A file is missing or broken, options contradict each other, or nothing was detected.
     """
-    focal = _the_one_given({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+    focal = focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
     images, keypoint_path = locate(video, keypoints)
     detections = read_detections(keypoint_path)
     footage = _footage(images)
@@ -103,7 +87,7 @@ def read_clip(
     rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
     return Clip(
         keypoints=choice.keypoints,
-        camera=_camera(size, center, focal),
+        camera=camera_of(size, center, focal),
         frame_rate=rate,
         name=_name(video or keypoint_path),
         source=images,
@@ -119,6 +103,81 @@ def read_clip(
             *_check_inside(choice.keypoints, size),
             *rate_notes,
         ),
+    )
+
+
+def read_footage(
+    video: Path,
+    *,
+    focal_length: float | None = None,
+    fov: float | None = None,
+    focal_length_35mm: float | None = None,
+    center: tuple[float, float] | None = None,
+    frame_rate: float | None = None,
+    image_size: tuple[int, int] | None = None,
+    first_frame: int | None = None,
+    last_frame: int | None = None,
+) -> Clip:
+    """Read a clip whose keypoints are yet to come: nothing is detected in any frame.
+
+    Args and errors as of `read_clip`.
+    """
+    focal = focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+    images = video / "images" if (video / "images").is_dir() else video
+    footage = _footage(images)
+    size = _known_size(footage, image_size)
+    assert size is not None and footage.timeline is not None
+    nothing = _nothing(footage.timeline)
+    chosen, first = select(nothing, footage.timeline, first_frame, last_frame)
+    rate, rate_notes = _frame_rate(frame_rate, footage, None)
+    return Clip(
+        keypoints=Keypoints(xy=np.zeros((len(chosen), COUNT, 2)), confidence=np.zeros((len(chosen), COUNT))),
+        camera=camera_of(size, center, focal),
+        frame_rate=rate,
+        name=_name(video),
+        source=images,
+        first_frame=first,
+        notes=(*footage.notes, *rate_notes),
+    )
+
+
+def _nothing(timeline: Timeline) -> Detections:
+    """No people in all frames of a timeline."""
+    return Detections(
+        frames=(np.zeros((0, COUNT, 3)),) * len(timeline.numbers),
+        stems=tuple(map(str, timeline.numbers)),
+        source=timeline.source or Path(),
+    )
+
+
+def read_keypoints(
+    path: Path, clip: Clip, *, person: int | None = None, keypoint_scale: str = "auto"
+) -> tuple[Keypoints, tuple[str, ...]]:
+    """Keypoints for the frames of a clip that is known, and notes on how they were read.
+
+    Args:
+        path: Any format of fitting_core.io.READERS.
+        clip: Its frames and its image size.
+        person: As of `read_clip`.
+        keypoint_scale: As of `read_clip`.
+
+    Raises:
+        InputError: As of `read_clip`.
+    """
+    detections = read_detections(path)
+    detections, scale_notes = to_pixels(detections, clip.camera.size, keypoint_scale=keypoint_scale)
+    timeline = _footage(clip.source).timeline or Timeline(numbers=range(clip.first_frame + len(clip)))
+    detections, alignment_notes = align(detections, timeline)
+    last = clip.first_frame + len(clip) - 1
+    detections, _ = select(detections, timeline, clip.first_frame, last)
+    choice = choose_person(detections, person=person, first_frame=clip.first_frame)
+    found = _check_inside(choice.keypoints, clip.camera.size)
+    return choice.keypoints, (
+        *detections.notes,
+        *alignment_notes,
+        *([choice.note] if choice.note else []),
+        *scale_notes,
+        *found,
     )
 
 
@@ -220,47 +279,6 @@ def _frame_rate(option: float | None, footage: _Footage, told: float | None) -> 
         says = "the video" if footage.frame_rate else "the keypoint file"
         return option, (f"The frame rate is {option:g} as given; {says} says {known:g}.",)
     return option, ()
-
-
-def _the_one_given(options: dict[str, float | None]) -> tuple[str, float] | None:
-    given = {name: value for name, value in options.items() if value is not None}
-    if len(given) > 1:
-        listed = " and ".join(f"{name}={value:g}" for name, value in given.items())
-        raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
-    for name, value in given.items():
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value:g}; expected a positive number.")
-        if name == "fov" and value > _FOV_RANGE[1]:
-            raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
-    return next(iter(given.items()), None)
-
-
-def _camera(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
-    if focal is None:
-        pixels, source = default_focal(size), _DEFAULT_FOCAL
-    else:
-        to_focal, words = FOCAL_OPTIONS[focal[0]]
-        pixels, source = to_focal(focal[1], size), words.format(focal[1])
-        _check_angle(pixels, size, source)
-    middle = (size[0] / 2, size[1] / 2)
-    if center is not None and not all(
-        abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
-    ):
-        raise InputError(
-            f"center is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
-            f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
-        )
-    return Camera(focal=(pixels, pixels), center=center or middle, size=size, source=source)
-
-
-def _check_angle(focal: float, size: tuple[int, int], source: str) -> None:
-    degrees = 2 * math.degrees(math.atan(size[0] / 2 / focal))
-    if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
-        raise InputError(
-            f"A camera with a {source.removesuffix(', as given')} sees {degrees:.3g} degrees of an image of "
-            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels (use "
-            "focal_length_35mm for millimetres), fov in degrees."
-        )
 
 
 def _check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:

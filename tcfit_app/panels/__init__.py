@@ -7,6 +7,7 @@ from tcfit_app.panels.keypoints import KeypointsPanel
 from tcfit_app.panels.panel import Panel
 from tcfit_app.panels.review import ReviewPanel
 from tcfit_app.panels.runs import RunsPanel
+from tcfit_app.panels.start import StartPanel
 from tcfit_app.panels.view import ViewPanel
 
 PANELS: tuple[type[Panel], ...] = (
@@ -19,3 +20,5 @@ PANELS: tuple[type[Panel], ...] = (
     ExportPanel,
 )
 """In the order of their tabs."""
+WITHOUT_KEYPOINTS: tuple[type[Panel], ...] = (StartPanel, *PANELS)
+"""Of a project without keypoints."""

@@ -1,6 +1,7 @@
 """The clip of a project: its row in the database, its detections, and its video."""
 
 import hashlib
+import os
 import zipfile
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,11 +15,13 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.storage import database, media
 from tcfit_app.storage.database import Database
-from tcfit_app.storage.durable import durable, sync
+from tcfit_app.storage.durable import accessing, durable, sync
 from tcfit_app.storage.media import MediaLink
 from tcfit_app.storage.names import name_of_file
 
 DETECTIONS = "detections.npz"
+_COMING = "detections.coming.npz"
+"""Detections that take the place of those; the database's checksum says which of both files are the project's."""
 
 
 def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> None:
@@ -34,8 +37,7 @@ def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> No
         InputError: The source cannot be read, or the database not be written.
         OSError: Another file cannot be written.
     """
-    with durable(draft / DETECTIONS) as file:
-        np.savez_compressed(file, allow_pickle=False, xy=clip.keypoints.xy, confidence=clip.keypoints.confidence)
+    _write_detections(draft / DETECTIONS, clip.keypoints)
     link = None
     if clip.source:
         link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
@@ -71,7 +73,8 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     if not rows:
         raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
     row = rows[0]
-    keypoints = _read_detections(folder / DETECTIONS, row["detections_sha256"])
+    _settle_detections(folder, row["detections_sha256"], read_only=store.read_only)
+    keypoints = _read_detections(_detections_file(folder, row["detections_sha256"]), row["detections_sha256"])
     try:
         link = None if row["media"] is None else msgspec.json.decode(row["media"], type=MediaLink)
         clip = Clip(
@@ -85,6 +88,50 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     except (ValueError, TypeError) as error:
         raise InputError(f"{store.path}: the clip in it cannot be read ({error}); it is damaged.") from error
     return clip, link
+
+
+def replace_detections(folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...]) -> None:
+    """Give a project other detections, with the notes of its clip; when this returns they are on the disk.
+
+    Wherever it ends in between, the project opens with the old ones or the new ones: the new file lies beside the old
+    one, the database's transaction decides, and then the new one takes the old one's place.
+
+    Raises:
+        InputError: The project cannot be written; it has its old detections then.
+    """
+    with accessing(folder):
+        _write_detections(folder / _COMING, keypoints)
+        with store.transaction() as connection:
+            connection.execute(
+                "UPDATE clip SET detections_sha256 = ?, notes = ?",
+                (_sha256(folder / _COMING), msgspec.json.encode(notes).decode()),
+            )
+        os.replace(folder / _COMING, folder / DETECTIONS)
+        sync(folder)
+
+
+def _settle_detections(folder: Path, expected: str, *, read_only: bool) -> None:
+    """End what a process that died has left of `replace_detections`."""
+    coming = folder / _COMING
+    if read_only or not coming.exists():
+        return
+    with accessing(folder):
+        if _sha256(coming) == expected:
+            os.replace(coming, folder / DETECTIONS)
+        else:
+            coming.unlink()
+        sync(folder)
+
+
+def _detections_file(folder: Path, expected: str) -> Path:
+    """Where the project's detections lie: under the other name too, as long as nobody has opened it for writing."""
+    coming = folder / _COMING
+    return coming if coming.exists() and _sha256(coming) == expected else folder / DETECTIONS
+
+
+def _write_detections(path: Path, keypoints: Keypoints) -> None:
+    with durable(path) as file:
+        np.savez_compressed(file, allow_pickle=False, xy=keypoints.xy, confidence=keypoints.confidence)
 
 
 def _read_detections(path: Path, expected: str) -> Keypoints:

@@ -1,0 +1,94 @@
+"""Keypoint detectors on onnxruntime: one file for each family of models, and the table of them.
+
+Top-down: a box model finds people, one of them is followed (`tracking`), and a pose model finds that person's points in
+the box. Without a box model the box follows the points themselves. `detecting` goes through a clip.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from fitting_core.detect import rtmdet, simcc, yolox
+from fitting_core.detect.boxes import Boxes
+from fitting_core.detect.model_kinds import what_it_is
+from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.errors import InputError
+
+
+class PoseModel(Protocol):
+    """Finds the points of one person in a box."""
+
+    model: OnnxModel
+    size: tuple[int, int]
+    """Width and height of what it sees."""
+
+    def points(
+        self, images: Sequence[UInt8[np.ndarray, "H W 3"]], boxes: Float[np.ndarray, "n 4"]
+    ) -> Float[np.ndarray, "n 133 3"]:
+        """Of one person in each RGB image: x, y in pixels, and what `simcc.confidence` takes."""
+        ...
+
+
+class BoxModel(Protocol):
+    """Finds people."""
+
+    model: OnnxModel
+
+    def find(self, images: Sequence[UInt8[np.ndarray, "H W 3"]]) -> list[Boxes]:
+        """The people in each RGB image."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Family:
+    """Models of one kind."""
+
+    title: str
+    finds: Literal["points", "boxes"]
+    recognises: Callable[[OnnxModel], bool]
+    make: Callable[[OnnxModel], Any]
+
+
+DETECTORS: dict[str, Family] = {
+    "simcc": Family(title="RTMPose, DWPose, RTMW", finds="points", recognises=simcc.recognises, make=simcc.SimCC),
+    "rtmdet": Family(title="RTMDet", finds="boxes", recognises=rtmdet.recognises, make=rtmdet.RTMDet),
+    "yolox": Family(title="YOLOX", finds="boxes", recognises=yolox.recognises, make=yolox.YOLOX),
+}
+"""By name; the first that recognises a model runs it."""
+
+
+def load_pose_model(path: Path, *, provider: str = "cpu", threads: int = 0) -> PoseModel:
+    """Open a whole-body model.
+
+    Raises:
+        InputError: There is no such file, it is no ONNX model, or one of another kind, which the message names.
+    """
+    return _load(path, "points", provider, threads)
+
+
+def load_box_model(path: Path, *, provider: str = "cpu", threads: int = 0) -> BoxModel:
+    """Open a model that finds people. Raises InputError as `load_pose_model`."""
+    return _load(path, "boxes", provider, threads)
+
+
+def family_of(model: OnnxModel) -> Family | None:
+    """The family that a model belongs to."""
+    return next((family for family in DETECTORS.values() if family.recognises(model)), None)
+
+
+def _load(path: Path, finds: Literal["points", "boxes"], provider: str, threads: int) -> Any:
+    model = OnnxModel(path, provider=provider, threads=threads)
+    family = family_of(model)
+    if family is not None and family.finds == finds:
+        return family.make(model)
+    if finds == "points":
+        raise simcc.refusal(model)
+    known = " or ".join(f.title for f in DETECTORS.values() if f.finds == "boxes")
+    raise InputError(
+        f"{path}: is {what_it_is(model)}. Expected a detector of people: {known}, with outputs dets and labels, or as "
+        "exported without non-maximum suppression."
+    )

@@ -1,0 +1,160 @@
+"""A neural network in an ONNX file: what goes in, what comes out, and running it on images."""
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import onnxruntime
+from jaxtyping import Float32
+
+from fitting_core.errors import InputError
+
+PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
+"""Where a model can run -> onnxruntime's name for it."""
+_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+_ERRORS_ONLY = 3
+"""onnxruntime's level of messages: its warnings, about graphs and cards, say nothing to a user."""
+_CHANNELS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tensor:
+    """An input or output of a model."""
+
+    name: str
+    shape: tuple[int | None, ...]
+    """None where any length will do."""
+    type: str
+    """As onnxruntime has it: "tensor(float)"."""
+
+    def __str__(self) -> str:
+        return f"{self.name} {' x '.join('any' if n is None else str(n) for n in self.shape) or '(one number)'}"
+
+
+class OnnxModel:
+    """A model that takes images, ready to run.
+
+    Args:
+        path: The ONNX file.
+        provider: One of PROVIDERS.
+        threads: On the CPU; 0: one for each core.
+
+    Raises:
+        InputError: There is no such file or provider, the file is no ONNX model, or it takes something else than
+            images of three channels.
+    """
+
+    def __init__(self, path: Path, *, provider: str = "cpu", threads: int = 0) -> None:
+        self.path, self.provider = path, provider
+        self._session = _session(path, provider, threads)
+        self.inputs = tuple(_tensor(given) for given in self._session.get_inputs())
+        self.outputs = tuple(_tensor(given) for given in self._session.get_outputs())
+        self.layout: Literal["NCHW", "NHWC"] = self._layout()
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of the file, as hexadecimal digits."""
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    @property
+    def size(self) -> tuple[int | None, int | None]:
+        """Width and height of the images in pixels; None where any will do."""
+        shape = self.inputs[0].shape
+        return (shape[3], shape[2]) if self.layout == "NCHW" else (shape[2], shape[1])
+
+    @property
+    def batch(self) -> int | None:
+        """How many images it takes at once; None: any number."""
+        return self.inputs[0].shape[0]
+
+    def describe(self) -> str:
+        """Inputs and outputs in words, for messages."""
+        taken, given = (", ".join(map(str, tensors)) for tensors in (self.inputs, self.outputs))
+        return f"input {taken} ({self.layout}), output {given}"
+
+    def run(self, images: Sequence[Float32[np.ndarray, "H W 3"]]) -> list[tuple[np.ndarray, ...]]:
+        """Run it on images that are prepared as it wants them; for each image its outputs, in the model's order.
+
+        Raises:
+            InputError: The model cannot be run; the message has onnxruntime's reason.
+        """
+        step = self.batch or max(1, len(images))
+        results: list[tuple[np.ndarray, ...]] = []
+        for start in range(0, len(images), step):
+            some = np.stack(images[start : start + step])
+            if missing := (self.batch or 0) - len(some):
+                some = np.concatenate([some, np.zeros((max(0, missing), *some.shape[1:]), some.dtype)])
+            outputs = self._outputs(some)
+            results += [tuple(output[i] for output in outputs) for i in range(min(step, len(images) - start))]
+        return results
+
+    def _outputs(self, images: Float32[np.ndarray, "N H W 3"]) -> list[np.ndarray]:
+        ordered = images.transpose(0, 3, 1, 2) if self.layout == "NCHW" else images
+        fed = np.ascontiguousarray(ordered, dtype=_TYPES[self.inputs[0].type])
+        try:
+            outputs = self._session.run(None, {self.inputs[0].name: fed})
+        except Exception as error:  # onnxruntime's exceptions have no other common base
+            raise InputError(f"{self.path}: cannot be run ({_first_line(error)}).") from error
+        return [np.asarray(output) for output in outputs]
+
+    def _layout(self) -> Literal["NCHW", "NHWC"]:
+        shape = self.inputs[0].shape if self.inputs else ()
+        if len(self.inputs) == 1 and len(shape) == 4 and self.inputs[0].type in _TYPES:
+            if shape[1] == _CHANNELS:
+                return "NCHW"
+            if shape[3] == _CHANNELS:
+                return "NHWC"
+        found = ", ".join(f"{given} of {given.type}" for given in self.inputs) or "no input"
+        raise InputError(
+            f"{self.path}: takes {found}; expected one input, images of floating point numbers with {_CHANNELS} colour "
+            "channels (any x 3 x height x width, or any x height x width x 3)."
+        )
+
+
+def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such model file; expected an ONNX file (*.onnx).")
+    check_provider(provider)
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = _ERRORS_ONLY
+    options.intra_op_num_threads = threads or os.cpu_count() or 1
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=[PROVIDERS[provider]])
+    except Exception as error:  # onnxruntime's exceptions have no other common base
+        raise InputError(
+            f"{path}: cannot be opened as an ONNX model ({path.stat().st_size} bytes; {_first_line(error)}). It may be "
+            "of another format, or not fully copied."
+        ) from error
+    if PROVIDERS[provider] not in session.get_providers():
+        raise InputError(
+            f"{path}: cannot run on {provider}: onnxruntime has fallen back to {session.get_providers()[0]}. Its CUDA "
+            "libraries are missing or of another version; use the CPU."
+        )
+    return session
+
+
+def check_provider(provider: str) -> None:
+    """Raises InputError if models cannot run there on this computer."""
+    if provider not in PROVIDERS:
+        raise InputError(f"provider is {provider!r}; expected one of {', '.join(PROVIDERS)}.")
+    if PROVIDERS[provider] not in onnxruntime.get_available_providers():
+        raise InputError(
+            f"This computer's onnxruntime has no {PROVIDERS[provider]}. Install onnxruntime-gpu in place of "
+            "onnxruntime for CUDA, or use the CPU."
+        )
+
+
+def _tensor(given: onnxruntime.NodeArg) -> Tensor:
+    # Lengths that a model leaves open are texts, None, or in some exports 0 or -1.
+    shape = tuple(n if isinstance(n, int) and n > 0 else None for n in given.shape)
+    return Tensor(name=given.name, shape=shape, type=given.type)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0].rstrip(".")[:300] if str(error).strip() else type(error).__name__

@@ -1,0 +1,73 @@
+"""The camera as a user describes it: a focal length given in one of several ways, and a principal point."""
+
+import math
+from collections.abc import Callable
+
+from fitting_core.camera import Camera, default_focal, focal_from_35mm, focal_from_fov
+from fitting_core.errors import InputError
+
+_FOV_RANGE = (0.5, 170.0)
+"""Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
+FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
+    "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels, as given"),
+    "fov": (
+        lambda degrees, size: focal_from_fov(degrees, size[0]),
+        "horizontal field of view of {:g} degrees, as given",
+    ),
+    "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm, as given"),
+}
+"""By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
+_DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
+_MAX_CENTER = 2.0
+"""Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
+
+
+def focal_option(options: dict[str, float | None]) -> tuple[str, float] | None:
+    """The one way of FOCAL_OPTIONS that is given, and its value; None for none.
+
+    Raises:
+        InputError: More than one is given, or something that is no focal length.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    if len(given) > 1:
+        listed = " and ".join(f"{name}={value:g}" for name, value in given.items())
+        raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
+    for name, value in given.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value:g}; expected a positive number.")
+        if name == "fov" and value > _FOV_RANGE[1]:
+            raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
+    return next(iter(given.items()), None)
+
+
+def camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
+    """The camera of an image of this size; without a focal length, that of the image diagonal.
+
+    Raises:
+        InputError: It sees an angle that no camera sees, or its principal point lies far from the image.
+    """
+    if focal is None:
+        pixels, source = default_focal(size), _DEFAULT_FOCAL
+    else:
+        to_focal, words = FOCAL_OPTIONS[focal[0]]
+        pixels, source = to_focal(focal[1], size), words.format(focal[1])
+        _check_angle(pixels, size, source)
+    middle = (size[0] / 2, size[1] / 2)
+    if center is not None and not all(
+        abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
+    ):
+        raise InputError(
+            f"center is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
+            f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
+        )
+    return Camera(focal=(pixels, pixels), center=center or middle, size=size, source=source)
+
+
+def _check_angle(focal: float, size: tuple[int, int], source: str) -> None:
+    degrees = 2 * math.degrees(math.atan(size[0] / 2 / focal))
+    if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
+        raise InputError(
+            f"A camera with a {source.removesuffix(', as given')} sees {degrees:.3g} degrees of an image of "
+            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels (use "
+            "focal_length_35mm for millimetres), fov in degrees."
+        )
