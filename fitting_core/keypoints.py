@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 BODY_25 = (
     "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist mid_hip right_hip right_knee "
@@ -89,13 +89,22 @@ class Keypoints:
     """Pixels, x right, y down, origin at the image's top left corner."""
     confidence: Float[np.ndarray, "T 137"]
     """0 (not detected) to 1."""
+    by_hand: Bool[np.ndarray, "T 137"] | None = None
+    """Which were placed by a person; None: none."""
 
     def __post_init__(self) -> None:
         assert self.xy.shape[1:] == (COUNT, 2) and self.confidence.shape == self.xy.shape[:2]
         assert np.isfinite(self.xy).all() and np.isfinite(self.confidence).all()
+        assert self.by_hand is None or self.by_hand.shape == self.confidence.shape
+
+    @property
+    def placed(self) -> Bool[np.ndarray, "T 137"]:
+        """`by_hand`, where it is None too."""
+        return np.zeros(self.confidence.shape, bool) if self.by_hand is None else self.by_hand
 
     def __len__(self) -> int:
         return len(self.xy)
 
     def __getitem__(self, frames: slice) -> "Keypoints":
-        return replace(self, xy=self.xy[frames], confidence=self.confidence[frames])
+        by_hand = None if self.by_hand is None else self.by_hand[frames]
+        return replace(self, xy=self.xy[frames], confidence=self.confidence[frames], by_hand=by_hand)

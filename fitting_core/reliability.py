@@ -1,7 +1,7 @@
 """Which detections to take at their word: what detectors make up where a person is cut off by the image."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from fitting_core import keypoints as kp
 from fitting_core.keypoints import Keypoints
@@ -38,7 +38,7 @@ def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 1
     side[:, hips, 1] = np.where(alone, 1, side[:, hips, 1])
     no_leg = alone.all(1)
     side[no_leg, kp.INDEX["mid_hip"], 1] = 1
-    side[keypoints.confidence == 0] = 0
+    side[(keypoints.confidence == 0) | keypoints.placed] = 0
     return side
 
 
@@ -65,31 +65,44 @@ def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray
 
     A swap makes both limbs jump across the body and back. For each pair of limbs, the sequence of "as detected" and
     "swapped" of least total movement is found by dynamic programming; "as detected" is what holds for most frames.
+    Frames where a person placed elbows and wrists (or knees and ankles) of both sides stay as they are. A single one
+    that was placed goes with the others: it was nudged where it is, and not called left.
 
     Returns:
         The corrected keypoints, and the frames that were swapped back, by pair.
     """
-    xy, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
+    xy, confidence, placed = keypoints.xy.copy(), keypoints.confidence.copy(), keypoints.placed.copy()
     swaps = {}
     for name, (left, right, others) in PAIRED.items():
-        frames = _swapped_frames(keypoints.xy[:, [left, right]], keypoints.confidence[:, [left, right]])
+        sides = [left[:2], right[:2]]
+        settled = np.all(keypoints.placed[:, sides], axis=(1, 2))
+        telling = np.all(keypoints.confidence[:, sides] > SEEN, axis=1) & ~settled[:, None]
+        frames = _swapped_frames(keypoints.xy[:, sides], telling)
+        frames = frames[~settled[frames]]
         if len(frames):
             one, other = [*left, *others[0]], [*right, *others[1]]
-            for values in (xy, confidence):
+            for values in (xy, confidence, placed):
                 values[np.ix_(frames, one + other)] = values[np.ix_(frames, other + one)]
             swaps[name] = frames
-    return Keypoints(xy=xy, confidence=confidence), swaps
+    return Keypoints(xy=xy, confidence=confidence, by_hand=placed), swaps
 
 
-def _swapped_frames(xy: Float[np.ndarray, "T 2 n 2"], confidence: Float[np.ndarray, "T 2 n"]) -> Int[np.ndarray, "m"]:
-    """Frames to swap: the shortest path through two states, the more frequent one being "as detected"."""
-    known = np.flatnonzero((confidence[:, :, :2] > SEEN).all((1, 2)))
+def _swapped_frames(xy: Float[np.ndarray, "T 2 n 2"], telling: Bool[np.ndarray, "T n"]) -> Int[np.ndarray, "m"]:
+    """Frames to swap: the shortest path through two states, the more frequent one being "as detected".
+
+    Frames that tell nothing go with their neighbours where these agree.
+
+    Args:
+        xy: Left and right keypoints, pixels.
+        telling: Whether both sides of a keypoint are known.
+    """
+    known = np.flatnonzero(telling.any(1))
     if len(known) < 3:
         return known[:0]
-    points = xy[known][:, :, :2]
-    apart = np.linalg.norm(points[:, 0] - points[:, 1], axis=-1).sum(1)
-    same = np.linalg.norm(points[1:] - points[:-1], axis=-1).sum((1, 2))
-    crossed = np.linalg.norm(points[1:] - points[:-1, ::-1], axis=-1).sum((1, 2))
+    points, both = xy[known], telling[known][1:] & telling[known][:-1]
+    apart = (np.linalg.norm(points[:, 0] - points[:, 1], axis=-1) * telling[known]).sum(1)
+    same = (np.linalg.norm(points[1:] - points[:-1], axis=-1).sum(1) * both).sum(1)
+    crossed = (np.linalg.norm(points[1:] - points[:-1, ::-1], axis=-1).sum(1) * both).sum(1)
     price = _SWAP_PRICE * np.minimum(apart[1:], apart[:-1])
     total, came_from = np.zeros(2), []
     for stay, change in zip(same, crossed + price, strict=True):
@@ -99,5 +112,6 @@ def _swapped_frames(xy: Float[np.ndarray, "T 2 n 2"], confidence: Float[np.ndarr
     state = [int(total.argmin())]
     for choice in reversed(came_from):
         state.append(int(choice[state[-1]]))
-    path = np.array(state[::-1], bool)
-    return known[path if path.mean() < 0.5 else ~path]
+    path = np.array(state[::-1], float)
+    everywhere = np.interp(np.arange(len(xy)), known, path if path.mean() < 0.5 else 1 - path)
+    return np.flatnonzero(everywhere == 1)

@@ -59,7 +59,11 @@ class Corrected:
 
     def keypoints(self) -> Keypoints:
         """What is fitted, in arrays of its own: a keypoint marked bad has confidence 0."""
-        return Keypoints(xy=_fixed(self.xy.copy()), confidence=_fixed(np.where(self.bad, 0.0, self.confidence)))
+        return Keypoints(
+            xy=_fixed(self.xy.copy()),
+            confidence=_fixed(np.where(self.bad, 0.0, self.confidence)),
+            by_hand=_fixed(self.edited & self.present),
+        )
 
 
 def _fixed(array: np.ndarray) -> np.ndarray:

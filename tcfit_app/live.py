@@ -100,10 +100,11 @@ class Correction:
     def edited(self, xy: Float[np.ndarray, "n 2"]) -> Clip:
         """The clip with the dragged keypoints at `xy` (pixels), at confidence 1: a person put them there."""
         keypoints = self.clip.keypoints
-        moved, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
+        moved, confidence, by_hand = keypoints.xy.copy(), keypoints.confidence.copy(), keypoints.placed.copy()
         moved[self.frame, list(self.keypoints)] = xy
         confidence[self.frame, list(self.keypoints)] = 1
-        return replace(self.clip, keypoints=replace(keypoints, xy=moved, confidence=confidence))
+        by_hand[self.frame, list(self.keypoints)] = True
+        return replace(self.clip, keypoints=Keypoints(xy=moved, confidence=confidence, by_hand=by_hand))
 
 
 class LiveCorrection:
@@ -119,7 +120,7 @@ class LiveCorrection:
         clip, config = correction.edited(xy), correction.following
         stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
         self._stages = sharpened_for(stages, correction.params, correction.sharpness)
-        self._row = _frame(self._stages.keypoints, correction.frame)
+        self._row = self._stages.keypoints[correction.frame : correction.frame + 1]
         self._places = [_place(self._row, k, position) for k, position in zip(correction.keypoints, xy, strict=True)]
         around, near = state_around(self._stages, correction.params, correction.frames)
         self._problem = self._coupled(around, near)
@@ -200,10 +201,6 @@ class LiveCorrection:
         c = self.correction
         clip = c.edited(self.xy)
         return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, sharpness=c.sharpness))
-
-
-def _frame(keypoints: Keypoints, frame: int) -> Keypoints:
-    return Keypoints(xy=keypoints.xy[frame][None], confidence=keypoints.confidence[frame][None])
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:

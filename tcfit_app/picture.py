@@ -1,6 +1,6 @@
 """The middle of one tab: video, bodies and keypoints of the frame on show."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,19 +144,17 @@ class Picture:
             ground = self._desk.ground(b) if b is not None else None
             both = bodies[0] if bodies else ()
             self._show(Space(camera=camera, bodies=both, image=image, ground=ground, apart=state.apart))
-            if page.changes.of("layout", "space"):
-                page.channel.send("layout", Layout(mode="space"))
+            labels = self._labels(a, b)
+            if page.changes.of("layout", "space", labels):
+                page.channel.send("layout", Layout(mode="space", posters=_places((0.0,) * len(labels), labels)))
             return
         count = 2 if state.mode == "ab" else 1
         posters = [Poster(image=image, bodies=bodies[i] if bodies else ()) for i in range(count)]
         self._show(Posters(camera=camera, posters=tuple(posters)))
         labels = self._labels(a, b)
         if page.changes.of("layout", state.mode, labels):
-            places = poster_places(count, camera.size)
-            shown = tuple(
-                PosterPlace(x=x, label=label, color=color) for x, (label, color) in zip(places, labels, strict=True)
-            )
-            page.channel.send("layout", Layout(mode="poster", image=camera.size, posters=shown))
+            places = _places(poster_places(count, camera.size), labels)
+            page.channel.send("layout", Layout(mode="poster", image=camera.size, posters=places))
 
     def _show(self, snapshot: Posters | Space) -> None:
         self._view.follow(self._size if self._size[0] else None)
@@ -164,7 +162,7 @@ class Picture:
             self._page.status.problem = problem
 
     def _labels(self, a: Shown | None, b: Shown | None) -> tuple[tuple[str, str], ...]:
-        """Label and colour of each poster."""
+        """Label and colour of each poster, or of each body in space."""
         state = self._page.state
         both = [(_label(a, "A", state.a), css(RUN_COLORS[0])), (_label(b, "B", state.b), css(RUN_COLORS[1]))]
         if state.mode == "edit":
@@ -203,6 +201,10 @@ class Picture:
         shown = self._page.state.difference and self._page.state.bodies
         if self._page.changes.of("legend", shown):
             self._page.channel.send("legend", LEGEND if shown else None)
+
+
+def _places(places: Sequence[float], labels: tuple[tuple[str, str], ...]) -> tuple[PosterPlace, ...]:
+    return tuple(PosterPlace(x=x, label=label, color=color) for x, (label, color) in zip(places, labels, strict=True))
 
 
 def _label(shown: Shown | None, name: str, choice: FitChoice) -> str:

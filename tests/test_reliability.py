@@ -1,5 +1,7 @@
 """Which detections are taken at their word: parts that the image cuts off, and swapped sides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -101,3 +103,60 @@ def test_arms_that_really_cross_stay_as_they_are():
         a, b = true.xy[:, left].copy(), true.xy[:, right].copy()
         true.xy[:, left], true.xy[:, right] = a + across * (b - a) + [0, 30], b + across * (a - b)
     assert unswapped(true)[1] == {}
+
+
+@pytest.mark.parametrize("bad", [[8], [6, 7, 8, 9, 10]])
+@pytest.mark.parametrize("part", ["elbow", "wrist"])
+def test_a_keypoint_marked_bad_hides_no_swap(part: str, bad: list[int]):
+    """One of the arms' keypoints missing in the middle of a swap: the others are still swapped back."""
+    true, name = standing(), f"left_{part}"
+    broken = swapped(true, ("elbow", "wrist"), [6, 7, 8, 9, 10])
+    broken.confidence[bad, kp.INDEX[name]] = 0
+    corrected, swaps = unswapped(broken)
+    assert swaps["arms"].tolist() == [6, 7, 8, 9, 10]
+    np.testing.assert_array_equal(corrected.xy, true.xy)
+    assert np.flatnonzero(corrected.confidence[:, kp.INDEX[f"right_{part}"]] == 0).tolist() == bad
+
+
+def test_frames_that_tell_nothing_go_with_their_neighbours():
+    true = standing()
+    broken = swapped(true, ("elbow", "wrist"), [6, 7, 8, 9, 10])
+    for frame in (8, 14):
+        broken.confidence[frame, [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]]] = 0
+    corrected, swaps = unswapped(broken)
+    assert swaps["arms"].tolist() == [6, 7, 8, 9, 10]
+    np.testing.assert_array_equal(corrected.xy, true.xy)
+
+
+def by_hand(keypoints: Keypoints, names: tuple[str, ...], frames: list[int]) -> Keypoints:
+    placed = keypoints.placed.copy()
+    placed[np.ix_(frames, [kp.INDEX[name] for name in names])] = True
+    return replace(keypoints, by_hand=placed)
+
+
+def test_a_keypoint_that_a_person_nudged_goes_with_its_limb():
+    """Dragged by some pixels in a swapped frame: the keypoint is where it is, and its side is the body's."""
+    true = standing()
+    broken = swapped(true, ("elbow", "wrist"), [6, 7, 8])
+    left, right = kp.INDEX["left_wrist"], kp.INDEX["right_wrist"]
+    broken.xy[7, left] += 3
+    corrected, swaps = unswapped(by_hand(broken, ("left_wrist",), [7]))
+    assert swaps["arms"].tolist() == [6, 7, 8]
+    np.testing.assert_array_equal(corrected.xy[7, right], true.xy[7, right] + 3)
+    assert np.argwhere(corrected.placed).tolist() == [[7, right]]
+
+
+def test_sides_that_a_person_swapped_stay():
+    """A person insists on what looks like a swap."""
+    insisted = by_hand(
+        swapped(standing(), ("elbow", "wrist"), [6, 7, 8]),
+        ("left_elbow", "right_elbow", "left_wrist", "right_wrist"),
+        [6, 7, 8],
+    )
+    assert unswapped(insisted)[1] == {}
+    np.testing.assert_array_equal(unswapped(insisted)[0].xy, insisted.xy)
+
+
+def test_what_a_person_placed_on_the_border_lies_there():
+    clip = changed(standing(), "left_wrist", xy=(638, 200))
+    assert cut_off(clip, SIZE).any() and not cut_off(by_hand(clip, ("left_wrist",), list(range(20))), SIZE).any()

@@ -61,7 +61,8 @@ def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple
     nobody = np.zeros((0, COUNT, 3))
     frames = tuple(detections.frames[kept[t]] if t in kept else nobody for t in range(count))
     stems = tuple(detections.stems[kept[t]] if t in kept else "" for t in range(count))
-    notes = _notes(len(detections), len(kept), timeline, how, plain=list(places.values()) == list(range(count)))
+    plain = list(places.values()) == list(range(count))
+    notes = () if plain else _notes(detections, len(kept), timeline, how)
     return replace(detections, frames=frames, stems=stems), notes
 
 
@@ -104,16 +105,17 @@ def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, in
     return {k: k for k in range(len(detections))}, "in their order, from the start"
 
 
-def _notes(files: int, used: int, timeline: Timeline, how: str, *, plain: bool) -> tuple[str, ...]:
-    if plain:
-        return ()
-    count = len(timeline.numbers)
+def _notes(detections: Detections, used: int, timeline: Timeline, how: str) -> tuple[str, ...]:
+    count, files = len(timeline.numbers), len(detections)
+    one_file = detections.source.is_file()
+    there = f"{detections.source.name} has {files} frames" if one_file else f"There are {files} keypoint files"
     frames = (
         f"{timeline.source.name} has {count} frames" if timeline.source else f"the files' numbers span {count} frames"
     )
-    sentences = [f"There are {files} keypoint files, {frames}; they were aligned {how}."]
+    sentences = [f"{there}, {frames}; they were aligned {how}."]
     if used < files:
-        sentences.append(f"The last {files - used} files have no frame and are left out.")
+        what = "frames of keypoints have no frame of the clip" if one_file else "files have no frame"
+        sentences.append(f"The last {files - used} {what} and are left out.")
     if used < count:
         sentences.append(f"{count - used} frames have no keypoints and count as not detected.")
     return (" ".join(sentences),)

@@ -92,14 +92,15 @@ def read_clip(
     images, keypoint_path = locate(video, keypoints)
     detections = read_detections(keypoint_path)
     footage = _footage(images)
-    size = _known_size(footage, image_size)
+    size, told_notes = _known_size(footage, image_size), _told(detections, footage)
+    size = size or detections.size
     detections, scale_notes = to_pixels(detections, size, keypoint_scale=keypoint_scale)
     size, size_notes = (size, ()) if size else _guess_size(detections)
     timeline = footage.timeline or timeline_of_keypoints(detections)
     detections, alignment_notes = align(detections, timeline)
     detections, first = select(detections, timeline, first_frame, last_frame)
     choice = choose_person(detections, person=person, first_frame=first)
-    rate, rate_notes = _frame_rate(frame_rate, footage)
+    rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
     return Clip(
         keypoints=choice.keypoints,
         camera=_camera(size, center, focal),
@@ -109,6 +110,8 @@ def read_clip(
         first_frame=first,
         notes=(
             *footage.notes,
+            *detections.notes,
+            *told_notes,
             *alignment_notes,
             *([choice.note] if choice.note else []),
             *scale_notes,
@@ -186,18 +189,36 @@ def _guess_size(detections: Detections) -> tuple[tuple[int, int], tuple[str, ...
     return size, (note,)
 
 
-def _frame_rate(option: float | None, footage: _Footage) -> tuple[float, tuple[str, ...]]:
+def _told(detections: Detections, footage: _Footage) -> tuple[str, ...]:
+    """Notes where the keypoint file says something else than the video, which is believed."""
+    notes = []
+    if detections.size and footage.size and detections.size != footage.size:
+        notes.append(
+            f"{detections.source.name} says that the image is {detections.size[0]} x {detections.size[1]} pixels; the "
+            f"video's {footage.size[0]} x {footage.size[1]} are used."
+        )
+    if detections.frame_rate and footage.frame_rate and abs(detections.frame_rate - footage.frame_rate) > 0.01:
+        notes.append(
+            f"{detections.source.name} says {detections.frame_rate:g} frames per second; the video's "
+            f"{footage.frame_rate:g} are used."
+        )
+    return tuple(notes)
+
+
+def _frame_rate(option: float | None, footage: _Footage, told: float | None) -> tuple[float, tuple[str, ...]]:
     if option is not None and not 0 < option <= _MAX_FRAME_RATE:
         raise InputError(
             f"frame_rate is {option:g}; expected frames per second, above 0 and up to {_MAX_FRAME_RATE:g}."
         )
-    if option is None and footage.frame_rate is None:
+    known = footage.frame_rate or told
+    if option is None and known is None:
         note = f"The frame rate is not known; {DEFAULT_FRAME_RATE:g} frames per second are assumed. Give frame_rate."
         return DEFAULT_FRAME_RATE, (note,)
     if option is None:
-        return footage.frame_rate or DEFAULT_FRAME_RATE, ()
-    if footage.frame_rate and abs(option - footage.frame_rate) > 0.01:
-        return option, (f"The frame rate is {option:g} as given; the video says {footage.frame_rate:g}.",)
+        return known or DEFAULT_FRAME_RATE, ()
+    if known and abs(option - known) > 0.01:
+        says = "the video" if footage.frame_rate else "the keypoint file"
+        return option, (f"The frame rate is {option:g} as given; {says} says {known:g}.",)
     return option, ()
 
 

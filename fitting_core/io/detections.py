@@ -33,6 +33,12 @@ class Detections:
     """The file or folder that was read."""
     scale: str = PIXELS
     """"pixels", "0..1", "-1..1", or "auto" where the file does not say it."""
+    size: tuple[int, int] | None = None
+    """Image width and height in pixels, where the file tells them."""
+    frame_rate: float | None = None
+    """Frames per second, where the file tells them."""
+    notes: tuple[str, ...] = ()
+    """What a user should know of how it was read."""
 
     def __post_init__(self) -> None:
         assert len(self.frames) == len(self.stems) and all(f.shape[1:] == (137, 3) for f in self.frames)

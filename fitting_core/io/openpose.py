@@ -1,7 +1,6 @@
 """OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
 
 import json
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from jaxtyping import Float
 from fitting_core.errors import InputError
 from fitting_core.frame_names import natural_key, split_number
 from fitting_core.io.detections import Detections
+from fitting_core.io.json_points import checked_points, kind, numbers, read_json
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 
 SUFFIX = "_keypoints.json"
@@ -44,9 +44,7 @@ _WRITTEN = {
 }
 """The lists in OpenPose's own order."""
 
-# OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
-_MAX_CONFIDENCE = 1.25
-_MAX_POSITION = 1e6
+_ADVICE = "run the detector again, or remove the file so that its frame counts as not detected"
 
 
 def read_openpose(path: Path) -> Detections:
@@ -144,20 +142,10 @@ def _forbid_same_number(files: Sequence[Path]) -> None:
 
 
 def _read_people(file: Path) -> list[Any]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"{file} does not exist; expected a keypoint file or a folder of them.") from None
-    except OSError as error:
-        raise InputError(f"{file} cannot be read: {error.strerror or error}.") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{file} is not readable as JSON ({error}). It may be cut off: run the detector again, or remove the file "
-            "so that its frame counts as not detected."
-        ) from error
+    content = read_json(file, advice=_ADVICE)
     people = content.get("people") if isinstance(content, dict) else None
     if not isinstance(people, list):
-        found = f"an object with {', '.join(content) or 'nothing'}" if isinstance(content, dict) else _kind(content)
+        found = f"an object with {', '.join(content) or 'nothing'}" if isinstance(content, dict) else kind(content)
         raise InputError(f"{file} is not OpenPose JSON: found {found}; expected an object with a list 'people'.")
     return people
 
@@ -167,7 +155,7 @@ def _frame(file: Path, people: list[Any]) -> Float[np.ndarray, "P 137 3"]:
     for k, entry in enumerate(people):
         where = f"{file}: person {k}"
         if not isinstance(entry, dict):
-            raise InputError(f"{where} is {_kind(entry)}; expected an object with the list 'pose_keypoints_2d'.")
+            raise InputError(f"{where} is {kind(entry)}; expected an object with the list 'pose_keypoints_2d'.")
         if not any(_list(entry, key) is not None for key in PARTS):
             keys = ", ".join(f"{key}_2d" for key in PARTS)
             raise InputError(f"{where} has no list of keypoints; expected at least one of {keys}.")
@@ -187,7 +175,7 @@ def _list(entry: dict[str, Any], key: str) -> Any:
 
 def _places(where: str, key: str, values: Any, layouts: dict[int, list[int]]) -> list[int]:
     if not isinstance(values, list):
-        raise InputError(f"{where}, {key}: found {_kind(values)}; expected a list of numbers x, y, confidence, ...")
+        raise InputError(f"{where}, {key}: found {kind(values)}; expected a list of numbers x, y, confidence, ...")
     if len(values) % 3 or len(values) // 3 not in layouts:
         expected = " or ".join(f"{3 * count} ({count} points)" for count in layouts)
         raise InputError(f"{where}, {key}: found {len(values)} values; expected {expected}, or an empty list.")
@@ -195,21 +183,8 @@ def _places(where: str, key: str, values: Any, layouts: dict[int, list[int]]) ->
 
 
 def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float[np.ndarray, "K 3"]:
-    for k, value in enumerate(values):
-        if type(value) not in (int, float):
-            raise InputError(f"{where}, {NAMES[places[k // 3]]} ({key}): found {value!r}; expected a number.")
-    # Python's integers have no limit, floats have: an integer of 400 digits is a wrong position and not an overflow.
-    points = np.array([math.inf if abs(value) > 1e300 else value for value in values], dtype=float).reshape(-1, 3)
-    wrong_position = ~np.all(np.abs(points[:, :2]) <= _MAX_POSITION, axis=1)
-    wrong_confidence = ~((points[:, 2] >= 0) & (points[:, 2] <= _MAX_CONFIDENCE))
-    if (wrong_position | wrong_confidence).any():
-        k = int(np.argmax(wrong_position | wrong_confidence))
-        x, y, confidence = points[k]
-        found = f"position ({x:g}, {y:g})" if wrong_position[k] else f"confidence {confidence:g}"
-        expected = f"numbers up to {_MAX_POSITION:g}" if wrong_position[k] else "0 (not detected) to 1"
-        raise InputError(f"{where}, {NAMES[places[k]]} ({key}): found {found}; expected {expected}.")
-    points[:, 2] = points[:, 2].clip(max=1.0)
-    return points * (points[:, 2:] > 0)
+    names = [f"{NAMES[place]} ({key})" for place in places]
+    return checked_points(where, numbers(where, values, names).reshape(-1, 3), names)
 
 
 def _mid_hip(hips: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "3"]:
@@ -229,9 +204,3 @@ def _forbid_mixed_layouts(raw: Sequence[tuple[Path, list[Any]]]) -> None:
             f"Different body layouts in one clip: {file.name} has {count} points, {other.name} has {other_count}. "
             "Keep the files of one detector run only."
         )
-
-
-def _kind(value: Any) -> str:
-    return {dict: "an object", list: "a list", str: "a text", bool: "a truth value", type(None): "null"}.get(
-        type(value), f"the number {value}"
-    )

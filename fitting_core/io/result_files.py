@@ -21,7 +21,6 @@ camera_translation | (N, ...) | the same as `BodyParams` has it: hands as compon
 The arrays have SMPL-X's layout whatever the body's kind was, so surface_model_type is always "smplx".
 """
 
-import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -39,6 +38,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
 from fitting_core.io.summary import summary
+from fitting_core.npz import read_npz
 from fitting_core.result import FitResult
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
@@ -188,11 +188,10 @@ def read_fit(path: Path) -> StoredFit:
 
 def _read_arrays(file: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_npz(file)
     except FileNotFoundError as error:
         raise InputError(f"{file}: does not exist; expected a result of tcfit fit. Name its --out folder.") from error
-    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{file}: is no complete npz archive ({error}). Fit the clip again.") from error
     found = str(arrays.get("format", "an npz of another program"))
     if found != FORMAT:

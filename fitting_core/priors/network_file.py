@@ -7,7 +7,6 @@
 | about | () | JSON text: `About` |
 """
 
-import zipfile
 from pathlib import Path
 
 import msgspec
@@ -15,6 +14,7 @@ import numpy as np
 
 from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
+from fitting_core.npz import read_npz
 from fitting_core.priors.network import Activation, Layer, PriorNetwork
 
 FORMAT = "tcfit pose prior 1"
@@ -88,11 +88,10 @@ def read_network(path: Path) -> PriorNetwork:
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_npz(path)
     except FileNotFoundError as error:
         raise InputError(f"{path}: does not exist. Give VPoser or the npz file of a pose prior.") from error
-    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: is no complete npz archive ({error}). Get it again.") from error
     try:
         found = msgspec.json.decode(str(arrays["about"]))["format"]

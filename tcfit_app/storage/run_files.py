@@ -11,7 +11,6 @@
 It reads with np.load(allow_pickle=False).
 """
 
-import zipfile
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.npz import read_npz
 from fitting_core.result import FitResult, PhaseResult
 from tcfit_app.storage.durable import accessing, durable
 
@@ -86,8 +86,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         InputError: It is missing, damaged, or no run of tcfit.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_npz(path)
         about = msgspec.json.decode(str(arrays["about"]), type=_About)
         if about.format != FORMAT:
             raise ValueError(f"it is a {about.format!r}, expected {FORMAT!r}")
@@ -95,7 +94,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         observed = _shaped(arrays, "observed", (len(phases[0].params), 55)).astype(bool)
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; expected the result of a run. Fit again.") from error
-    except (OSError, KeyError, IndexError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, IndexError, ValueError, TypeError) as error:
         raise InputError(f"{path}: is no complete result of a run ({error}). Fit again.") from error
     return FitResult(
         phases=phases,

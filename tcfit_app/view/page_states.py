@@ -36,7 +36,8 @@ class Layout(_State, frozen=True, kw_only=True):
     """What the canvas shows.
 
     Posters: the pixel (u, v) of an image of W x H lies at ((u - W/2)/H + x, (v - H/2)/H, 0) in viser's world. The page
-    then handles the left button, and viser's camera only pans and zooms. In space viser's camera is as usual.
+    then handles the left button, and viser's camera only pans and zooms. In space viser's camera is as usual, and of
+    the posters there are only the labels.
     """
 
     mode: Literal["poster", "space"]

@@ -1,5 +1,7 @@
 """What travels between server and page, without a page."""
 
+import re
+
 import msgspec
 import numpy as np
 import pytest
@@ -80,3 +82,10 @@ def test_frames_become_spans() -> None:
 def test_the_script_is_one_expression_that_knows_its_version() -> None:
     assert script().count("const VERSION = ") == 1
     assert "eval(" not in script() and "innerHTML" not in script()
+
+
+def test_no_two_files_of_the_script_use_one_name() -> None:
+    """They share one scope, in which the later of two functions of one name silently wins."""
+    names = re.findall(r"^(?:async )?(?:function\*?|const|let|class) (\w+)", script(), re.MULTILINE)
+    assert len(names) > 100
+    assert sorted(set(names)) == sorted(names)

@@ -35,7 +35,7 @@ function jointPaint(joint) {
 function drawOverlay() {
   const context = cleared(overlayCanvas);
   lastMaps = posterMaps();
-  drawPosterLabels(context);
+  drawFitNames(context);
   tooltip.hidden = true;
   if (skeletonReady()) drawSkeleton(context);
   showPointerShape();
@@ -136,24 +136,33 @@ function jointLine(joint) {
 }
 
 /** In their upper right corners: viser's messages come up at the upper left, chips and legend lie below. */
-function drawPosterLabels(context) {
+function drawFitNames(context) {
   context.font = `600 12.5px ${FONT}`;
   context.textBaseline = "middle";
-  for (const { ox, oy, ux, poster } of lastMaps) {
-    const label = shortened(context, poster.label, ux * states.layout.image[0] - 60);
-    if (!label) continue;
-    const width = context.measureText(label).width + 32;
-    const right = Math.min(ox + ux * states.layout.image[0], canvasSize().width);
-    const [x, y] = [right - width - 8, Math.max(oy, 0) + 8];
-    context.fillStyle = "rgba(16, 19, 24, 0.82)";
-    context.beginPath();
-    context.roundRect(x, y, width, 24, 6);
-    context.fill();
-    context.fillStyle = poster.color;
-    context.fill(circle(x + 13, y + 12, 4.5));
-    context.fillStyle = "#eef2f6";
-    context.fillText(label, x + 23, y + 12.5);
+  const { width } = canvasSize();
+  if (states.layout?.mode === "space") {
+    states.layout.posters.forEach((poster, i) => drawFitName(context, poster, width, 28 * i, width));
   }
+  for (const { ox, oy, ux, poster } of lastMaps) {
+    const across = ux * states.layout.image[0];
+    drawFitName(context, poster, Math.min(ox + across, width), Math.max(oy, 0), across);
+  }
+}
+
+/** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`. */
+function drawFitName(context, { label, color }, right, top, across) {
+  const text = shortened(context, label, across - 60);
+  if (!text) return;
+  const width = context.measureText(text).width + 32;
+  const [x, y] = [right - width - 8, top + 8];
+  context.fillStyle = "rgba(16, 19, 24, 0.82)";
+  context.beginPath();
+  context.roundRect(x, y, width, 24, 6);
+  context.fill();
+  context.fillStyle = color;
+  context.fill(circle(x + 13, y + 12, 4.5));
+  context.fillStyle = "#eef2f6";
+  context.fillText(text, x + 23, y + 12.5);
 }
 
 painters.overlay = drawOverlay;

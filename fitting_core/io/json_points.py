@@ -1,0 +1,94 @@
+"""JSON that somebody else wrote, and the keypoints in it: read, checked, and complained about in the user's words."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
+
+# OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
+MAX_CONFIDENCE = 1.25
+MAX_POSITION = 1e6
+
+
+def read_json(file: Path, *, advice: str) -> Any:
+    """The content of a JSON file.
+
+    Args:
+        file: UTF-8, with or without a byte order mark.
+        advice: What to do if it is damaged.
+
+    Raises:
+        InputError: It is missing, unreadable, damaged, or nested deeper than Python reads.
+    """
+    try:
+        return json.loads(file.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{file} does not exist; expected a keypoint file or a folder of them.") from None
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror or error}.") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is not readable as JSON ({error}). It may be cut off: {advice}.") from error
+
+
+def kind(value: Any) -> str:
+    """What a JSON value is, in words."""
+    return {dict: "an object", list: "a list", str: "a text", bool: "a truth value", type(None): "null"}.get(
+        type(value), f"the number {value:g}" if isinstance(value, float) else f"the number {short(value)}"
+    )
+
+
+def short(value: object) -> str:
+    """A value's text, cut where it would fill the screen."""
+    said = repr(value) if not isinstance(value, int) or value.bit_length() < 200 else "of hundreds of digits"
+    return said if len(said) <= 60 else f"{said[:57]}..."
+
+
+def numbers(where: str, values: Sequence[Any], names: Sequence[str], *, each: int = 3) -> Float[np.ndarray, "n"]:
+    """A list of JSON as floats.
+
+    Args:
+        where: File, person and list, for the message.
+        values: The list.
+        names: Of the keypoints, `each` values apiece.
+        each: Values of one keypoint.
+
+    Raises:
+        InputError: One of them is no number; the message names its keypoint.
+    """
+    for k, value in enumerate(values):
+        if type(value) not in (int, float):
+            raise InputError(f"{where}, {names[k // each]}: found {short(value)}; expected a number.")
+    # Python's integers have no limit, floats have: an integer of 400 digits is a wrong position and not an overflow.
+    return np.array([math.inf if abs(value) > 1e300 else value for value in values], dtype=float)
+
+
+def checked_points(
+    where: str, points: Float[np.ndarray, "K 3"], names: Sequence[str], *, most: float = MAX_CONFIDENCE
+) -> Float[np.ndarray, "K 3"]:
+    """Positions and confidences that can be used: x, y, and confidence up to 1; (0, 0, 0) where not detected.
+
+    Args:
+        where: File, person and list, for the message.
+        points: x, y, confidence as read.
+        names: Of the keypoints.
+        most: The largest confidence that is set to 1 rather than refused.
+
+    Raises:
+        InputError: One is no finite number, too large, or a negative confidence; the message names its keypoint.
+    """
+    wrong_position = ~np.all(np.abs(points[:, :2]) <= MAX_POSITION, axis=1)
+    wrong_confidence = ~((points[:, 2] >= 0) & (points[:, 2] <= most))
+    if (wrong_position | wrong_confidence).any():
+        k = int(np.argmax(wrong_position | wrong_confidence))
+        x, y, confidence = points[k]
+        found = f"position ({x:g}, {y:g})" if wrong_position[k] else f"confidence {confidence:g}"
+        expected = f"numbers up to {MAX_POSITION:g}" if wrong_position[k] else "0 (not detected) to 1"
+        raise InputError(f"{where}, {names[k]}: found {found}; expected {expected}.")
+    confidence = points[:, 2].clip(max=1.0)
+    return np.column_stack([points[:, :2], confidence]) * (confidence > 0)[:, None]
