@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from tcfit_app.export_options import ExportOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
@@ -56,6 +57,7 @@ Options = (
     Annotated[FitOptions, subcommand("fit")]
     | Annotated[NewOptions, subcommand("new")]
     | Annotated[ReviewOptions, subcommand("review")]
+    | Annotated[ExportOptions, subcommand("export")]
     | Annotated[DemoOptions, subcommand("demo")]
     | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
@@ -81,6 +83,13 @@ def _review(options: ReviewOptions, command: str) -> int:
     from tcfit_app.review_command import run_review
 
     run_review(options)
+    return 0
+
+
+def _export(options: ExportOptions, command: str) -> int:
+    from tcfit_app.export_command import run_export
+
+    run_export(options)
     return 0
 
 
@@ -123,6 +132,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     FitOptions: _fit,
     NewOptions: _new,
     ReviewOptions: _review,
+    ExportOptions: _export,
     DemoOptions: _demo,
     Models: _models,
     Settings: _settings,
