@@ -23,14 +23,15 @@ class ExportOptions:
     """Folder for the files, made if it does not exist."""
     run: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: the newest)")] = None
     """Which run of a project: its name or number."""
-    phase: Annotated[Literal[1, 2, 3] | None, arg(help_behavior_hint="(default: the last)")] = None
+    phase: Annotated[Literal[1, 2, 3] | None, arg(metavar="{1,2,3}", help_behavior_hint="(default: the last)")] = None
     """1: frame by frame, as SMPLify-X; 2: with one shape; 3: consistent over time."""
     against: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: phase 1 of the run)")] = None
     """The run that is A in side-by-side: its name or number."""
     frames: Annotated[str | None, arg(metavar="FIRST:LAST", help_behavior_hint="(default: all)")] = None
     """Only these frames, by their numbers in the video; either may be left out."""
     axes: Annotated[
-        Literal["camera", "y-up", "z-up"] | None, arg(help_behavior_hint="(default: as the format's readers expect)")
+        Literal["camera", "y-up", "z-up"] | None,
+        arg(metavar="{camera,y-up,z-up}", help_behavior_hint="(default: as readers of the format expect)"),
     ] = None
     """World of npz, bvh, obj and ply; the camera stands at its origin. camera: x right, y down, z away."""
     zip: bool = False

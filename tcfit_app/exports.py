@@ -22,6 +22,7 @@ from fitting_core.io.summary import summary
 from tcfit_app.curves import CURVES
 from tcfit_app.export_source import ExportSource
 from tcfit_app.overlay_video import write_side_by_side
+from tcfit_app.project_file import pack
 
 Group = Literal["Motion", "Meshes", "Video", "Keypoints", "Figures", "Project"]
 Needs = Literal["motion", "run", "keypoints"]
@@ -167,6 +168,17 @@ def _summary(source: ExportSource, path: Path, progress: Progress) -> None:
     path.write_bytes(_json(summary(fit.fit, source.clip, fit.body, complete=complete, command="tcfit export")))
 
 
+# --- the project ---
+
+
+def _project(source: ExportSource, path: Path, progress: Progress) -> None:
+    pack(source.folder, path, progress=progress)
+
+
+def _project_with_video(source: ExportSource, path: Path, progress: Progress) -> None:
+    pack(source.folder, path, with_media=True, progress=progress)
+
+
 def _json(content: object) -> bytes:
     return msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
 
@@ -282,6 +294,22 @@ EXPORTS: dict[str, Export] = {
         hint="Errors, jitter, settings and versions of the chosen run",
         write=_summary,
         needs="run",
+    ),
+    "project": Export(
+        title="Project",
+        group="Project",
+        suffix=".tcfit.zip",
+        hint="Corrections, all runs and marks as one file, which tcfit review opens; a video only if it was copied into it",
+        write=_project,
+        needs="keypoints",
+    ),
+    "project-with-video": Export(
+        title="With video",
+        group="Project",
+        suffix=".video.tcfit.zip",
+        hint="As one file, with the video or images, so that it can be given to others",
+        write=_project_with_video,
+        needs="keypoints",
     ),
 }
 """By the name on the command line, in the order of their buttons."""
