@@ -6,6 +6,7 @@ only keep their state until `as_array` checks and unfolds it: neither chumpy nor
 """
 
 import pickle
+import pickletools
 import re
 from collections import OrderedDict
 from collections.abc import Callable
@@ -17,6 +18,9 @@ from fitting_core.errors import InputError
 
 MAX_ELEMENTS = 2**28
 """Elements of the largest matrix that a stand-in may unfold to, 2 GB of float64; a body needs some 16 million."""
+_MAX_DEPTH = 16
+"""Of lists in lists; an array has 3."""
+_PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
 
 
 class _Kept:
@@ -153,6 +157,7 @@ def as_array(value: object) -> np.ndarray:
         InputError: A stand-in whose state is not understood; the message starts with what it holds.
     """
     if not isinstance(value, _Kept):
+        _forbid_endless(value)
         return np.asarray(value)
     try:
         return value.array()
@@ -160,6 +165,23 @@ def as_array(value: object) -> np.ndarray:
         raise
     except (KeyError, ValueError, TypeError, IndexError, RecursionError, AttributeError) as error:
         raise InputError(f"a {value.title} that is damaged ({error})") from error
+
+
+def _forbid_endless(value: object) -> None:
+    """Lists that hold one list many times take no space in a pickle, and all memory as an array."""
+    known: dict[int, int] = {}
+
+    def elements(part: object, depth: int) -> int:
+        if not isinstance(part, list | tuple):
+            return 1
+        if depth > _MAX_DEPTH:
+            raise InputError(f"lists nested more than {_MAX_DEPTH} deep, expected numbers")
+        if id(part) not in known:
+            known[id(part)] = sum(elements(inner, depth + 1) for inner in part)
+        return known[id(part)]
+
+    if (count := elements(value, 0)) > MAX_ELEMENTS:
+        raise InputError(f"lists of {count:.3g} elements, expected at most {MAX_ELEMENTS}")
 
 
 def _empty_array(*_: object) -> _Array:
@@ -254,6 +276,15 @@ class ArrayUnpickler(pickle.Unpickler):
         raise InputError(f"the pickle refers to an object outside the file ({pid!r:.40})")
 
 
+def _forbid_far_memos(file: BinaryIO) -> None:
+    """The unpickler makes room for whatever number an object is remembered by: 5 bytes could ask for 64 GB."""
+    codes = 0
+    for code, argument, _ in pickletools.genops(file):
+        codes += 1
+        if code.name in _PUTS and isinstance(argument, int) and argument > codes:
+            raise InputError(f"the pickle numbers an object {argument} that is at most its {codes}th; it is damaged")
+
+
 def read_pickle(file: BinaryIO) -> dict[str, Any]:
     """The dictionary that a pickle holds; its values go through `as_array`.
 
@@ -261,6 +292,9 @@ def read_pickle(file: BinaryIO) -> dict[str, Any]:
         InputError: The pickle is damaged, asks for something that is not admitted, or holds no dictionary.
     """
     try:
+        start = file.tell()
+        _forbid_far_memos(file)
+        file.seek(start)
         content = ArrayUnpickler(file).load()
     except InputError:
         raise
