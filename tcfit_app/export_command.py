@@ -9,6 +9,7 @@ import msgspec
 import torch
 from tqdm import tqdm
 
+from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.io.motion import Motion, Progress
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, StoredFit, read_fit
@@ -42,7 +43,7 @@ def run_export(options: ExportOptions) -> None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
     with _source(options.path, options) as source:
         whole = source if options.frames is None else source[_frames(options.frames, source)]
-        targets = {name: _target(EXPORTS[name], whole, options) for name in formats}
+        targets = {name: _target(name, whole, options) for name in formats}
         for name, path in targets.items():
             _write(EXPORTS[name], whole, path, zipped=options.zip)
 
@@ -126,9 +127,7 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
     stored = read_fit(path)
     name = _clip_name(path)
     motion = Motion(
-        body=Bodies(options.models).of(
-            BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash)
-        ),
+        body=Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash)),
         params=_phase(stored, options.phase),
         camera=stored.camera,
         frame_rate=stored.frame_rate,
@@ -138,7 +137,7 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
     return ExportSource(name=name, known_motion=motion, axes=options.axes)
 
 
-def _phase(stored: StoredFit, phase: int | None):  # noqa: ANN202
+def _phase(stored: StoredFit, phase: int | None) -> BodyParams:
     if phase in (None, stored.last_phase):
         return stored.params
     if phase == 1:
@@ -176,14 +175,16 @@ def _frames(wished: str, source: ExportSource) -> slice:
     return slice(begin - first, end - first + 1)
 
 
-def _target(export: Export, source: ExportSource, options: ExportOptions) -> Path:
+def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     """Where an export goes; raises InputError where it cannot be made or would replace something."""
-    if export.needs == "run":
+    export = EXPORTS[name]
+    if source.known_motion is not None and export.needs != "motion":
+        raise InputError(
+            f"--formats {name}: {source.name} is a result of tcfit fit, which has neither keypoints nor video. Give a "
+            "project instead: tcfit new makes one."
+        )
+    if source.known_motion is None and export.needs != "keypoints":
         source.fit  # noqa: B018 - told before anything is written
-    elif export.needs == "keypoints":
-        source.clip  # noqa: B018
-    elif source.known_motion is None:
-        source.fit  # noqa: B018
     path = options.out / file_name(export, source.name, zipped=options.zip)
     if path.exists() and not options.overwrite:
         raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")
@@ -206,4 +207,8 @@ def _write(export: Export, source: ExportSource, path: Path, *, zipped: bool) ->
 def _bar(title: str) -> Iterator[Progress]:
     form = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}"
     with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as bar:
-        yield lambda share: bar.update(share - bar.n) and None
+
+        def advance(share: float) -> None:
+            bar.update(share - bar.n)
+
+        yield advance

@@ -57,7 +57,7 @@ class ExportedFit:
 
 @dataclass(frozen=True, kw_only=True)
 class ExportSource:
-    """What there is to export, as it was when the user asked for it. What is not there raises InputError when used."""
+    """What there is to export, as it was when the user asked for it."""
 
     name: str
     """The clip's."""
@@ -76,26 +76,20 @@ class ExportSource:
     @property
     def clip(self) -> Clip:
         """The project's."""
-        if self.known_clip is None:
-            raise InputError(
-                f"{self.name} is a result of tcfit fit, which has neither keypoints nor video: give a project for this "
-                "format (tcfit new makes one)."
-            )
+        assert self.known_clip is not None, "formats that need a clip are not offered for a result"
         return self.known_clip
 
     @property
     def fit(self) -> ExportedFit:
-        """The run that is exported."""
+        """The run that is exported. Raises InputError if there is none."""
         if self.chosen is None:
-            self.clip  # noqa: B018 - a result has a motion, and no run
             raise InputError("There is no fit to export yet: fit everything first.")
         return self.chosen
 
     @property
     def folder(self) -> Path:
         """The project's."""
-        self.clip  # noqa: B018 - it says that there is no project
-        assert self.project is not None
+        assert self.project is not None, "formats that need a project are not offered for a result"
         return self.project
 
     def motion(self, axes: str) -> Motion:

@@ -1,12 +1,10 @@
 """What can be exported: one function for each format, and the table of them for command line and app."""
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import msgspec
 import numpy as np
 
 from fitting_core.io.animation_npz import write_animation_npz
@@ -18,8 +16,8 @@ from fitting_core.io.motion import Progress, stated_by_frame
 from fitting_core.io.openpose import write_openpose
 from fitting_core.io.pose_file import write_pose
 from fitting_core.io.result_files import fit_arrays
-from fitting_core.io.summary import summary
-from tcfit_app.curves import CURVES
+from fitting_core.io.smplifyx import write_smplifyx
+from tcfit_app.export_figures import as_json, clip_stated, write_figures_csv, write_figures_json, write_summary
 from tcfit_app.export_source import ExportSource
 from tcfit_app.overlay_video import write_side_by_side
 from tcfit_app.project_file import pack
@@ -63,8 +61,22 @@ def _npz(source: ExportSource, path: Path, progress: Progress) -> None:
 
 def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
     motion = source.motion("y-up")
-    (folder / FACTS_NAME).write_bytes(_json(stated_by_frame(motion)))
+    (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
     write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
+
+
+def _smplifyx(source: ExportSource, folder: Path, progress: Progress) -> None:
+    motion = source.motion("camera").in_axes("camera")
+    stem = file_stem(motion.name)
+    write_smplifyx(
+        folder,
+        motion.params,
+        stems=[f"{stem}_{motion.first_frame + t:06d}" for t in range(len(motion))],
+        camera=motion.camera,
+        gender=motion.body.gender,
+        frame_rate=motion.frame_rate,
+        progress=progress,
+    )
 
 
 def _fit(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -105,6 +117,7 @@ def _video(source: ExportSource, fits: list, path: Path, progress: Progress) -> 
 def _openpose(source: ExportSource, folder: Path, progress: Progress) -> None:
     clip = source.clip
     write_openpose(folder, clip.keypoints, name=file_stem(clip.name), first_frame=clip.first_frame)
+    (folder / "clip.json").write_bytes(as_json(clip_stated(clip)))
 
 
 def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -121,51 +134,7 @@ def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
 
 def _pose(source: ExportSource, path: Path, progress: Progress) -> None:
     clip = source.clip
-    write_pose(
-        path, clip.keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame
-    )
-
-
-# --- figures ---
-
-
-def _figures_csv(source: ExportSource, path: Path, progress: Progress) -> None:
-    columns = _figures(source, progress)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
-
-
-def _figures_json(source: ExportSource, path: Path, progress: Progress) -> None:
-    clip = source.clip
-    figures = {name: values.tolist() for name, values in _figures(source, progress).items()}
-    path.write_bytes(_json({"clip": clip.name, "frame_rate": clip.frame_rate, "figures": figures}))
-
-
-def _figures(source: ExportSource, progress: Progress) -> dict[str, np.ndarray]:
-    """Columns by title: the frame's number, and the curves of the timeline for A and B, or for the run alone."""
-    clip = source.clip
-    columns: dict[str, np.ndarray] = {"frame": clip.first_frame + np.arange(len(clip))}
-    fits = dict(zip("AB", source.compared, strict=False)) if len(source.compared) == 2 else {"": source.fit}
-    for done, (name, fit) in enumerate(fits.items()):
-        posed = fit.posed(clip)
-        for step, kind in enumerate(CURVES.values()):
-            progress((done + step / len(CURVES)) / len(fits))
-            title = f"{name} {kind.title}{f' [{kind.unit}]' if kind.unit else ''}"
-            columns[title.strip()] = kind.values(posed)
-    return columns
-
-
-def _cell(value: float) -> str:
-    """Empty for what is not known."""
-    return "" if not np.isfinite(value) else f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _summary(source: ExportSource, path: Path, progress: Progress) -> None:
-    fit = source.fit
-    complete = fit.shown.run.state == "finished"
-    path.write_bytes(_json(summary(fit.fit, source.clip, fit.body, complete=complete, command="tcfit export")))
+    write_pose(path, clip.keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)
 
 
 # --- the project ---
@@ -177,10 +146,6 @@ def _project(source: ExportSource, path: Path, progress: Progress) -> None:
 
 def _project_with_video(source: ExportSource, path: Path, progress: Progress) -> None:
     pack(source.folder, path, with_media=True, progress=progress)
-
-
-def _json(content: object) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
 
 
 EXPORTS: dict[str, Export] = {
@@ -206,6 +171,13 @@ EXPORTS: dict[str, Export] = {
         hint="55 joints in metres and degrees; by default y up",
         write=_bvh,
         turned=True,
+    ),
+    "smplifyx": Export(
+        title="SMPLify-X (pkl)",
+        group="Motion",
+        suffix="-smplifyx",
+        hint="A pickle for each frame, as SMPLify-X writes its results; in camera space",
+        write=_smplifyx,
     ),
     "fit": Export(
         title="Result (fit.npz)",
@@ -276,7 +248,7 @@ EXPORTS: dict[str, Export] = {
         group="Figures",
         suffix=".figures.csv",
         hint="All curves of the timeline by frame, of A and B, as a table",
-        write=_figures_csv,
+        write=write_figures_csv,
         needs="run",
     ),
     "figures-json": Export(
@@ -284,7 +256,7 @@ EXPORTS: dict[str, Export] = {
         group="Figures",
         suffix=".figures.json",
         hint="All curves of the timeline by frame, of A and B",
-        write=_figures_json,
+        write=write_figures_json,
         needs="run",
     ),
     "summary": Export(
@@ -292,14 +264,14 @@ EXPORTS: dict[str, Export] = {
         group="Figures",
         suffix=".summary.json",
         hint="Errors, jitter, settings and versions of the chosen run, as JSON",
-        write=_summary,
+        write=write_summary,
         needs="run",
     ),
     "project": Export(
         title="Project",
         group="Project",
         suffix=".tcfit.zip",
-        hint="Corrections, all runs and marks as one file, which tcfit review opens; a video only if it was copied into it",
+        hint="Corrections, runs and marks as one file, which tcfit review opens; without a video that is only linked",
         write=_project,
         needs="keypoints",
     ),

@@ -43,7 +43,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
 def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
     """The project in a file that `tcfit export --formats project` made."""
     if options.keypoints is not None or options.copy_video:
-        raise InputError(f"{path} is a project, which has its keypoints and video: leave out --keypoints, --copy-video.")
+        raise InputError(f"{path} is a project, which has its keypoints: leave out --keypoints and --copy-video.")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
     if reopen and is_project(folder):
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)

@@ -209,9 +209,9 @@ def _check_about(path: Path, archive: zipfile.ZipFile) -> None:
         with archive.open(ABOUT) as file:
             about = msgspec.json.decode(file.read(_BLOCK), type=About)
     except (KeyError, msgspec.DecodeError) as error:
-        raise InputError(f"{path}: is no packed project; expected one that `tcfit export --formats project` made.") from (
-            error
-        )
+        raise InputError(
+            f"{path}: is no packed project; expected one that `tcfit export --formats project` made."
+        ) from (error)
     if about.format != FORMAT:
         raise InputError(f"{path}: is a {about.format!r}; expected a {FORMAT!r}.")
     if about.version > VERSION:

@@ -1,14 +1,12 @@
 """A motion as binary glTF: one skinned mesh of 55 joints, its expression and correctives as morph targets, animated.
 
-glTF's world is y up in metres, so a motion comes with the axes "y-up": the camera stands at the origin, looks along -z,
-and is in the file. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame
-rate, first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of the asset and of the
-scene. Blender, Unity, Unreal and three.js read it.
+glTF's world is y up in metres, so a motion gets the axes "y-up": the camera stands at the origin, looks along -z, and
+is in the file. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame rate,
+first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of asset and scene.
 """
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pygltflib as gltf
@@ -158,7 +156,7 @@ def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
         attributes=attributes,
         indices=buffer.add(rig.faces.astype(np.uint32).ravel(), gltf.ELEMENT_ARRAY_BUFFER),
         material=0,
-        targets=[{"POSITION": buffer.add(shape, vertices, bounds=True)} for shape in rig.morphs.directions],
+        targets=[gltf.Attributes(POSITION=buffer.add(shape, vertices, bounds=True)) for shape in rig.morphs.directions],
     )
     mesh = gltf.Mesh(name="body", primitives=[primitive], extras={"targetNames": list(rig.morphs.names)})
     if rig.morphs.names:
@@ -193,8 +191,3 @@ def _animation(rig: Rig, motion: Motion, buffer: _Buffer) -> gltf.Animation:
     if rig.morphs.names:
         add(_MESH, "weights", rig.morphs.weights.ravel())
     return animation
-
-
-def asset_extras(document: gltf.GLTF2) -> dict[str, Any]:
-    """What a file of `write_glb` says of its motion."""
-    return document.asset.extras

@@ -72,7 +72,9 @@ class Motion:
     def one_shape(self) -> "Motion":
         """With the mean of the betas in all frames: phase 1 finds others in each, and a rig has one."""
         betas = self.params.betas.mean(0, keepdim=True).expand(len(self), -1)
-        return self if torch.equal(betas, self.params.betas) else replace(self, params=replace(self.params, betas=betas))
+        return (
+            self if torch.equal(betas, self.params.betas) else replace(self, params=replace(self.params, betas=betas))
+        )
 
     def in_axes(self, axes: str) -> "Motion":
         """The same motion in another world.
@@ -85,9 +87,10 @@ class Motion:
         """
         if axes not in AXES:
             raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}.")
-        turn = torch.tensor(AXES[axes].from_camera, dtype=torch.float64) @ torch.tensor(
-            AXES[self.axes].from_camera, dtype=torch.float64
-        ).mT
+        turn = (
+            torch.tensor(AXES[axes].from_camera, dtype=torch.float64)
+            @ torch.tensor(AXES[self.axes].from_camera, dtype=torch.float64).mT
+        )
         if torch.equal(turn, torch.eye(3, dtype=torch.float64)):
             return replace(self, axes=axes)
         pelvis = self.rest_joints[:, 0].double()

@@ -122,7 +122,7 @@ class ExportPanel:
         page, fits = self._page, self._fits()
         if page.state.frames is None and self._wishes.selected:
             self._wish(selected=False)
-        titles = {side: fit.title for side, fit in fits.items()}
+        titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
         if page.changes.of("exported", tuple(titles.items()), page.state.frames, self._wishes):
             self._files.show(*self._choices(titles), *self._groups(titles))
         going = self.running

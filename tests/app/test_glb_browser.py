@@ -1,7 +1,6 @@
 """The GLB in three.js: what it shows is the fit."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2

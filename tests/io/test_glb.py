@@ -9,8 +9,8 @@ import trimesh
 
 from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.io.glb import write_glb
-from fitting_core.io.motion import Motion
 from fitting_core.io.morphs import corrective_morphs
+from fitting_core.io.motion import Motion
 from fitting_core.io.rig import four_weights, same_hemisphere
 from tests.io.gltf_player import Player
 from tests.io.motions import meshes, swinging
