@@ -197,7 +197,7 @@ def _said(going: Exporting) -> list[Html]:
         return [paragraph(joined(name, text(": "), sent, text(f" ({_size(going.size)})")))]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
-    doing = " is being stopped …" if going.stopping else " is being made …"
+    doing = " is being stopped …" if going.stopping else f" is being made … {going.share:.0%}"
     return [
         paragraph(joined(name, text(doing))),
         progress_bar(going.share),

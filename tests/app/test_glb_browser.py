@@ -1,16 +1,21 @@
 """The GLB in three.js: what it shows is the fit."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import pytest
 
+from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.io.glb import write_glb
 from fitting_core.io.motion import Motion
+from tcfit_app.panels import PANELS
+from tests.app.review_page import reviewing
 from tests.app.three_page import ThreePage
+from tests.app.waving import waving_fit, waving_project
 from tests.io.motions import meshes, swinging
 
 if TYPE_CHECKING:
@@ -54,3 +59,18 @@ def test_it_is_drawn_where_the_video_has_it(shown: ThreePage, upright: Motion):
         assert np.allclose([body[:, 0].min(), body[:, 0].max()], inside, atol=2)
         pictures[frame] = image.astype(int)
     assert abs(pictures[1] - pictures[5]).max(-1).mean() > 1
+
+
+def test_the_app_s_download_opens(browser: "Browser", free_body: BodyModel, tmp_path: Path):
+    folder = waving_project(tmp_path / "walk.tcfit", free_body)
+    with reviewing(folder, browser) as review:
+        review.tab.get_by_role("tab").nth([panel.title for panel in PANELS].index("Export")).click()
+        with review.tab.expect_download(timeout=60_000) as download:
+            review.tab.locator("[data-tcfit='export.begin'][data-value=glb]").click()
+        assert download.value.suggested_filename == "walk.glb"
+        download.value.save_as(tmp_path / "got.glb")
+        review.tab.get_by_text("sent to the downloads").wait_for()
+        assert not review.complaints
+    page = ThreePage(browser, tmp_path / "got.glb")
+    expected = Mesh(free_body)(waving_fit(2.0).last.params[3:4])[0].numpy() * (1, -1, -1)
+    assert np.linalg.norm(page.vertices(3 / 29.97) - expected, axis=1).max() < 1e-3
