@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.sparse import csr_matrix, spmatrix
+from scipy.sparse import csr_matrix
 
 from fitting_core import rotations
 from fitting_core.io.motion import CHUNK, Motion
@@ -57,8 +57,7 @@ def corrective_morphs(motion: Motion, *, most: int = MOST) -> Morphs:
     orthonormal Q (3 V, r), so their components are those of f P' S: no matrix of all frames and vertices is needed.
     """
     table, features = _table(motion), _features(motion)
-    products = table.T @ table
-    variance, axes = np.linalg.eigh(products.toarray() if isinstance(products, spmatrix) else products)
+    variance, axes = np.linalg.eigh(np.asarray(csr_matrix(table.T @ table).todense()))
     kept = variance > _RANK * max(variance.max(), 1e-30)
     scale = np.sqrt(variance[kept])
     left, size, right = np.linalg.svd(features @ (axes[:, kept] * scale), full_matrices=False)

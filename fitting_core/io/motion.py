@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from fitting_core import rotations
 from fitting_core.body.mesh import Mesh
@@ -94,7 +95,9 @@ class Motion:
         if torch.equal(turn, torch.eye(3, dtype=torch.float64)):
             return replace(self, axes=axes)
         pelvis = self.rest_joints[:, 0].double()
-        orient = rotations.log(turn @ rotations.exp(self.params.global_orient.double()))
+        # Not rotations.log, whose package loads torch's compiler: a second or two before the first file.
+        turned_root = turn @ rotations.exp(self.params.global_orient.double())
+        orient = torch.as_tensor(Rotation.from_matrix(turned_root.numpy()).as_rotvec())
         translation = (pelvis + self.params.camera_translation.double()) @ turn.mT - pelvis
         like = self.params.global_orient
         turned = replace(self.params, global_orient=orient.to(like), camera_translation=translation.to(like))
