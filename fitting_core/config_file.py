@@ -58,7 +58,7 @@ def parsed(text: str, *, origin: str, preset_name: str | None = None) -> tuple[s
     """
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"{origin}: is no TOML ({error}). `tcfit settings` prints a file to start from.") from error
     name = table.pop("preset", DEFAULT_PRESET)
     base = preset(name, origin=origin)

@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from tcfit_app.export_options import ExportOptions
+from tcfit_app.import_options import ImportOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
@@ -60,6 +61,7 @@ Options = (
     | Annotated[ExportOptions, subcommand("export")]
     | Annotated[DemoOptions, subcommand("demo")]
     | Annotated[Models, subcommand("models")]
+    | Annotated[ImportOptions, subcommand("import")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
 )
@@ -90,6 +92,13 @@ def _export(options: ExportOptions, command: str) -> int:
     from tcfit_app.export_command import run_export
 
     run_export(options)
+    return 0
+
+
+def _import(options: ImportOptions, command: str) -> int:
+    from tcfit_app.import_command import run_import
+
+    run_import(options)
     return 0
 
 
@@ -133,6 +142,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     NewOptions: _new,
     ReviewOptions: _review,
     ExportOptions: _export,
+    ImportOptions: _import,
     DemoOptions: _demo,
     Models: _models,
     Settings: _settings,

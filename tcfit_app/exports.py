@@ -10,7 +10,6 @@ import numpy as np
 from fitting_core.io.animation_npz import write_animation_npz
 from fitting_core.io.bvh import write_bvh
 from fitting_core.io.coco_wholebody import write_coco_wholebody
-from fitting_core.io.glb import AXES_OF_GLTF, write_glb
 from fitting_core.io.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
 from fitting_core.io.motion import Progress, stated_by_frame
 from fitting_core.io.openpose import write_openpose
@@ -52,7 +51,9 @@ class Export:
 
 
 def _glb(source: ExportSource, path: Path, progress: Progress) -> None:
-    write_glb(path, source.motion(AXES_OF_GLTF), progress)
+    from fitting_core.io.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
+
+    write_glb(path, source.motion("y-up"), progress)
 
 
 def _npz(source: ExportSource, path: Path, progress: Progress) -> None:

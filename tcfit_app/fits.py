@@ -35,7 +35,7 @@ class FitChoice:
     """What a browser wants to see, also while runs come and go."""
 
     run: int | None = None
-    """None: the newest that has a result."""
+    """None: the newest that has a result; one that was imported only if there is no other."""
     phase: int | None = None
     """None: the last that is finished."""
 
@@ -58,7 +58,7 @@ class Shown:
     @property
     def title(self) -> str:
         """For the user."""
-        return f"{self.run.name} · {TITLES[self.phase]}"
+        return self.run.name if self.run.kind == "imported" else f"{self.run.name} · {TITLES[self.phase]}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +137,7 @@ class Fits:
             runs = [run for run in runs if run.id == choice.run]
         if not runs:
             return None
-        run = runs[-1]
+        run = newest(runs)
         version = self._version(run)
         if version.partial is not None and choice.phase in (None, 3):
             return self._shown(run, version, 3, version.partial, None)
@@ -269,6 +269,12 @@ class Fits:
             runs.finish(run.id, fit)
         self._publish(run.id, fit)
         self.changed()
+
+
+def newest(runs: list[Run]) -> Run:
+    """The one that is shown where nobody chose: what was imported is to be compared with, and not corrected."""
+    own = [run for run in runs if run.kind != "imported"]
+    return (own or runs)[-1]
 
 
 def with_frames(params: BodyParams, frames: range, window: BodyParams) -> BodyParams:

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import count
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -16,11 +17,13 @@ from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import PhaseStarted, WindowFinished
+from fitting_core.result import FitResult
 from tcfit_app.bodies import Bodies, record_of
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edit_windows import around
 from tcfit_app.edits import Edit, MoveKeypoint
 from tcfit_app.fits import Fits, Shown
+from tcfit_app.importing import ImportChoices, import_run
 from tcfit_app.jobs import FitEverything, FitShape, Job, RerunFrames
 from tcfit_app.live import REACH, Correction
 from tcfit_app.notices import Notice
@@ -39,7 +42,9 @@ from tcfit_app.outbox import (
 from tcfit_app.project import Project
 from tcfit_app.run_jobs import CorrectionJob, RunJob
 from tcfit_app.running_job import RunningJob
+from tcfit_app.storage.names import name_of_file
 from tcfit_app.storage.runs import Run, RunKind
+from tcfit_app.uploads import upload
 from tcfit_app.worker import Drag, Worker
 
 MOST_FOLLOWED = 60
@@ -175,9 +180,29 @@ class Session:
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
 
+    def import_run(self, path: str, choices: ImportChoices) -> Run:
+        """Keep another program's result, at a path of this computer, as a run to compare with.
+
+        Raises:
+            InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
+                written; nothing is kept then.
+        """
+        self._refuse_read_only("imported")
+        run = import_run(self.project, self.bodies, Path(path).expanduser(), choices)
+        self.fits.changed()
+        return run
+
+    def import_upload(self, name: str, content: bytes, choices: ImportChoices) -> Run:
+        """The same with a file that a browser has sent. Raises InputError as `import_run`."""
+        self._refuse_read_only("imported")
+        with upload(name, content) as path:
+            run = import_run(self.project, self.bodies, path, choices, name=name_of_file(name), source=name)
+        self.fits.changed()
+        return run
+
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
         """Submit phase 3 of some frames again, as a new run. Raises InputError as `fit_everything`."""
-        start = self.fits.fit(shown.run)
+        start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         frames = range(min(w.start for w in windows), max(w.stop for w in windows))
@@ -185,10 +210,18 @@ class Session:
 
     def rerun_shape(self, shown: Shown, config: FitConfig) -> Run:
         """Submit phases 2 and 3 again, as a new run. Raises InputError as `fit_everything`."""
+        start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
-        start = self.fits.fit(shown.run)
         job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start)
         return self._submit(job, kind="shape", start=shown)
+
+    def _start_of(self, shown: Shown) -> FitResult:
+        if shown.run.kind == "imported":
+            raise InputError(
+                f"{shown.run.name} was imported, to compare with: nothing can be fitted on from it. Show another run "
+                "as B, or fit everything."
+            )
+        return self.fits.fit(shown.run)
 
     def _submit(
         self,

@@ -46,13 +46,13 @@ APP_LAYERS = {
     "what a project keeps": "storage project project_file bodies",
     "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
     "run_metrics between_runs video_frames",
-    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits session",
+    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits uploads importing session",
     "what all tabs draw from": "desk overlay_video export_source export_figures exports exporting",
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
     "commands": "options progress clip_input probes doctor fit_command models_command new_command review_command "
-    "export_options export_command demo_command cli __main__",
+    "export_options export_command import_options import_command demo_command cli __main__",
 }
 """Of the app: a module imports from its own layer and from those above."""
 APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}

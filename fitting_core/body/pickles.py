@@ -278,9 +278,7 @@ class ArrayUnpickler(pickle.Unpickler):
 
 def _forbid_far_memos(file: BinaryIO) -> None:
     """The unpickler makes room for whatever number an object is remembered by: 5 bytes could ask for 64 GB."""
-    codes = 0
-    for code, argument, _ in pickletools.genops(file):
-        codes += 1
+    for codes, (code, argument, _) in enumerate(pickletools.genops(file), 1):
         if code.name in _PUTS and isinstance(argument, int) and argument > codes:
             raise InputError(f"the pickle numbers an object {argument} that is at most its {codes}th; it is damaged")
 

@@ -1,13 +1,19 @@
 """Formats in and out. READERS holds one line per format that keypoints are read from."""
 
+import zipfile
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fitting_core.errors import InputError
 from fitting_core.io.coco_wholebody import holds_coco
 from fitting_core.io.detections import Detections
 from fitting_core.io.pose_binary import starts_as_pose
+
+if TYPE_CHECKING:  # keypoints are read without torch
+    from fitting_core.io.imported_motion import ImportedMotion
+    from fitting_core.io.smplifyx import Decode
 
 _START = 65536
 """Bytes of a file by which its format is told: COCO's annotation files can start with a list of licences."""
@@ -61,6 +67,55 @@ def read_detections(path: Path) -> Detections:
         f"{path} is no keypoint format that can be read: it {found}. Expected a folder of OpenPose JSON files or one "
         "of them, a COCO-WholeBody JSON, or a .pose file."
     )
+
+
+def read_motion(
+    path: Path, *, person: int = 0, gender: str | None = None, decode: "Decode | None" = None
+) -> "ImportedMotion":
+    """Read the motion of a body: SMPLify-X results, or an npz of SMPL-X, AMASS or tcfit. The content tells which.
+
+    Args:
+        path: An npz; or a folder of results, a zip or tar of one, one of its pickles.
+        person: Of SMPLify-X results, the number of the pickle in each frame.
+        gender: Of the body, which SMPLify-X does not tell; None: as the files say.
+        decode: For SMPLify-X results: from VPoser's numbers to axis-angle; None: there is none here.
+
+    Raises:
+        InputError: There is no such path, its format is not known, or its content is broken.
+    """
+    from fitting_core.io.smplifyx import read_smplifyx
+    from fitting_core.io.smplx_npz import read_smplx_npz
+
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file or folder; expected the result of a fit.")
+    if path.is_file() and _holds_arrays(path):
+        return read_smplx_npz(path)
+    if path.is_file() and not _may_hold_results(path):
+        raise InputError(
+            f"{path}: is no result of a fit that can be read. Expected SMPLify-X's output folder, a zip of it, or an npz "
+            "of SMPL-X or AMASS."
+        )
+    return read_smplifyx(path, person=person, gender=gender, decode=decode)
+
+
+def _may_hold_results(path: Path) -> bool:
+    """Whether a file is a pickle of protocol 2 or later, or an archive, or was to be one."""
+    try:
+        start = _first_bytes(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+    return path.suffix.lower() in (".pkl", ".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2") or start[:1] == b"\x80"
+
+
+def _holds_arrays(path: Path) -> bool:
+    """Whether a file is an npz, or was to be one."""
+    if path.suffix.lower() == ".npz":
+        return True
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.endswith(".npy") for name in archive.namelist())
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return False
 
 
 def _first_bytes(path: Path) -> bytes:

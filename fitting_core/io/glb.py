@@ -17,7 +17,7 @@ from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Motion, Progress, stated
 from fitting_core.io.rig import Deviation, Rig, deviation, rig_of
 
-AXES_OF_GLTF = "y-up"
+_AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)
 """Nodes: the rig as a whole, what is skinned, the camera, and the joints one after the other."""
 _COLOR = [0.62, 0.68, 0.76, 1.0]
@@ -35,7 +35,7 @@ def write_glb(path: Path, motion: Motion, progress: Progress | None = None) -> D
     Raises:
         OSError: The file cannot be written; nothing is left of it.
     """
-    upright = motion.in_axes(AXES_OF_GLTF)
+    upright = motion.in_axes(_AXES)
     rig = rig_of(upright)
     found = deviation(rig, upright, progress)
     with replacing(path) as draft:

@@ -9,21 +9,24 @@
 | body_pose | (1, 32) or (1, 63) | numbers of the VPoser that it was fitted with, or axis-angle |
 | pose_embedding | (1, 32) | as tcfit writes it beside axis-angle: numbers of the pose prior |
 | camera_focal, camera_center, image_size | (1, 2) | as tcfit writes them; SMPLify-X keeps no camera |
+
+tcfit writes results/about.json beside them: body, frame rate, axes, which are read if they are there.
 """
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.archives import Member, open_members
-from fitting_core.body.model import N_BETAS, N_EXPRESSION
+from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
@@ -38,16 +41,27 @@ FOCAL = 5000.0
 RESULTS, ABOUT = "results", "about.json"
 Decode = Callable[[Float[Tensor, "T 32"]], Float[Tensor, "T 63"]]
 """From a pose prior's numbers to axis-angle."""
+_MAX_ABOUT = 2**16
 _NUMBERED = re.compile(r"\d+\.pkl")
 
 
-def holds_results(members: Sequence[Member]) -> bool:
-    """Whether a folder or archive has pickles named as those of SMPLify-X."""
-    return any(_NUMBERED.fullmatch(member.path.name) for member in members)
+class About(msgspec.Struct, frozen=True, kw_only=True):
+    """What about.json says."""
+
+    generator: str = ""
+    axes: str = ""
+    gender: Literal["neutral", "male", "female"] | None = None
+    body_kind: Literal["smplx", "smplh", "smpl"] = "smplx"
+    body_hash: str = ""
+    frame_rate: Annotated[float, msgspec.Meta(gt=0, le=2000)] | None = None
+    focal_px: tuple[float, float] | None = None
+    center_px: tuple[float, float] | None = None
+    image_size_px: tuple[int, int] | None = None
+    note: str = ""
 
 
 def read_smplifyx(
-    path: Path, *, person: int = 0, gender: str = "neutral", decode: Decode | None = None
+    path: Path, *, person: int = 0, gender: str | None = None, decode: Decode | None = None
 ) -> ImportedMotion:
     """Read a folder of results, an archive of one, or a single pickle.
 
@@ -56,7 +70,7 @@ def read_smplifyx(
     Args:
         path: SMPLify-X's output folder, `results` in it, one frame's folder, one pickle, or a zip or tar of them.
         person: Number of the pickle in each frame: 0 is 000.pkl.
-        gender: Of the body that it was fitted with, which the results do not tell.
+        gender: Of the body that it was fitted with, not told by SMPLify-X; None: as about.json says, or neutral.
         decode: Of the VPoser that it was fitted with; None: there is none here.
 
     Raises:
@@ -71,6 +85,7 @@ def read_smplifyx(
         if not chosen:
             raise InputError(_nothing(path, pickles, members, person))
         frames = [read_result(path, member) for member in chosen]
+        about = next((_about(path, member) for member in members if member.path.name == ABOUT), About())
     frames.sort(key=lambda frame: natural_key(frame.stem))
     _forbid_mixed(path, frames)
     others = len({member.path.stem for member in pickles}) - 1
@@ -80,8 +95,10 @@ def read_smplifyx(
     return ImportedMotion(
         source=path,
         format="SMPLify-X results",
-        kind="smplx",
-        gender=gender,
+        kind=about.body_kind,
+        gender=gender or about.gender or "neutral",
+        body_hash=about.body_hash if gender in (None, about.gender) else "",
+        frame_rate=about.frame_rate,
         params=_params(path, frames, decode),
         whole_hands=False,
         turn=torch.as_tensor(np.stack([frame.rotation for frame in frames])),
@@ -99,7 +116,7 @@ def write_smplifyx(
     *,
     stems: Sequence[str],
     camera: Camera,
-    gender: str,
+    body: BodyModel,
     frame_rate: float,
     embedding: Float[Tensor, "T 32"] | None = None,
     progress: Callable[[float], None] = lambda share: None,
@@ -113,7 +130,7 @@ def write_smplifyx(
         params: T frames in camera space. Hands stay as they are: components, or 45 numbers over the mean.
         stems: Of the frames' images.
         camera: Which sees them.
-        gender: Of the body.
+        body: Whose parameters these are.
         frame_rate: Frames per second.
         embedding: The poses in numbers of the pose prior; None: it has none.
         progress: Takes the share that is done; what it raises ends the writing.
@@ -136,23 +153,35 @@ def write_smplifyx(
         with replacing(target) as draft:
             draft.write_bytes(pickled(arrays))
         progress((t + 1) / len(stems))
-    about = {
-        "generator": "tcfit",
-        "axes": f"camera: {AXES['camera'].text}; metres; axis-angle in radians",
-        "gender": gender,
-        "frame_rate": frame_rate,
-        "focal_px": list(camera.focal),
-        "center_px": list(camera.center),
-        "image_size_px": list(camera.size),
-        "translation": "camera_translation is added to the posed body; camera_rotation is the identity",
-        "body_pose": "axis-angle of 21 joints (1, 63); pose_embedding has the pose prior's numbers, where it has some",
-    }
+    about = About(
+        generator="tcfit",
+        axes=f"camera: {AXES['camera'].text}; metres; axis-angle in radians; camera_translation is added to the body",
+        gender=body.gender,  # pyright: ignore[reportArgumentType]
+        body_kind=body.kind,  # pyright: ignore[reportArgumentType]
+        body_hash=body.hash,
+        frame_rate=frame_rate,
+        focal_px=camera.focal,
+        center_px=camera.center,
+        image_size_px=camera.size,
+        note="body_pose is axis-angle (1, 63); pose_embedding has the pose prior's numbers, where it has some",
+    )
     with replacing(folder / RESULTS / ABOUT) as draft:
-        draft.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=2) + b"\n")
 
 
 def _intrinsics(camera: Camera) -> tuple[tuple[float, float], tuple[float, float], tuple[int, int]]:
     return camera.focal, camera.center, camera.size
+
+
+def _about(path: Path, member: Member) -> About:
+    with member.open() as stream:
+        content = stream.read(_MAX_ABOUT)
+    try:
+        return msgspec.json.decode(content, type=About)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: its {ABOUT} is none that tcfit wrote ({error}). Remove it, or write the results again."
+        ) from error
 
 
 def _nothing(path: Path, pickles: list[Member], members: list[Member], person: int) -> str:

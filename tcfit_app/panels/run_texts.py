@@ -17,7 +17,13 @@ from tcfit_app.status import PHASES, duration
 from tcfit_app.storage.runs import Run, RunState
 from tcfit_app.view.layers import RUN_COLORS, css
 
-KINDS = {"fit": "everything", "frames": "frames", "shape": "shape", "corrections": "corrections"}
+KINDS = {
+    "fit": "everything",
+    "frames": "frames",
+    "shape": "shape",
+    "corrections": "corrections",
+    "imported": "imported",
+}
 """What a run fitted, in a word."""
 LOOKS: dict[RunState, str] = {
     "running": "strong",
@@ -104,6 +110,8 @@ def _since(edits: int) -> list[str]:
 
 
 def _settings(run: Run) -> list[str]:
+    if run.kind == "imported":
+        return [str(run.summary.get("format", ""))]
     preset = nearest_preset(run.config)
     names = differences(run.config, preset)
     if not names:
@@ -126,19 +134,25 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Htm
     parent = None if run.parent is None else session.project.runs.get(run.parent)
     known = {
         "Fitted": _kind(run, clip.first_frame),
-        "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else "",
+        "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else _source(run),
         "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
         "Body": f"{run.body.kind}, {run.body.gender}",
         "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
-        "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
-        **({} if fit is None else _found(fit, clip.camera)),
+        "Took": "" if (taken := seconds_of(run)) is None or run.kind == "imported" else duration(taken),
+        **({} if fit is None else _found(run, fit, clip.camera)),
     }
     problem = [paragraph(run.message, "bad")] if run.message else []
     return [facts((name, value) for name, value in known.items() if value), *problem, *_differences(run), *_notes(fit)]
 
 
-def _found(fit: FitResult, clip: Camera) -> dict[str, str]:
+def _source(run: Run) -> str:
+    return str(run.summary.get("source", ""))
+
+
+def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
     own = "" if fit.camera == clip else f", the clip's is {clip.focal[0]:.2f}"
+    if run.kind == "imported":
+        return {"Read as": fit.pose_prior, "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})"}
     return {
         "Phases": ", ".join(f"{PHASES[p.phase]} {duration(p.seconds)}" for p in fit.phases),
         "Cost": ", ".join(f"{p.objective['total']:.4g}" for p in fit.phases if "total" in p.objective),
@@ -148,6 +162,8 @@ def _found(fit: FitResult, clip: Camera) -> dict[str, str]:
 
 
 def _differences(run: Run) -> list[Html]:
+    if run.kind == "imported":
+        return []
     preset = nearest_preset(run.config)
     names = differences(run.config, preset)
     if not names:

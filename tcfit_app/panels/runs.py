@@ -13,6 +13,7 @@ from tcfit_app.panels.deleted_runs import DeletedRuns
 from tcfit_app.panels.field import Dropdown
 from tcfit_app.panels.fit_settings import nearest_preset
 from tcfit_app.panels.html import Board, button, heading, paragraph, preformatted, row, table
+from tcfit_app.panels.import_run import ImportRun
 from tcfit_app.panels.run_texts import Listed, details, option, result_of, run_line
 from tcfit_app.storage.runs import Run
 
@@ -43,6 +44,7 @@ class RunsPanel:
         self._buttons, self._details = Board(page), Board(page)
         with gui.add_folder("All its settings", expand_by_default=False):
             self._toml = Board(page)
+        self._import = ImportRun(page, lambda run: setattr(self, "_chosen", run.id))
         self._deleted = DeletedRuns(page)
         self._head.show(heading("This run"))
         self._listen()
@@ -108,6 +110,7 @@ class RunsPanel:
 
     def draw(self) -> None:
         """See `Panel.draw`."""
+        self._import.draw()
         self._deleted.draw()
         page, session = self._page, self._page.session
         shown = tuple(fit.run.id if fit else None for fit in (page.fit(page.state.a), page.fit(page.state.b)))
@@ -160,7 +163,9 @@ class RunsPanel:
             self._name.value = run.name
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
-        self._toml.show(preformatted(as_toml(run.config, preset_name=nearest_preset(run.config))))
+        own = run.kind != "imported"
+        settings = [preformatted(as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
+        self._toml.show(*settings)
 
     def _draw_buttons(self, chosen: Listed) -> None:
         off = self._page.session.project.read_only
@@ -178,6 +183,10 @@ class RunsPanel:
                 button("Rename", "runs.rename", disabled=off, hint="To what stands in the field Name"),
                 button("Delete", "runs.delete", disabled=off, hint="It can be restored", kind="danger"),
             ),
-            row(button("Use its settings for the next fit", "runs.settings")),
+            *(
+                []
+                if chosen.run.kind == "imported"
+                else [row(button("Use its settings for the next fit", "runs.settings"))]
+            ),
             *cancel,
         )

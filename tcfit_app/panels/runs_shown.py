@@ -5,7 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from fitting_core.errors import InputError
-from tcfit_app.fits import TITLES, FitChoice
+from tcfit_app.fits import TITLES, FitChoice, newest
 from tcfit_app.panels.field import Dropdown
 from tcfit_app.panels.html import Board, Html, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.storage.runs import Run
@@ -75,7 +75,9 @@ class RunsShown:
 
     def _run(self, side: str, runs: list[Run]) -> Run | None:
         number = self._choice(side).run
-        return next((run for run in reversed(runs) if number in (None, run.id)), None)
+        if number is None:
+            return newest(runs) if runs else None
+        return next((run for run in runs if run.id == number), None)
 
     def _phases_of(self, run: Run | None) -> tuple[int, ...]:
         try:

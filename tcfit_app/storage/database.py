@@ -108,6 +108,7 @@ class Database:
             with _explained(path):
                 self._check()
                 if not read_only:
+                    _make_durable(self._connection)
                     self._migrate()
         except BaseException:
             self._connection.close()
@@ -121,6 +122,7 @@ class Database:
             connection = _connect(path, "rwc")
             try:
                 connection.execute(f"PRAGMA application_id = {_APPLICATION}")
+                _make_durable(connection)
                 _upgrade(connection, 0)
             finally:
                 connection.close()
@@ -181,15 +183,18 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"]) -> sqlite3.Connection
     connection.row_factory = sqlite3.Row
     try:
         connection.execute("PRAGMA trusted_schema = OFF")  # A project may come from somebody else.
-        if mode != "ro":
-            connection.execute("PRAGMA journal_mode = WAL")
-            connection.execute("PRAGMA synchronous = FULL")
-            connection.execute("PRAGMA fullfsync = ON")  # macOS: its plain fsync leaves data in the drive's cache.
         connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except BaseException:
         connection.close()
         raise
     return connection
+
+
+def _make_durable(connection: sqlite3.Connection) -> None:
+    """Of a database that is known to be ours: this writes into its header."""
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute("PRAGMA fullfsync = ON")  # macOS: its plain fsync leaves data in the drive's cache.
 
 
 def _upgrade(connection: sqlite3.Connection, version: int) -> None:

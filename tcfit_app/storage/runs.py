@@ -28,8 +28,9 @@ _ORPHANS = "orphans"
 
 Ended = Literal["cancelled", "failed"]
 RunState = Literal["running", "finished", "interrupted"] | Ended
-RunKind = Literal["fit", "frames", "shape", "corrections"]
-"""Everything; some frames again; the shape again; a run that grows with each keypoint that is dragged."""
+RunKind = Literal["fit", "frames", "shape", "corrections", "imported"]
+"""Everything; some frames again; the shape again; a run that grows with each keypoint that is dragged; a result of
+another program, only to compare with."""
 
 
 class BodyRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
