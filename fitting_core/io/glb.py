@@ -158,7 +158,11 @@ def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
         material=0,
         targets=[gltf.Attributes(POSITION=buffer.add(shape, vertices, bounds=True)) for shape in rig.morphs.directions],
     )
-    mesh = gltf.Mesh(name="body", primitives=[primitive], extras={"targetNames": list(rig.morphs.names)})
+    mesh = gltf.Mesh(
+        name="body",
+        primitives=[primitive],
+        extras={"targetNames": list(rig.morphs.names), "targetUnits": rig.morphs.units},
+    )
     if rig.morphs.names:
         mesh.weights = rig.morphs.weights[0].tolist()
     return mesh
