@@ -4,7 +4,7 @@ Skinned meshes of other programs know no pose correctives, and linear skinning a
 them (149 frames of sign language, free body). Over one motion they lie near a space of few dimensions: 32 to 64 shapes
 leave less than half a millimetre.
 
-All weights lie between 0 and 1: Blender's importer widens a shape's range by its first key alone, and cut later ones off,
+All weights lie between 0 and 1: Blender 4.2 widens a shape's range by its first key alone and cuts later ones off, by
 1.6 mm in one clip. So an expression has two shapes where it goes both ways, and the correctives are counted from their
 lowest values, which one more shape of constant weight holds.
 """

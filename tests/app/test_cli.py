@@ -37,7 +37,7 @@ def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["fit"], ["new"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"]]
+    "arguments", [[], ["fit"], ["new"], ["export"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"]]
 )
 def test_help_loads_no_heavy_package(arguments: list[str]):
     code = f"""

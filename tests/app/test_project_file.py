@@ -12,9 +12,10 @@ import pytest
 
 from fitting_core.errors import InputError
 from tcfit_app import project_file
-from tcfit_app.cli import main
+from tcfit_app.cli import main, parse
 from tcfit_app.project import Project
 from tcfit_app.project_file import ABOUT, is_packed, pack, unpack
+from tcfit_app.review_command import opened
 from tests.app.project_samples import (
     BODY,
     CONFIG,
@@ -268,6 +269,8 @@ def test_commands_take_a_packed_project(packed: Path, project: Path, tmp_path: P
     assert main(["new", str(packed), "--out", "other.tcfit"]) == 0
     assert "Unpacked the project other.tcfit" in capsys.readouterr().out
     assert_same_projects(project, tmp_path / "other.tcfit")
+    with opened(parse(["review", str(packed), "--out", "third.tcfit"])) as found:
+        assert found.folder.name == "third.tcfit" and found.last_edit == 3
     assert main(["new", str(packed)]) == 2
     assert "walk.tcfit: is a project already" in capsys.readouterr().err
     assert main(["new", str(packed), "--copy-video"]) == 2
