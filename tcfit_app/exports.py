@@ -67,14 +67,14 @@ def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
 
 
 def _smplifyx(source: ExportSource, folder: Path, progress: Progress) -> None:
-    motion = source.motion("camera").in_axes("camera")
+    motion = source.motion("camera").in_axes("camera")  # the pickles have no other
     stem = file_stem(motion.name)
     write_smplifyx(
         folder,
         motion.params,
         stems=[f"{stem}_{motion.first_frame + t:06d}" for t in range(len(motion))],
         camera=motion.camera,
-        gender=motion.body.gender,
+        body=motion.body,
         frame_rate=motion.frame_rate,
         progress=progress,
     )
