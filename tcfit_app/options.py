@@ -122,7 +122,7 @@ class FitOptions:
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
     keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """OpenPose JSON: a folder with a file for each frame, or one file."""
+    """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. A result that lies there is replaced."""
     overwrite: bool = False
@@ -148,7 +148,7 @@ class NewOptions:
     """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
     `tcfit export --formats project` packed."""
     keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """OpenPose JSON: a folder with a file for each frame, or one file."""
+    """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """The project's folder, which may not exist yet."""
     copy_video: bool = False
@@ -179,7 +179,7 @@ class ReviewOptions:
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
     """A project's folder; or what `tcfit new` takes."""
     keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """For a new project. OpenPose JSON: a folder with a file for each frame, or one file."""
+    """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """For a new project: its folder."""
     copy_video: bool = False

@@ -24,7 +24,7 @@ class MeasuredRun:
     fit: PosedFit
     phase: PhaseResult
     seconds: float
-    """All phases together."""
+    """All phases together; 0 of a run that was not fitted here."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +164,7 @@ METRICS: dict[str, MetricKind] = {
     "lean": MetricKind(
         title="Lean of the torso, mean", unit="°", value=lambda run: float(torso_lean(run.fit.joints).mean()), better=""
     ),
-    "seconds": MetricKind(title="Time to fit", unit="s", value=lambda run: run.seconds),
+    "seconds": MetricKind(title="Time to fit", unit="s", value=lambda run: run.seconds or None),
 }
 """By name. Reprojection errors are over the keypoints that summary.json counts; jitter is the mean second difference of
 the 55 joints, in camera space where nothing else is said; the shape's deviation is over frames, mean of the betas."""

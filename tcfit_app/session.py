@@ -40,11 +40,11 @@ from tcfit_app.outbox import (
     Report,
 )
 from tcfit_app.project import Project
+from tcfit_app.result_uploads import upload
 from tcfit_app.run_jobs import CorrectionJob, RunJob
 from tcfit_app.running_job import RunningJob
 from tcfit_app.storage.names import name_of_file
 from tcfit_app.storage.runs import Run, RunKind
-from tcfit_app.uploads import upload
 from tcfit_app.worker import Drag, Worker
 
 MOST_FOLLOWED = 60

@@ -46,7 +46,8 @@ APP_LAYERS = {
     "what a project keeps": "storage project project_file bodies",
     "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
     "run_metrics between_runs video_frames",
-    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits uploads importing session",
+    "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads importing "
+    "session",
     "what all tabs draw from": "desk overlay_video export_source export_figures exports exporting",
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",

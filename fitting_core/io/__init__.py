@@ -92,8 +92,8 @@ def read_motion(
         return read_smplx_npz(path)
     if path.is_file() and not _may_hold_results(path):
         raise InputError(
-            f"{path}: is no result of a fit that can be read. Expected SMPLify-X's output folder, a zip of it, or an npz "
-            "of SMPL-X or AMASS."
+            f"{path}: is no result of a fit that can be read. Expected SMPLify-X's output folder, a zip of it, or an "
+            "npz of SMPL-X or AMASS."
         )
     return read_smplifyx(path, person=person, gender=gender, decode=decode)
 

@@ -1,21 +1,21 @@
 """COCO-WholeBody JSON: annotation files, result lists as mmpose and DWPose write them, and mmpose's predictions."""
 
-import json
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from jaxtyping import Float
 
 import fitting_core.io.coco_wholebody_layout as layout
 from fitting_core.errors import InputError
-from fitting_core.frame_names import natural_key
 from fitting_core.io.atomic import replacing
+from fitting_core.io.coco_forms import FORMS
 from fitting_core.io.detections import Detections
-from fitting_core.io.json_points import checked_points, kind, numbers, read_json, short
+from fitting_core.io.json_points import checked_points, kind, numbers, read_json
 from fitting_core.keypoints import Keypoints
 
 PARTS: dict[str, tuple[slice, str]] = {
@@ -31,22 +31,6 @@ _NAMES = layout.WHOLEBODY_NAMES
 _ADVICE = "export it again"
 _MAX_SCORE = 20.0
 """Detectors with SimCC heads give peaks of logits as scores; a percentage is none."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Frame:
-    """A picture, and what was found in it."""
-
-    stem: str
-    people: tuple[tuple[str, dict[str, Any]], ...]
-    """Where each stands in the file, for messages; and its entry."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Content:
-    frames: tuple[_Frame, ...]
-    size: tuple[int, int] | None = None
-    frame_rate: float | None = None
 
 
 def holds_coco(start: bytes) -> bool:
@@ -69,7 +53,7 @@ def read_coco_wholebody(path: Path) -> Detections:
         InputError: The file is damaged, of another format, or holds values that cannot be; it names the person.
     """
     content = read_json(path, advice=_ADVICE)
-    form = next((form for fits, form in _FORMS if fits(content)), None)
+    form = next((form for fits, form in FORMS if fits(content)), None)
     if form is None:
         found = f"an object with {', '.join(list(content)[:8]) or 'nothing'}" if isinstance(content, dict) else ""
         raise InputError(
@@ -138,7 +122,7 @@ def write_coco_wholebody(
         "categories": [{"id": 1, "name": "person", "keypoints": list(layout.COCO_17), "skeleton": []}],
     }
     with replacing(file) as draft:
-        draft.write_text(json.dumps(content), encoding="utf-8")
+        draft.write_bytes(msgspec.json.encode(content))
 
 
 def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any]:
@@ -160,107 +144,6 @@ def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any
     }
 
 
-def _annotation_file(path: Path, content: dict[str, Any]) -> _Content:
-    images = [_image(path, k, entry) for k, entry in enumerate(content["images"])]
-    if not images:
-        raise InputError(f"{path}: its list 'images' is empty; expected an image for each frame.")
-    people: dict[Any, list[tuple[str, dict[str, Any]]]] = {number: [] for number, _, _ in images}
-    if len(people) < len(images):
-        raise InputError(f"{path}: several of its {len(images)} images have the same id; expected one id for each.")
-    for k, (where, entry) in enumerate(_entries(path, "annotation", content["annotations"])):
-        number = entry.get("image_id")
-        if type(number) not in (int, str) or number not in people:
-            raise InputError(f"{path}: annotation {k} is of the image {short(number)}, which 'images' does not have.")
-        people[number].append((where, entry))
-    images.sort(key=lambda image: natural_key(image[1]))
-    _forbid_same_name(path, [stem for _, stem, _ in images])
-    sizes = {size for _, _, size in images}
-    info = content.get("info")
-    rate: Any = info.get("frame_rate") if isinstance(info, dict) else None
-    return _Content(
-        frames=tuple(_Frame(stem=stem, people=tuple(people[number])) for number, stem, _ in images),
-        size=sizes.pop() if len(sizes) == 1 else None,
-        frame_rate=float(rate) if type(rate) in (int, float) and 0 < rate < 1e4 else None,
-    )
-
-
-def _image(path: Path, k: int, entry: Any) -> tuple[Any, str, tuple[int, int] | None]:
-    """Id, stem of the name, and size."""
-    if not isinstance(entry, dict) or type(entry.get("id")) not in (int, str):
-        raise InputError(f"{path}: image {k} has no id; expected an object with 'id' and 'file_name'.")
-    name = entry.get("file_name")
-    if not isinstance(name, str) or not name:
-        raise InputError(f"{path}: image {k} has the file_name {short(name)}; expected a text.")
-    sides: Any = (entry.get("width"), entry.get("height"))
-    size = sides if all(type(side) is int and 1 <= side <= 100_000 for side in sides) else None
-    return entry["id"], _stem(name), size
-
-
-def _result_list(path: Path, content: list[Any]) -> _Content:
-    people: dict[int | str, list[tuple[str, dict[str, Any]]]] = {}
-    for k, (where, entry) in enumerate(_entries(path, "result", content)):
-        number: Any = entry.get("image_id")
-        if type(number) not in (int, str) or (type(number) is int and not 0 <= number < 10**15):
-            raise InputError(f"{path}: result {k} has the image_id {short(number)}; expected a number or a name.")
-        people.setdefault(number, []).append((where, entry))
-    if len({type(number) for number in people}) > 1:
-        raise InputError(f"{path}: some image_ids are numbers and some are names; expected the results of one run.")
-    stems = {number: f"image_{number:012d}" if isinstance(number, int) else _stem(number) for number in people}
-    _forbid_same_name(path, list(stems.values()))
-    order = sorted(people, key=lambda number: natural_key(stems[number]))
-    return _Content(frames=tuple(_Frame(stem=stems[number], people=tuple(people[number])) for number in order))
-
-
-def _predictions(path: Path, content: dict[str, Any]) -> _Content:
-    frames: dict[int, _Frame] = {}
-    for k, (_, entry) in enumerate(_entries(path, "frame", content["instance_info"])):
-        number = entry.get("frame_id", k)
-        if type(number) is not int or not 0 <= number < 10**15 or number in frames:
-            raise InputError(f"{path}: frame {k} has the frame_id {short(number)}; expected numbers, each once.")
-        people = tuple(_entries(path, f"frame {number}, person", entry.get("instances")))
-        frames[number] = _Frame(stem=f"frame_{number:012d}", people=people)
-    # mmpose counts frames from 1.
-    first = min(frames, default=0)
-    ordered = [frames[number] for number in sorted(frames)]
-    if first == 1:
-        ordered = [
-            _Frame(stem=f"frame_{number - 1:012d}", people=frame.people) for number, frame in sorted(frames.items())
-        ]
-    return _Content(frames=tuple(ordered))
-
-
-_FORMS: tuple[tuple[Callable[[Any], bool], Callable[[Path, Any], _Content]], ...] = (
-    (
-        lambda c: isinstance(c, dict) and all(isinstance(c.get(key), list) for key in ("images", "annotations")),
-        _annotation_file,
-    ),
-    (lambda c: isinstance(c, list), _result_list),
-    (lambda c: isinstance(c, dict) and isinstance(c.get("instance_info"), list), _predictions),
-)
-"""What tells a form by the file's content -> what reads it."""
-
-
-def _entries(path: Path, what: str, entries: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    if not isinstance(entries, list):
-        raise InputError(f"{path}, {what}: found {kind(entries)}; expected a list of objects.")
-    for k, entry in enumerate(entries):
-        if not isinstance(entry, dict):
-            raise InputError(f"{path}: {what} {k} is {kind(entry)}; expected an object with 'keypoints'.")
-        yield f"{path}: {what} {k}", entry
-
-
-def _stem(name: str) -> str:
-    return PurePosixPath(name.replace("\\", "/")).stem
-
-
-def _forbid_same_name(path: Path, stems: list[str]) -> None:
-    seen: set[str] = set()
-    for stem in stems:
-        if stem in seen:
-            raise InputError(f"{path}: two images are called {short(stem)}; expected the frames of one clip.")
-        seen.add(stem)
-
-
 def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]:
     """Positions and scores as they stand there."""
     points = np.zeros((layout.WHOLEBODY_COUNT, 3))
@@ -275,7 +158,7 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
     points[_KEYPOINTS[len(values)]] = values
     for key, (part, flag) in PARTS.items():
         if entry.get(key) and entry.get(flag, True):
-            values = _triples(where, key, entry)
+            values = _triples(where, key, entry, first=part.start)
             if len(values) != part.stop - part.start:
                 count = part.stop - part.start
                 raise InputError(f"{where}, {key}: found {len(values)} points; expected {count}, or an empty list.")
@@ -283,7 +166,13 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
     return points
 
 
-def _triples(where: str, key: str, entry: dict[str, Any]) -> Float[np.ndarray, "K 3"]:
+@cache
+def _labels(key: str, first: int) -> list[str]:
+    """Names of a list's points, for messages."""
+    return [f"{name} ({key})" for name in _NAMES[first:]]
+
+
+def _triples(where: str, key: str, entry: dict[str, Any], *, first: int = 0) -> Float[np.ndarray, "K 3"]:
     """x, y and score: one flat list, a list for each point, or with the scores in a list of their own."""
     values, scores = entry[key], entry.get("keypoint_scores") if key == "keypoints" else None
     if not isinstance(values, list):
@@ -294,9 +183,9 @@ def _triples(where: str, key: str, entry: dict[str, Any]) -> Float[np.ndarray, "
             found = len(values[wrong[0]])
             raise InputError(f"{where}, {key}: point {wrong[0]} has {found} values; expected {each} for each.")
         values = [number for value in values for number in value]
-    if len(values) % each or len(values) // each > layout.WHOLEBODY_COUNT:
+    if len(values) % each or len(values) // each > layout.WHOLEBODY_COUNT - first:
         raise InputError(f"{where}, {key}: found {len(values)} values; expected {each} for each of 133 points.")
-    names = [f"{name} ({key})" for name in _NAMES]
+    names = _labels(key, first)
     xy = numbers(where, values, names, each=each).reshape(-1, each)
     if scores is None:
         return xy

@@ -61,11 +61,14 @@ def numbers(where: str, values: Sequence[Any], names: Sequence[str], *, each: in
     Raises:
         InputError: One of them is no number; the message names its keypoint.
     """
-    for k, value in enumerate(values):
-        if type(value) not in (int, float):
-            raise InputError(f"{where}, {names[k // each]}: found {short(value)}; expected a number.")
+    if not set(map(type, values)) <= {int, float}:
+        k = next(k for k, value in enumerate(values) if type(value) not in (int, float))
+        raise InputError(f"{where}, {names[k // each]}: found {short(values[k])}; expected a number.")
     # Python's integers have no limit, floats have: an integer of 400 digits is a wrong position and not an overflow.
-    return np.array([math.inf if abs(value) > 1e300 else value for value in values], dtype=float)
+    try:
+        return np.array(values, dtype=float)
+    except OverflowError:
+        return np.array([math.inf if abs(value) > 1e300 else value for value in values], dtype=float)
 
 
 def checked_points(

@@ -43,7 +43,9 @@ class ImportRun:
             )
             self._buttons = Board(page)
             self._upload: Any = gui.add_upload_button(
-                "Upload a file …", hint="An npz, or a zip of SMPLify-X's results, from this browser's computer"
+                "Upload a file …",
+                color="gray",
+                hint="An npz, or a zip of SMPLify-X's results, from this browser's computer",
             )
         self._upload.on_upload(self._uploaded)
         page.on_press("import.path", lambda _: self._import_path())

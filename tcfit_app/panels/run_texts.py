@@ -56,7 +56,9 @@ def option(run: Run) -> str:
 
 
 def seconds_of(run: Run) -> float | None:
-    """Of the phases that it did itself, or from its start to its end; None while it is running."""
+    """Of the phases that it did itself, or from its start to its end; None while it runs, or if it was imported."""
+    if run.kind == "imported":
+        return None
     phases = run.summary.get("seconds", {})
     if phases:
         return sum(seconds for phase, seconds in phases.items() if phase in _OWN.get(run.kind, phases))
@@ -137,8 +139,8 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Htm
         "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else _source(run),
         "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
         "Body": f"{run.body.kind}, {run.body.gender}",
-        "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
-        "Took": "" if (taken := seconds_of(run)) is None or run.kind == "imported" else duration(taken),
+        "Imported" if run.kind == "imported" else "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
+        "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
         **({} if fit is None else _found(run, fit, clip.camera)),
     }
     problem = [paragraph(run.message, "bad")] if run.message else []
@@ -150,7 +152,7 @@ def _source(run: Run) -> str:
 
 
 def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
-    own = "" if fit.camera == clip else f", the clip's is {clip.focal[0]:.2f}"
+    own = "" if fit.camera.focal == clip.focal else f", the clip's is {clip.focal[0]:.2f}"
     if run.kind == "imported":
         return {"Read as": fit.pose_prior, "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})"}
     return {

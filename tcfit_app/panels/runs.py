@@ -42,7 +42,8 @@ class RunsPanel:
         self._choice = Dropdown(page, gui.add_dropdown("Run", (_NONE,)), self._choose)
         self._name = gui.add_text("Name", "", hint="Enter another name, then Rename")
         self._buttons, self._details = Board(page), Board(page)
-        with gui.add_folder("All its settings", expand_by_default=False):
+        self._settings = gui.add_folder("All its settings", expand_by_default=False)
+        with self._settings:
             self._toml = Board(page)
         self._import = ImportRun(page, lambda run: setattr(self, "_chosen", run.id))
         self._deleted = DeletedRuns(page)
@@ -164,6 +165,8 @@ class RunsPanel:
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
         own = run.kind != "imported"
+        if self._settings.visible != own:
+            self._settings.visible = own
         settings = [preformatted(as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
         self._toml.show(*settings)
 

@@ -18,8 +18,10 @@ from fitting_core.io.motion import Motion
 from fitting_core.io.smplifyx import write_smplifyx
 from fitting_core.priors.network_file import write_network
 from tcfit_app.cli import main
-from tcfit_app.fits import FitChoice
+from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.importing import ImportChoices, import_run
+from tcfit_app.panels import compare
+from tcfit_app.panels.compare import ComparePanel
 from tcfit_app.panels.runs import RunsPanel
 from tcfit_app.project import Project
 from tests.app.lone_page import LonePage, tiny_page
@@ -193,3 +195,25 @@ def test_a_broken_upload_is_told_by_its_own_name(tested: LonePage, content: byte
     assert tested.notices[-1].kind == "error"
     assert tested.notices[-1].text.startswith("theirs.npz") and "tcfit-upload" not in tested.notices[-1].text
     assert tested.page.session.fits.runs == ()
+
+
+def page_a(tested: LonePage) -> Shown:
+    shown = tested.page.fit(tested.page.state.a)
+    assert shown is not None
+    return shown
+
+
+def test_an_imported_run_is_compared_and_searched_like_any_other(
+    panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
+        own, session = tested.fit(), tested.page.session
+        run = session.import_run(str(small_results(tmp_path / "theirs", tiny_body)), NONE)
+        tested.page.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
+        tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
+        shown = page_a(tested)
+        figures = {figure.name: figure.value for figure in tested.page.desk.metrics(shown) or ()}
+        assert figures["seconds"] is None and "theirs" in tested.html()
+        assert "Something went wrong" not in str(tested.notices)
+        tested.until(lambda: tested.page.desk.suspects(shown) is not None)

@@ -184,6 +184,10 @@ KEYPOINTS |= {
     "coco hand of 20": coco(
         _annotations(keypoints=_WHOLE[:51], lefthand_kpts=_WHOLE[:60]), "lefthand_kpts: found 20 points; expected 21"
     ),
+    "coco text in a hand": coco(
+        _annotations(keypoints=_WHOLE[:51], lefthand_kpts=[*_WHOLE[:12], "x", *_WHOLE[13:63]]),
+        r"left_thumb4 .lefthand_kpts.: found 'x'; expected a number",
+    ),
     "coco NaN": coco(_annotations(keypoints=_whole_with(30, float("nan"))), r"right_.*position \(nan"),
     "coco huge": coco(_annotations(keypoints=_whole_with(0, 10**400)), r"nose: found position \(inf"),
     "coco negative confidence": coco(_annotations(keypoints=_whole_with(2, -1)), "nose: found confidence -1"),

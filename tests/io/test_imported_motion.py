@@ -17,13 +17,18 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.pickles import as_array, read_pickle
 from fitting_core.body.positions import joints_in_space
 from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.config import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.io import read_motion
 from fitting_core.io.animation_npz import write_animation_npz
 from fitting_core.io.imported_motion import cover
 from fitting_core.io.motion import Motion
+from fitting_core.io.result_files import fit_arrays
 from fitting_core.io.smplifyx import FOCAL, RESULTS, read_smplifyx, write_smplifyx
+from fitting_core.keypoints import Keypoints
 from fitting_core.priors.latent import LatentPrior
+from fitting_core.result import FitResult, PhaseResult
 from tests.priors.networks import random_latents, random_network
 
 CAMERA = Camera(focal=(900.0, 910.0), center=(310.0, 250.0), size=(640, 480), source="told by the results")
@@ -73,6 +78,20 @@ def test_animations_read_back(tiny_body: BodyModel, seed: int, axes: str, hands:
     assert torch.allclose(replace(motion, params=posed).pose, expected, atol=1e-9)
     assert np.abs(joints_in_space(tiny_body, posed) - joints_in_space(tiny_body, motion.params)).max() < 1e-9
     assert found.numbers == (7, 8, 9) and found.frame_rate == 29.97 and found.camera is not None
+
+
+def test_a_fit_of_tcfit_reads_back(tiny_body: BodyModel, tmp_path: Path):
+    """fit.npz has the hands as components and as angles; the latter are read, and pose the same body."""
+    motion = Motion(body=tiny_body, params=params(3, 2), camera=CAMERA, frame_rate=25.0, name="w").one_shape
+    phase = PhaseResult(phase=3, params=motion.params, objective={}, frame_cost=np.zeros(2), seconds=0.0)
+    fit = FitResult(phases=(phase,), camera=CAMERA, config=PRESETS["paper"], observed=np.ones((2, 55), bool))
+    points = Keypoints(xy=np.zeros((2, 137, 2)), confidence=np.ones((2, 137)))
+    clip = Clip(keypoints=points, camera=CAMERA, frame_rate=25.0, name="w", first_frame=40)
+    np.savez(tmp_path / "fit.npz", allow_pickle=False, **fit_arrays(fit, clip, tiny_body))
+    found = read_motion(tmp_path / "fit.npz")
+    posed = found.on(tiny_body, CAMERA)
+    assert (found.numbers, found.camera, found.placed) == ((40, 41), CAMERA, True)
+    assert np.abs(joints_in_space(tiny_body, posed) - joints_in_space(tiny_body, motion.params)).max() < 1e-9
 
 
 def test_a_pickle_is_what_smplifyx_writes(tiny_body: BodyModel, tmp_path: Path):
