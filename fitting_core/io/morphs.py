@@ -23,7 +23,7 @@ MOST = 64
 """Correctives in a file, at most: each takes 160 kB."""
 _GOAL = 0.0005
 """Metres: correctives are added until no vertex of the rest pose is farther off."""
-_COUNTS = (0, 4, 8, 12, 16, 24, 32, 48)
+_COUNTS = (0, 4, 8, 12, 16, 24, 32, 40, 48, 56)
 """Numbers of correctives that are tried before `MOST`."""
 _TRIED = 256
 """Frames on which they are tried, evenly over the motion."""
