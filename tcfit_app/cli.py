@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from tcfit_app.detect_options import DetectOptions
+from tcfit_app.export_options import ExportOptions
 from tcfit_app.import_options import ImportOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
@@ -60,6 +61,7 @@ Options = (
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
     | Annotated[Models, subcommand("models")]
+    | Annotated[ExportOptions, subcommand("export")]
     | Annotated[ImportOptions, subcommand("import")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
@@ -85,6 +87,13 @@ def _review(options: ReviewOptions, command: str) -> int:
     from tcfit_app.review_command import run_review
 
     run_review(options)
+    return 0
+
+
+def _export(options: ExportOptions, command: str) -> int:
+    from tcfit_app.export_command import run_export
+
+    run_export(options)
     return 0
 
 
@@ -141,6 +150,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     FitOptions: _fit,
     NewOptions: _new,
     ReviewOptions: _review,
+    ExportOptions: _export,
     ImportOptions: _import,
     DemoOptions: _demo,
     DetectOptions: _detect,

@@ -1,15 +1,24 @@
-"""One export at a time, on a thread of its own: its progress, its end, and the way to stop it."""
+"""Exports from their start to their end: files that appear whole or not at all, and a thread for the app's."""
 
 import logging
+import os
+import shutil
 import tempfile
 import threading
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
 from fitting_core.errors import InputError
-from tcfit_app.exports import Export, ExportSource
+from fitting_core.io.atomic import replacing
+from fitting_core.io.motion import Progress
+from tcfit_app.export_source import ExportSource
+from tcfit_app.exports import Export
 
+_ZIPPING = 0.15
+"""Share of the whole time that packing takes."""
 _log = logging.getLogger(__name__)
 
 
@@ -17,8 +26,70 @@ class _Cancelled(Exception):
     """Ends a writer from within its progress."""
 
 
+def file_name(export: Export, name: str, *, zipped: bool) -> str:
+    """What an export of a clip is called.
+
+    Args:
+        export: which format.
+        name: the clip's.
+        zipped: a folder is one file.
+    """
+    return "".join("_" if c in '/\\:*?"<>|' else c for c in name) + export.suffix + ".zip" * (export.many and zipped)
+
+
+def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> None:
+    """Write an export; it appears when it is whole, and whatever is raised leaves nothing.
+
+    Args:
+        export: which format.
+        source: from what.
+        path: the file or folder, which is replaced.
+        progress: see `Progress`.
+        zipped: a folder is packed into one file.
+
+    Raises:
+        InputError: There is nothing to export, or something that writing needs is not there.
+        OSError: It cannot be written.
+    """
+    progress(0.0)
+    if not export.many:
+        with replacing(path) as draft:
+            export.write(source, draft, progress)
+    elif not zipped:
+        with _replacing_folder(path) as folder:
+            export.write(source, folder, progress)
+    else:
+        with tempfile.TemporaryDirectory(prefix="tcfit-export-") as name, replacing(path) as draft:
+            export.write(source, Path(name), lambda share: progress((1 - _ZIPPING) * share))
+            _zip(Path(name), draft, lambda share: progress(1 - _ZIPPING + _ZIPPING * share))
+    progress(1.0)
+
+
+@contextmanager
+def _replacing_folder(path: Path) -> Iterator[Path]:
+    """A new folder beside `path`, which takes its place when the block ends well, and vanishes when it does not."""
+    draft, old = (path.with_name(f".{path.name}.{os.getpid()}.{word}") for word in ("partial", "old"))
+    draft.mkdir()
+    try:
+        yield draft
+        if path.exists():
+            path.rename(old)
+        draft.rename(path)
+    finally:
+        for folder in (draft, old):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _zip(folder: Path, path: Path, progress: Progress) -> None:
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=3) as archive:
+        for done, file in enumerate(files, 1):
+            archive.write(file, file.relative_to(folder).as_posix())
+            progress(done / len(files))
+
+
 class Exporting:
-    """An export from its start to its end. Begins at once.
+    """An export for a browser, on a thread of its own. Begins at once.
 
     Args:
         export: what is written.
@@ -27,7 +98,7 @@ class Exporting:
     """
 
     def __init__(self, export: Export, source: ExportSource, done: Callable[[bytes], None]) -> None:
-        self.export, self.name = export, source.clip.name + export.suffix
+        self.export, self.name = export, file_name(export, source.name, zipped=True)
         self.share = 0.0
         self.state: Literal["running", "finished", "cancelled", "failed"] = "running"
         self.reason = ""
@@ -61,9 +132,7 @@ class Exporting:
         try:
             with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
                 path = Path(folder) / f"export{self.export.suffix}"
-                self._progress(0.0)
-                self.export.write(self._source, path, self._progress)
-                self._progress(1.0)
+                write_export(self.export, self._source, path, self._progress, zipped=True)
                 content = path.read_bytes()
             self.size = len(content)
             self._done(content)

@@ -1,73 +1,84 @@
-"""What of a project can be downloaded: one function for each kind of file, and the table of them."""
+"""What can be exported: one function for each format, and the table of them for command line and app."""
 
-import csv
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-import msgspec
 import numpy as np
 
-from fitting_core.body.model import BodyModel
-from fitting_core.clip import Clip
-from fitting_core.errors import InputError
+from fitting_core.io.animation_npz import write_animation_npz
+from fitting_core.io.bvh import write_bvh
+from fitting_core.io.coco_wholebody import write_coco_wholebody
+from fitting_core.io.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
+from fitting_core.io.motion import Progress, stated_by_frame
 from fitting_core.io.openpose import write_openpose
+from fitting_core.io.pose_file import write_pose
 from fitting_core.io.result_files import fit_arrays
-from fitting_core.io.summary import summary
-from fitting_core.result import FitResult
-from tcfit_app.curves import CURVES
-from tcfit_app.fits import Shown
-from tcfit_app.meshes import Meshes
+from fitting_core.io.smplifyx import write_smplifyx
+from tcfit_app.export_figures import as_json, clip_stated, write_figures_csv, write_figures_json, write_summary
+from tcfit_app.export_source import ExportSource
 from tcfit_app.overlay_video import write_side_by_side
-from tcfit_app.posed_fit import PosedFit
+from tcfit_app.project_file import pack
 
-Progress = Callable[[float], None]
-"""Takes the share that is done, 0 to 1; raises if the export was cancelled."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExportedFit:
-    """A run that is exported."""
-
-    shown: Shown
-    fit: FitResult
-    meshes: Meshes
-
-    @property
-    def body(self) -> BodyModel:
-        """With which it was fitted."""
-        return self.meshes.body
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExportSource:
-    """What there is to export, as it was when the user asked for it."""
-
-    clip: Clip
-    """With the keypoints as they stand."""
-    a: ExportedFit | None
-    b: ExportedFit | None
-
-    @property
-    def fit(self) -> ExportedFit:
-        """B. Raises InputError without one."""
-        if self.b is None:
-            raise InputError("There is no fit to export yet: fit everything first.")
-        return self.b
+Group = Literal["Motion", "Meshes", "Video", "Keypoints", "Figures", "Project"]
+Needs = Literal["motion", "run", "keypoints"]
+"""Any fit; a project with a run; a project."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """A kind of file."""
+    """A format."""
 
     title: str
+    group: Group
     suffix: str
-    """Behind the clip's name."""
+    """Behind the clip's name. Of a folder it begins with a hyphen."""
     hint: str
     write: Callable[[ExportSource, Path, Progress], None]
-    """Writes the file; what it raises leaves nothing that is offered."""
-    needs_fit: bool = True
+    """Writes the file, or into the folder, which exists and is empty. What it raises leaves nothing that is offered."""
+    needs: Needs = "motion"
+    turned: bool = False
+    """Whether the wish for axes counts."""
+
+    @property
+    def many(self) -> bool:
+        """It is a folder of files, which a browser gets as a zip."""
+        return self.suffix.startswith("-")
+
+
+# --- motion ---
+
+
+def _glb(source: ExportSource, path: Path, progress: Progress) -> None:
+    from fitting_core.io.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
+
+    write_glb(path, source.motion("y-up"), progress)
+
+
+def _npz(source: ExportSource, path: Path, progress: Progress) -> None:
+    write_animation_npz(path, source.motion("z-up"))
+
+
+def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
+    motion = source.motion("y-up")
+    (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
+    write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
+
+
+def _smplifyx(source: ExportSource, folder: Path, progress: Progress) -> None:
+    motion = source.motion("camera").in_axes("camera")  # the pickles have no other
+    stem = file_stem(motion.name)
+    write_smplifyx(
+        folder,
+        motion.params,
+        stems=[f"{stem}_{motion.first_frame + t:06d}" for t in range(len(motion))],
+        camera=motion.camera,
+        body=motion.body,
+        frame_rate=motion.frame_rate,
+        embedding=None if source.chosen is None else source.chosen.embedding,
+        progress=progress,
+    )
 
 
 def _fit(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -75,82 +86,206 @@ def _fit(source: ExportSource, path: Path, progress: Progress) -> None:
     np.savez_compressed(path, allow_pickle=False, **fit_arrays(fit.fit, source.clip, fit.body))
 
 
-def _summary(source: ExportSource, path: Path, progress: Progress) -> None:
-    fit = source.fit
-    content = summary(
-        fit.fit, source.clip, fit.body, complete=fit.shown.run.state == "finished", command="tcfit review"
-    )
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+# --- meshes ---
+
+
+def _obj(source: ExportSource, folder: Path, progress: Progress) -> None:
+    write_obj_sequence(folder, source.motion("y-up"), progress)
+
+
+def _ply(source: ExportSource, folder: Path, progress: Progress) -> None:
+    write_ply_sequence(folder, source.motion("z-up"), progress)
+
+
+# --- video ---
 
 
 def _overlay(source: ExportSource, path: Path, progress: Progress) -> None:
-    fits = [fit for fit in (source.a, source.b) if fit is not None]
+    _video(source, [source.fit], path, progress)
+
+
+def _side_by_side(source: ExportSource, path: Path, progress: Progress) -> None:
+    _video(source, list(source.compared) or [source.fit], path, progress)
+
+
+def _video(source: ExportSource, fits: list, path: Path, progress: Progress) -> None:
     panels = [(fit.shown.title, fit.shown.params, fit.body, fit.shown.camera) for fit in fits]
     write_side_by_side(path, source.clip, panels, progress=lambda frames: progress(frames / len(source.clip)))
 
 
-def _keypoints(source: ExportSource, path: Path, progress: Progress) -> None:
-    folder = path.with_suffix("")
-    files = write_openpose(folder, source.clip.keypoints, name=source.clip.name, first_frame=source.clip.first_frame)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for done, file in enumerate(files, 1):
-            archive.write(file, file.name)
-            progress(done / len(files))
+# --- keypoints ---
 
 
-def _figures(source: ExportSource, path: Path, progress: Progress) -> None:
-    columns: dict[str, np.ndarray] = {"frame": source.clip.first_frame + np.arange(len(source.clip))}
-    fits = {name: fit for name, fit in (("A", source.a), ("B", source.b)) if fit is not None}
-    for done, (name, fit) in enumerate(fits.items()):
-        posed = _posed(source.clip, fit)
-        for step, kind in enumerate(CURVES.values()):
-            progress((done + step / len(CURVES)) / len(fits))
-            columns[f"{name} {kind.title}{f' [{kind.unit}]' if kind.unit else ''}"] = kind.values(posed)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
+def _openpose(source: ExportSource, folder: Path, progress: Progress) -> None:
+    clip = source.clip
+    write_openpose(folder, clip.keypoints, name=file_stem(clip.name), first_frame=clip.first_frame)
+    (folder / "clip.json").write_bytes(as_json(clip_stated(clip)))
 
 
-def _posed(clip: Clip, fit: ExportedFit) -> PosedFit:
-    if fit.shown.result is None:
-        raise InputError(f"{fit.shown.run.name} is still being fitted: export its figures when it is done.")
-    return PosedFit.of(clip, fit.fit, fit.meshes, phase=fit.shown.result)
+def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
+    clip = source.clip
+    write_coco_wholebody(
+        path,
+        clip.keypoints,
+        name=clip.name,
+        size=clip.camera.size,
+        frame_rate=clip.frame_rate,
+        first_frame=clip.first_frame,
+    )
 
 
-def _cell(value: float) -> str:
-    """Empty for what is not known."""
-    return "" if not np.isfinite(value) else f"{value:.6g}" if isinstance(value, float) else str(value)
+def _pose(source: ExportSource, path: Path, progress: Progress) -> None:
+    clip = source.clip
+    write_pose(path, clip.keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)
+
+
+# --- the project ---
+
+
+def _project(source: ExportSource, path: Path, progress: Progress) -> None:
+    pack(source.folder, path, progress=progress)
+
+
+def _project_with_video(source: ExportSource, path: Path, progress: Progress) -> None:
+    pack(source.folder, path, with_media=True, progress=progress)
 
 
 EXPORTS: dict[str, Export] = {
+    "glb": Export(
+        title="Character (GLB)",
+        group="Motion",
+        suffix=".glb",
+        hint="Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres",
+        write=_glb,
+    ),
+    "npz": Export(
+        title="SMPL-X (npz)",
+        group="Motion",
+        suffix=".smplx.npz",
+        hint="SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up",
+        write=_npz,
+        turned=True,
+    ),
+    "bvh": Export(
+        title="Skeleton (BVH)",
+        group="Motion",
+        suffix="-bvh",
+        hint="55 joints in metres and degrees; by default y up",
+        write=_bvh,
+        turned=True,
+    ),
+    "smplifyx": Export(
+        title="SMPLify-X (pkl)",
+        group="Motion",
+        suffix="-smplifyx",
+        hint="A pickle for each frame, as SMPLify-X writes its results; in camera space",
+        write=_smplifyx,
+    ),
     "fit": Export(
-        title="SMPL-X parameters (npz)",
+        title="Result (fit.npz)",
+        group="Motion",
         suffix=".fit.npz",
-        hint="All frames of run B: SMPL-X's keys as AMASS has them, joints, camera",
+        hint="As tcfit fit writes it: every phase, joints and camera, in camera space",
         write=_fit,
+        needs="run",
+    ),
+    "obj": Export(
+        title="OBJ sequence",
+        group="Meshes",
+        suffix="-obj",
+        hint="The fit's own vertices, correctives included; by default y up",
+        write=_obj,
+        turned=True,
+    ),
+    "ply": Export(
+        title="PLY sequence",
+        group="Meshes",
+        suffix="-ply",
+        hint="As OBJ, binary: a third of the size; by default z up",
+        write=_ply,
+        turned=True,
     ),
     "overlay": Export(
-        title="Overlay video A | B (mp4)",
+        title="Overlay",
+        group="Video",
         suffix=".overlay.mp4",
-        hint="Both fits side by side over the video, with the keypoints",
+        hint="The chosen fit and the keypoints over the video",
         write=_overlay,
+        needs="run",
+    ),
+    "side-by-side": Export(
+        title="Side by side",
+        group="Video",
+        suffix=".side-by-side.mp4",
+        hint="A and B beside each other over the video, with the keypoints",
+        write=_side_by_side,
+        needs="run",
+    ),
+    "openpose": Export(
+        title="OpenPose",
+        group="Keypoints",
+        suffix="-keypoints",
+        hint="JSON, a file for each frame, with all corrections",
+        write=_openpose,
+        needs="keypoints",
+    ),
+    "coco": Export(
+        title="COCO (133)",
+        group="Keypoints",
+        suffix=".coco-wholebody.json",
+        hint="COCO-WholeBody: 133 points in one JSON file, with all corrections",
+        write=_coco,
+        needs="keypoints",
+    ),
+    "pose": Export(
+        title=".pose",
+        group="Keypoints",
+        suffix=".pose",
+        hint="The sign-language field's binary format with OpenPose's points, with all corrections",
+        write=_pose,
+        needs="keypoints",
     ),
     "figures": Export(
-        title="Figures by frame (csv)",
+        title="CSV",
+        group="Figures",
         suffix=".figures.csv",
-        hint="The curves of the timeline, of A and B",
-        write=_figures,
+        hint="All curves of the timeline by frame, of A and B, as a table",
+        write=write_figures_csv,
+        needs="run",
+    ),
+    "figures-json": Export(
+        title="JSON",
+        group="Figures",
+        suffix=".figures.json",
+        hint="All curves of the timeline by frame, of A and B",
+        write=write_figures_json,
+        needs="run",
     ),
     "summary": Export(
-        title="Summary (json)", suffix=".summary.json", hint="Figures and settings of run B", write=_summary
+        title="Summary",
+        group="Figures",
+        suffix=".summary.json",
+        hint="Errors, jitter, settings and versions of the chosen run, as JSON",
+        write=write_summary,
+        needs="run",
     ),
-    "keypoints": Export(
-        title="Corrected keypoints (zip)",
-        suffix=".keypoints.zip",
-        hint="OpenPose's JSON, a file for each frame, with all corrections",
-        write=_keypoints,
-        needs_fit=False,
+    "project": Export(
+        title="Project",
+        group="Project",
+        suffix=".tcfit.zip",
+        hint="Corrections, runs and marks as one file, which tcfit review opens; without a video that is only linked",
+        write=_project,
+        needs="keypoints",
+    ),
+    "project-with-video": Export(
+        title="Project + video",
+        group="Project",
+        suffix=".video.tcfit.zip",
+        hint="As one file, with the video or images, so that it can be given to others",
+        write=_project_with_video,
+        needs="keypoints",
     ),
 }
-"""In the order of their buttons."""
+"""By the name on the command line, in the order of their buttons."""
+DEFAULTS = ("glb", "npz", "bvh")
+"""What `tcfit export` writes when nothing is wished for."""

@@ -4,9 +4,11 @@ import sys
 from pathlib import Path
 
 from fitting_core.clip import Clip
+from fitting_core.errors import InputError
 from tcfit_app.clip_input import clip_of, described, notes_of
 from tcfit_app.options import NewOptions, ReviewOptions
 from tcfit_app.project import Project
+from tcfit_app.project_file import is_packed, unpack
 from tcfit_app.storage.database import is_project
 from tcfit_app.storage.names import name_of_file
 
@@ -23,6 +25,8 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     Raises:
         InputError: Files or options cannot be used, or the folder holds something; nothing has been written then.
     """
+    if options.video is not None and is_packed(options.video):
+        return _unpacked(options.video, options, reopen=reopen)
     clip = clip_of(options)
     folder = options.out or folder_of(clip)
     if reopen and is_project(folder):
@@ -33,6 +37,19 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         print(f"Made the project {folder}: {len(clip)} frames of {clip.name}")
         if project.media.problem:
             print(project.media.problem, file=sys.stderr)
+    return folder
+
+
+def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
+    """The project in a file that `tcfit export --formats project` made."""
+    if options.keypoints is not None or options.copy_video:
+        raise InputError(f"{path} is a project, which has its keypoints: leave out --keypoints and --copy-video.")
+    folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
+    if reopen and is_project(folder):
+        print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
+        return folder
+    unpack(path, folder)
+    print(f"Unpacked the project {folder}")
     return folder
 
 

@@ -145,7 +145,8 @@ class NewOptions:
     """
 
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
-    """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
+    """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
+    `tcfit export --formats project` packed."""
     keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None

@@ -7,10 +7,11 @@
 | trans, expressions | (N, 3), (N, 10) | |
 | betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
-| axes, camera_to_world, camera_focal, camera_center, image_size, first_frame, body_kind, body_hash, generator | | tcfit's |
+| axes, camera_to_world, camera_focal, camera_center, image_size, first_frame, \
+body_kind, body_hash, generator | | tcfit's own |
 
-Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the add-on's
-format "AMASS"; its format "SMPL-X" has y up.
+Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
+add-on's format "AMASS"; its format "SMPL-X" has y up.
 """
 
 from pathlib import Path

@@ -51,7 +51,13 @@ def _hierarchy(offsets: np.ndarray, parents: np.ndarray) -> list[str]:
     children: dict[int, list[int]] = {j: [] for j in range(N_JOINTS)}
     for j in range(1, N_JOINTS):
         children[int(parents[j])].append(j)
-    lines = ["HIERARCHY", "ROOT pelvis", "{", "\tOFFSET 0 0 0", f"\tCHANNELS 6 Xposition Yposition Zposition {_CHANNELS}"]
+    lines = [
+        "HIERARCHY",
+        "ROOT pelvis",
+        "{",
+        "\tOFFSET 0 0 0",
+        f"\tCHANNELS 6 Xposition Yposition Zposition {_CHANNELS}",
+    ]
     for child in children[0]:
         lines += _joint(child, offsets, children, "\t")
     return [*lines, "}"]

@@ -1,14 +1,12 @@
 """A motion as binary glTF: one skinned mesh of 55 joints, its expression and correctives as morph targets, animated.
 
-glTF's world is y up in metres, so a motion comes with the axes "y-up": the camera stands at the origin, looks along -z,
-and is in the file. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame
-rate, first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of the asset and of the
-scene. Blender, Unity, Unreal and three.js read it.
+glTF's world is y up in metres, so a motion gets the axes "y-up": the camera stands at the origin, looks along -z, and
+is in the file. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame rate,
+first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of asset and scene.
 """
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pygltflib as gltf
@@ -19,7 +17,7 @@ from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Motion, Progress, stated
 from fitting_core.io.rig import Deviation, Rig, deviation, rig_of
 
-AXES_OF_GLTF = "y-up"
+_AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)
 """Nodes: the rig as a whole, what is skinned, the camera, and the joints one after the other."""
 _COLOR = [0.62, 0.68, 0.76, 1.0]
@@ -37,7 +35,7 @@ def write_glb(path: Path, motion: Motion, progress: Progress | None = None) -> D
     Raises:
         OSError: The file cannot be written; nothing is left of it.
     """
-    upright = motion.in_axes(AXES_OF_GLTF)
+    upright = motion.in_axes(_AXES)
     rig = rig_of(upright)
     found = deviation(rig, upright, progress)
     with replacing(path) as draft:
@@ -158,9 +156,13 @@ def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
         attributes=attributes,
         indices=buffer.add(rig.faces.astype(np.uint32).ravel(), gltf.ELEMENT_ARRAY_BUFFER),
         material=0,
-        targets=[{"POSITION": buffer.add(shape, vertices, bounds=True)} for shape in rig.morphs.directions],
+        targets=[gltf.Attributes(POSITION=buffer.add(shape, vertices, bounds=True)) for shape in rig.morphs.directions],
     )
-    mesh = gltf.Mesh(name="body", primitives=[primitive], extras={"targetNames": list(rig.morphs.names)})
+    mesh = gltf.Mesh(
+        name="body",
+        primitives=[primitive],
+        extras={"targetNames": list(rig.morphs.names), "targetUnits": rig.morphs.units},
+    )
     if rig.morphs.names:
         mesh.weights = rig.morphs.weights[0].tolist()
     return mesh
@@ -193,8 +195,3 @@ def _animation(rig: Rig, motion: Motion, buffer: _Buffer) -> gltf.Animation:
     if rig.morphs.names:
         add(_MESH, "weights", rig.morphs.weights.ravel())
     return animation
-
-
-def asset_extras(document: gltf.GLTF2) -> dict[str, Any]:
-    """What a file of `write_glb` says of its motion."""
-    return document.asset.extras

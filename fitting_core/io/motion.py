@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from fitting_core import rotations
 from fitting_core.body.mesh import Mesh
@@ -72,7 +73,9 @@ class Motion:
     def one_shape(self) -> "Motion":
         """With the mean of the betas in all frames: phase 1 finds others in each, and a rig has one."""
         betas = self.params.betas.mean(0, keepdim=True).expand(len(self), -1)
-        return self if torch.equal(betas, self.params.betas) else replace(self, params=replace(self.params, betas=betas))
+        return (
+            self if torch.equal(betas, self.params.betas) else replace(self, params=replace(self.params, betas=betas))
+        )
 
     def in_axes(self, axes: str) -> "Motion":
         """The same motion in another world.
@@ -85,13 +88,16 @@ class Motion:
         """
         if axes not in AXES:
             raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}.")
-        turn = torch.tensor(AXES[axes].from_camera, dtype=torch.float64) @ torch.tensor(
-            AXES[self.axes].from_camera, dtype=torch.float64
-        ).mT
+        turn = (
+            torch.tensor(AXES[axes].from_camera, dtype=torch.float64)
+            @ torch.tensor(AXES[self.axes].from_camera, dtype=torch.float64).mT
+        )
         if torch.equal(turn, torch.eye(3, dtype=torch.float64)):
             return replace(self, axes=axes)
         pelvis = self.rest_joints[:, 0].double()
-        orient = rotations.log(turn @ rotations.exp(self.params.global_orient.double()))
+        # Not rotations.log, whose package loads torch's compiler: a second or two before the first file.
+        turned_root = turn @ rotations.exp(self.params.global_orient.double())
+        orient = torch.as_tensor(Rotation.from_matrix(turned_root.numpy()).as_rotvec())
         translation = (pelvis + self.params.camera_translation.double()) @ turn.mT - pelvis
         like = self.params.global_orient
         turned = replace(self.params, global_orient=orient.to(like), camera_translation=translation.to(like))

@@ -1,18 +1,51 @@
 """The panel Export: files of the project and its fits, as downloads of the browser."""
 
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal, cast, get_args
 
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.exporting import Exporting
-from tcfit_app.exports import EXPORTS, ExportedFit, ExportSource
+from fitting_core.io.motion import AXES
+from tcfit_app.export_source import ExportedFit, ExportSource
+from tcfit_app.exporting import Exporting, file_name
+from tcfit_app.exports import EXPORTS, Export, Group
 from tcfit_app.fits import Shown
-from tcfit_app.panels.html import Board, Html, button, dot, heading, joined, paragraph, progress_bar, row, text, words
+from tcfit_app.frame_words import in_words
+from tcfit_app.panels.html import (
+    Board,
+    Html,
+    button,
+    cells,
+    choice,
+    dot,
+    heading,
+    joined,
+    paragraph,
+    progress_bar,
+    row,
+    text,
+    words,
+)
 from tcfit_app.view.layers import RUN_COLORS, css
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
+
+Side = Literal["A", "B"]
+_AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
+_AXES_HINT = "As the programs expect that read the format: each button's hint says which"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Wishes:
+    """What is exported, and how."""
+
+    side: Side = "B"
+    selected: bool = False
+    """The selected frames alone."""
+    axes: str = ""
+    """A name of AXES; empty: what suits the format."""
 
 
 class ExportPanel:
@@ -23,62 +56,135 @@ class ExportPanel:
 
     def __init__(self, page: "Page") -> None:
         self._page = page
+        self._wishes = _Wishes()
         self.running: Exporting | None = None
         """The export that began last."""
         self._files, self._said = Board(page), Board(page)
         page.on_press("export.begin", self._begin)
         page.on_press("export.cancel", lambda _: self._stop())
+        page.on_press("export.side", lambda value: self._wish(side=cast(Side, value)))
+        page.on_press("export.frames", lambda value: self._wish(selected=value == "selected"))
+        page.on_press("export.axes", lambda value: self._wish(axes=value))
+
+    def _wish(self, **changes: object) -> None:
+        self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
 
     def _begin(self, name: str) -> None:
         if self.running is not None and self.running.state == "running":
             raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
         page, export = self._page, EXPORTS[name]
-        a, b = page.fit(page.state.a), page.fit(page.state.b)
-        fits = (self._exported(a), self._exported(b)) if export.needs_fit else (None, None)
-        source = ExportSource(clip=page.session.project.clip, a=fits[0], b=fits[1])
-        if export.needs_fit:
+        source = self._source(export)
+        if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
-        filename = source.clip.name + export.suffix
+        if (frames := self._frames) is not None and export.group != "Project":
+            source = source[slice(frames.start, frames.stop)]
+        filename = file_name(export, source.name, zipped=True)
         self.running = Exporting(
             export, source, lambda content: page.client.send_file_download(filename, content, save_immediately=True)
         )
 
-    def _exported(self, shown: Shown | None) -> ExportedFit | None:
-        if shown is None:
-            return None
+    def _source(self, export: Export) -> ExportSource:
+        """What there is, with the fits only where they are needed: their bodies may be missing."""
+        page, project = self._page, self._page.session.project
+        fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in self._fits().items()}
+        return ExportSource(
+            name=project.clip.name,
+            chosen=fits.get(self._wishes.side),
+            compared=list(fits.values()),
+            known_clip=project.clip,
+            project=page.session.project.folder,
+            axes=self._wishes.axes or None,
+        )
+
+    def _fits(self) -> dict[Side, Shown]:
+        """A and B, as far as they are there."""
+        page = self._page
+        both: dict[Side, Shown | None] = {"A": page.fit(page.state.a), "B": page.fit(page.state.b)}
+        return {side: fit for side, fit in both.items() if fit is not None}
+
+    def _exported(self, shown: Shown) -> ExportedFit:
         page = self._page
         return ExportedFit(shown=shown, fit=page.session.fits.fit(shown.run), meshes=page.desk.meshes(shown))
+
+    @property
+    def _frames(self) -> range | None:
+        """The selected frames, if those alone are wished for."""
+        return self._page.state.frames if self._wishes.selected else None
 
     def _stop(self) -> None:
         if self.running is not None:
             self.running.cancel()
 
+    # --- drawing ---
+
     def draw(self) -> None:
         """See `Panel.draw`."""
-        page = self._page
-        fits = (page.fit(page.state.a), page.fit(page.state.b))
-        if page.changes.of("exported", tuple(None if fit is None else fit.title for fit in fits)):
-            self._files.show(*_files(fits))
+        page, fits = self._page, self._fits()
+        if page.state.frames is None and self._wishes.selected:
+            self._wish(selected=False)
+        titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
+        if page.changes.of("exported", tuple(titles.items()), page.state.frames, self._wishes):
+            self._files.show(*self._choices(titles), *self._groups(titles))
         going = self.running
         if going is not None and page.changes.of(
             "export", going, going.state, going.stopping, round(100 * going.share)
         ):
             self._said.show(heading("Last file"), *_said(going))
 
+    def _choices(self, titles: dict[Side, str]) -> list[Html]:
+        """Which run, which frames, which axes."""
+        wishes, page = self._wishes, self._page
+        sides = [
+            button(
+                joined(dot(css(color)), text(f"{side}: {titles[side]}" if side in titles else f"{side}: none")),
+                "export.side",
+                side,
+                pressed=side == wishes.side,
+                disabled=side not in titles,
+                kind="left",
+            )
+            for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
+        ]
+        selected = page.state.frames
+        some = "selected" if selected is None else in_words(selected, page.first_frame)
+        frames = [
+            button(label, "export.frames", value, pressed=wishes.selected == on, disabled=on and selected is None)
+            for label, value, on in (("all", "all", False), (some, "selected", True))
+        ]
+        axes = [
+            button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
+            for value, label in _AXES.items()
+        ]
+        return [
+            heading("Files", "to this browser's downloads", first=True),
+            row(choice(sides[0]), label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
+            row(choice(sides[1]), label=" ") if titles else Html(),
+            row(choice(*frames), label="Frames"),
+            row(choice(*axes), label="Axes"),
+        ]
 
-def _files(fits: tuple[Shown | None, Shown | None]) -> list[Html]:
-    """What can be exported, and of which fits."""
-    named = zip("AB", RUN_COLORS, fits, strict=True)
-    titles = [joined(dot(css(color)), text(f"{name}: {fit.title}")) for name, color, fit in named if fit is not None]
-    buttons = [
-        row(button(export.title, "export.begin", name, disabled=export.needs_fit and fits[1] is None, hint=export.hint))
-        for name, export in EXPORTS.items()
-    ]
-    return [
-        heading("Files", "to this browser's downloads", first=True),
-        *map(paragraph, titles or [words("There is no fit yet: see the panel Fit.", "dim")]),
-        *buttons,
-    ]
+    def _groups(self, titles: dict[Side, str]) -> list[Html]:
+        """The formats, by group."""
+        there = self._wishes.side in titles
+        rows = []
+        for group in get_args(Group):
+            buttons = [
+                button(
+                    export.title,
+                    "export.begin",
+                    name,
+                    disabled=export.needs != "keypoints" and not there,
+                    hint=export.hint,
+                )
+                for name, export in EXPORTS.items()
+                if export.group == group
+            ]
+            rows.append(row(cells(*buttons), label=group))
+        return [heading("Formats"), *rows]
+
+
+def _axes_hint(name: str) -> str:
+    return f"{AXES[name].text}; counts for SMPL-X npz, BVH, OBJ and PLY" if name else _AXES_HINT
 
 
 def _said(going: Exporting) -> list[Html]:
@@ -91,7 +197,7 @@ def _said(going: Exporting) -> list[Html]:
         return [paragraph(joined(name, text(": "), sent, text(f" ({_size(going.size)})")))]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
-    doing = " is being stopped …" if going.stopping else " is being made …"
+    doing = " is being stopped …" if going.stopping else f" is being made … {going.share:.0%}"
     return [
         paragraph(joined(name, text(doing))),
         progress_bar(going.share),

@@ -103,6 +103,11 @@ def row(*parts: Html, label: str = "", wrap: bool = False) -> Html:
     return tag("div", joined(*named, *parts), class_="tcfit-row tcfit-wrap" if wrap else "tcfit-row")
 
 
+def cells(*buttons: Html) -> Html:
+    """Buttons in two columns, for a row with a label."""
+    return tag("div", joined(*buttons), class_="tcfit-cells")
+
+
 def choice(*buttons: Html) -> Html:
     """Buttons of which one is on, as one piece."""
     return tag("div", joined(*buttons), class_="tcfit-joined")

@@ -37,7 +37,20 @@ def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["fit"], ["new"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"], ["detect"]]
+    "arguments",
+    [
+        [],
+        ["fit"],
+        ["new"],
+        ["detect"],
+        ["export"],
+        ["import"],
+        ["demo"],
+        ["models"],
+        ["models", "add"],
+        ["settings"],
+        ["doctor"],
+    ],
 )
 def test_help_loads_no_heavy_package(arguments: list[str]):
     code = f"""

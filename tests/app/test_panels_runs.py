@@ -1,5 +1,6 @@
 """The panels Runs, Compare and Export on fits of a tiny project."""
 
+import csv
 import io
 import json
 import time
@@ -14,15 +15,19 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.openpose import read_openpose
-from tcfit_app import exports
+from fitting_core.io import read_detections
+from fitting_core.io.motion import Progress
+from tcfit_app.edits import MoveKeypoint
+from tcfit_app.export_source import ExportSource
 from tcfit_app.exporting import Exporting
-from tcfit_app.exports import EXPORTS, Export, ExportSource
+from tcfit_app.exports import EXPORTS, Export
 from tcfit_app.fits import FitChoice
 from tcfit_app.panels import compare
 from tcfit_app.panels.compare import ComparePanel, peaks
 from tcfit_app.panels.export import ExportPanel
 from tcfit_app.panels.runs import RunsPanel
+from tcfit_app.project import Project
+from tcfit_app.project_file import unpack
 from tcfit_app.view_state import FitSettings
 from tests.app.lone_page import LonePage, tiny_page
 from tests.app.project_samples import sample_clip
@@ -126,54 +131,116 @@ def test_peaks_are_apart_from_each_other():
     assert peaks(np.zeros(5)) == [] == peaks(np.zeros(0))
 
 
+_MADE = (
+    "glb",
+    "npz",
+    "bvh",
+    "smplifyx",
+    "fit",
+    "ply",
+    "openpose",
+    "coco",
+    "pose",
+    "figures",
+    "figures-json",
+    "summary",
+)
+"""Exports that need neither OpenGL nor a video."""
+
+
+def downloaded(tested: LonePage, name: str) -> bytes:
+    """What the browser gets of an export."""
+    tested.press("export.begin", name)
+    running = tested.panels[0].running
+    running.join(60)
+    assert running.state == "finished", running.reason
+    assert "sent to the downloads" in tested.html()
+    return tested.downloads[running.name]
+
+
 def test_files_are_downloaded(panel_of: Opener):
     tested = panel_of(ExportPanel)
-    assert tested.button("Summary").disabled and not tested.button("Corrected keypoints").disabled
+    assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
     with pytest.raises(InputError, match="no fit to export"):
         tested.press("export.begin", "summary")
     tested.fit()
-    for name in ("fit", "summary", "figures", "keypoints"):
-        tested.click(EXPORTS[name].title)
-        running = tested.panels[0].running
-        running.join(30)
-        assert running.state == "finished", running.reason
-        assert "sent to the downloads" in tested.html()
-    got = {name: tested.downloads["test clip" + export.suffix] for name, export in EXPORTS.items() if name != "overlay"}
+    got = {name: downloaded(tested, name) for name in _MADE}
     with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
         assert fit["poses"].shape == (FRAMES, 165) and bool(fit["complete"])
     assert json.loads(got["summary"])["frames"] == FRAMES
     rows = got["figures"].decode().splitlines()
     assert len(rows) == FRAMES + 1 and rows[0].startswith("frame,A Reprojection") and rows[1].startswith("0,")
-    with ZipFile(io.BytesIO(got["keypoints"])) as archive:
-        assert len(archive.namelist()) == FRAMES
+    figures = json.loads(got["figures-json"])
+    assert list(figures["figures"]) == next(csv.reader(rows)) and figures["frame_rate"] == 25.0
+    assert got["glb"].startswith(b"glTF") and json.loads(got["coco"])["images"]
+    for name, suffix, count in (("bvh", ".bvh", 1), ("ply", ".ply", FRAMES), ("smplifyx", ".pkl", FRAMES)):
+        with ZipFile(io.BytesIO(got[name])) as archive:
+            assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
+            assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
+    assert set(EXPORTS) - set(_MADE) == {"obj", "overlay", "side-by-side", "project", "project-with-video"}
+
+
+def test_run_frames_and_axes_are_chosen(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    tested.draw()
+    assert tested.button("selected").disabled
+    tested.page.set(frames=range(2, 5))
+    tested.click("frames 2–4")
+    tested.click("A: ")
+    tested.click("y up")
+    run = tested.page.session.fits.runs[0]
+    first = tested.page.session.fits.fit(run).phase(1)
+    assert first is not None
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        assert read["trans"].shape == (3, 3) and int(read["first_frame"]) == 2
+        assert str(read["axes"]).startswith("y-up")
+        assert np.allclose(read["pose_body"], first.params.body_pose[2:5])
+    tested.page.set(frames=None)
+    tested.draw()
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
+
+
+def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    (tmp_path / "got.zip").write_bytes(downloaded(tested, "project"))
+    unpack(tmp_path / "got.zip", tmp_path / "got.tcfit")
+    with Project.open(tmp_path / "got.tcfit") as found:
+        assert [run.name for run in found.runs.all()] == ["Run 1"] and found.runs.load(1).last.phase == 3
 
 
 def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
     tested = panel_of(ExportPanel)
-    tested.click("Corrected keypoints")
-    tested.until(lambda: tested.downloads)
-    (content,) = tested.downloads.values()
-    with ZipFile(io.BytesIO(content)) as archive:
-        archive.extractall(tmp_path / "read")
-    people = read_openpose(tmp_path / "read")
-    assert len(people.frames) == FRAMES
+    session = tested.page.session
+    session.project.append(MoveKeypoint(frames=(3,), joints=(4,), xy=(((12.5, 34.25),),)))
+    (tmp_path / "got.zip").write_bytes(downloaded(tested, "openpose"))
+    with ZipFile(tmp_path / "got.zip") as archive:
+        archive.extractall(tmp_path / "openpose")
+    for name in ("coco", "pose"):
+        (tmp_path / f"keypoints.{name}").write_bytes(downloaded(tested, name))
+    for path in (tmp_path / "openpose", tmp_path / "keypoints.coco", tmp_path / "keypoints.pose"):
+        people = read_detections(path)
+        assert len(people.frames) == FRAMES
+        assert np.allclose(people.frames[3][0, 4, :2], (12.5, 34.25), atol=0.01)
 
 
 def test_an_export_can_be_cancelled_and_can_fail():
-    def endless(source: ExportSource, path: Path, progress: exports.Progress) -> None:
+    def endless(source: ExportSource, path: Path, progress: Progress) -> None:
         path.write_bytes(b"half")
         while True:
             progress(0.5)
             time.sleep(0.001)
 
-    def broken(source: ExportSource, path: Path, progress: exports.Progress) -> None:
+    def broken(source: ExportSource, path: Path, progress: Progress) -> None:
         raise InputError("No off-screen OpenGL here.")
 
-    source, got = ExportSource(clip=sample_clip(), a=None, b=None), []
-    one = Exporting(Export(title="x", suffix=".x", hint="", write=endless), source, got.append)
+    source, got = ExportSource(name="walk", known_clip=sample_clip()), []
+    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, got.append)
     one.cancel()
     one.join(10)
-    other = Exporting(Export(title="x", suffix=".x", hint="", write=broken), source, got.append)
+    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, got.append)
     other.join(10)
     assert (one.state, other.state, other.reason) == ("cancelled", "failed", "No off-screen OpenGL here.")
     assert not got

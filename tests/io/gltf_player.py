@@ -1,4 +1,4 @@
-"""Plays a GLB file, by the specification of glTF 2.0 and from pygltflib's data alone: nothing of tcfit's writer is used."""
+"""Plays a GLB file by the specification of glTF 2.0, from pygltflib's data: nothing of tcfit's writer is used."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,8 +9,8 @@ import trimesh
 
 from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.io.glb import write_glb
-from fitting_core.io.motion import Motion
 from fitting_core.io.morphs import corrective_morphs
+from fitting_core.io.motion import Motion
 from fitting_core.io.rig import four_weights, same_hemisphere
 from tests.io.gltf_player import Player
 from tests.io.motions import meshes, swinging
@@ -85,12 +85,18 @@ def test_trimesh_reads_the_rest_pose(upright: Motion, tmp_path: Path):
 
 
 def test_expressions_are_named_and_animated(played: Player, upright: Motion):
-    names = played.document.meshes[0].extras["targetNames"]
-    assert names[:10] == [f"expression_{k}" for k in range(10)]
-    weights = played.values(1, "weights", float(played.times[4]))
-    assert weights is not None and len(weights) == len(names)
-    assert np.allclose(weights[:10], upright.params.expression[4], atol=1e-5)
-    assert abs(weights[10:]).max() <= 1 + 1e-6
+    extras = played.document.meshes[0].extras
+    for frame in (0, 4):
+        weights = played.values(1, "weights", float(played.times[frame]))
+        assert weights is not None and len(weights) == len(extras["targetNames"])
+        value = dict(zip(extras["targetNames"], weights * extras["targetUnits"], strict=True))
+        found = [value[f"expression_{k}"] - value.get(f"expression_{k}_negative", 0.0) for k in range(10)]
+        assert np.allclose(found, upright.params.expression[frame], atol=1e-5)
+
+
+def test_weights_lie_between_0_and_1(played: Player):
+    weights = np.stack([played.values(1, "weights", float(t)) for t in played.times])
+    assert weights.min() >= 0 and weights.max() <= 1 and (weights.max(0) > 0).all()
 
 
 def test_linear_skinning_alone_is_not_enough(upright: Motion):

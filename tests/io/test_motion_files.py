@@ -167,6 +167,8 @@ def test_npz_has_every_key_that_others_read(tiny_body: BodyModel, tmp_path: Path
     assert "z up" in str(read["axes"]) and read["camera_focal"].tolist() == [900.0, 910.0]
 
 
-@pytest.mark.parametrize(("name", "stem"), [("walk 1", "walk_1"), ("../a/b", "a_b"), ("größe", "gr_e"), ("…", "motion")])
+@pytest.mark.parametrize(
+    ("name", "stem"), [("walk 1", "walk_1"), ("../a/b", "a_b"), ("größe", "gr_e"), ("…", "motion")]
+)
 def test_names_become_names_of_files(name: str, stem: str):
     assert file_stem(name) == stem

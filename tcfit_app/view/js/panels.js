@@ -10,6 +10,9 @@ const PANEL_SHEET = `
 .tcfit-row { display: flex; align-items: center; gap: 4px; margin: 0 0 5px; }
 .tcfit-row:last-child { margin-bottom: 0; }
 .tcfit-wrap { flex-wrap: wrap; }
+.tcfit-cells { display: grid; grid-template-columns: 1fr 1fr; gap: 4px; flex: 1 1 0; min-width: 0; }
+.tcfit-row:has(> .tcfit-cells) { align-items: flex-start; margin-bottom: 9px; }
+.tcfit-row:has(> .tcfit-cells) > label { line-height: 25px; }
 .tcfit-row > label { flex: none; width: 74px; color: ${COLORS.dim}; }
 .tcfit-panel button { display: inline-flex; align-items: center; justify-content: center; flex: 1 1 auto; min-width: 0;
   height: 25px; padding: 0 7px; border: 1px solid #3d434c;

@@ -1,0 +1,42 @@
+"""The options of `tcfit export`. Imports nothing heavy."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """Write a fit for other programs: Blender, Unity, three.js, AMASS tools, detectors' formats, video, tables.
+
+    Of a project, any of its runs and its corrected keypoints; of a result of `tcfit fit`, its motion. Ctrl-C leaves
+    nothing half-written.
+    """
+
+    path: Annotated[Positional[Path | None], arg(metavar="PROJECT|RESULT", help_behavior_hint="(required)")] = None
+    """A project's folder, or a result's: its folder or fit.npz."""
+    formats: Annotated[tuple[str, ...], arg(metavar="FORMAT ...", help_behavior_hint="(default: glb npz bvh)")] = ()
+    """What to write; --formats list shows all of them."""
+    out: Annotated[Path, arg(metavar="DIR", help_behavior_hint="(default: this folder)")] = Path()
+    """Folder for the files, made if it does not exist."""
+    run: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: the newest)")] = None
+    """Which run of a project: its name or number."""
+    phase: Annotated[Literal[1, 2, 3] | None, arg(metavar="{1,2,3}", help_behavior_hint="(default: the last)")] = None
+    """1: frame by frame, as SMPLify-X; 2: with one shape; 3: consistent over time."""
+    against: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: phase 1 of the run)")] = None
+    """The run that is A in side-by-side: its name or number."""
+    frames: Annotated[str | None, arg(metavar="FIRST:LAST", help_behavior_hint="(default: all)")] = None
+    """Only these frames, by their numbers in the video; either may be left out."""
+    axes: Annotated[
+        Literal["camera", "y-up", "z-up"] | None,
+        arg(metavar="{camera,y-up,z-up}", help_behavior_hint="(default: as readers of the format expect)"),
+    ] = None
+    """World of npz, bvh, obj and ply; the camera stands at its origin. camera: x right, y down, z away."""
+    zip: bool = False
+    """Write a zip where a format is a folder of files."""
+    overwrite: bool = False
+    """Replace files of the same names."""
+    models: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: see tcfit models)")] = None
+    """Folder with body models, which alone is searched then."""

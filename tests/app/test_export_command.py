@@ -1,0 +1,177 @@
+"""`tcfit export`: of a project and of a result, chosen runs, phases and frames, and what a cancelled one leaves."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.io.motion import AXES
+from fitting_core.io.result_files import read_fit
+from fitting_core.render import off_screen_gl
+from tcfit_app.cli import main
+from tcfit_app.exporting import file_name
+from tcfit_app.exports import EXPORTS
+from tcfit_app.project import Project
+from tests.app.conftest import Finished, motion
+from tests.app.waving import waving_fit, waving_project
+from tests.io.gltf_player import Player
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
+    """Two runs, "near" and "far"."""
+    return waving_project(tmp_path_factory.mktemp("export") / "walk.tcfit", free_body)
+
+
+def exported(project: Path, out: Path, *options: str) -> list[str]:
+    """Names of the files that an export makes."""
+    assert main(["export", str(project), "--out", str(out), *options]) == 0
+    return sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
+
+
+def test_a_project_s_newest_run(project: Path, free_body: BodyModel, tmp_path: Path):
+    names = exported(project, tmp_path)
+    assert names == ["walk-bvh/motion.json", "walk-bvh/walk.bvh", "walk.glb", "walk.smplx.npz"]
+    player = Player.of(tmp_path / "walk.glb")
+    expected = Mesh(free_body)(waving_fit(2.0).last.params).numpy() @ np.array(AXES["y-up"].from_camera).T
+    for frame in (0, 3, 5):
+        assert np.linalg.norm(player.vertices(float(player.times[frame])) - expected[frame], axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "depth"),
+    [
+        ([], 4.5 + 2.3),
+        (["--phase", "1"], 4.5 + 2.1),
+        (["--run", "near"], 4.5 + 0.3),
+        (["--run", "1", "--phase", "1"], 4.5 + 0.1),
+        (["--run", "#2"], 4.5 + 2.3),
+    ],
+)
+def test_run_and_phase_are_chosen(project: Path, tmp_path: Path, options: list[str], depth: float):
+    exported(project, tmp_path, "--formats", "npz", "--axes", "camera", *options)
+    with np.load(tmp_path / "walk.smplx.npz", allow_pickle=False) as read:
+        assert np.allclose(read["trans"][:, 2], depth)
+
+
+def test_frames_are_those_of_the_video(project: Path, tmp_path: Path):
+    names = exported(project, tmp_path, "--formats", "obj", "openpose", "npz", "fit", "figures", "--frames", "8:9")
+    assert [n for n in names if n.endswith(".obj")] == ["walk-obj/walk_000008.obj", "walk-obj/walk_000009.obj"]
+    assert [n for n in names if n.endswith("_keypoints.json")] == [
+        f"walk-keypoints/walk_{n:012d}_keypoints.json" for n in (8, 9)
+    ]
+    with np.load(tmp_path / "walk.smplx.npz", allow_pickle=False) as read:
+        assert int(read["first_frame"]) == 8 and len(read["poses"]) == 2
+    stored = read_fit(tmp_path / "walk.fit.npz")
+    assert stored.first_frame == 8 and len(stored.params) == 2
+    assert torch.equal(stored.params.body_pose, motion().body_pose[1:3])
+    assert (tmp_path / "walk.figures.csv").read_text().splitlines()[1].startswith("8,")
+
+
+def test_a_result_of_tcfit_fit(finished: Finished, free_body: BodyModel, tmp_path: Path):
+    assert main(["export", str(finished.folder), "--formats", "ply", "smplifyx", "--out", str(tmp_path), "--zip"]) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["wave-ply.zip", "wave-smplifyx.zip"]
+    assert (
+        main(["export", str(finished.folder), "--formats", "ply", "--out", str(tmp_path / "f"), "--axes", "camera"])
+        == 0
+    )
+    stored = read_fit(finished.folder)
+    expected = Mesh(free_body)(stored.params).numpy()
+    read = trimesh.load(tmp_path / "f" / "wave-ply" / "wave_000002.ply", process=False)
+    assert np.allclose(read.vertices, expected[2], atol=1e-6)
+
+
+def test_side_by_side_from_the_command_line(project: Path, tmp_path: Path):
+    if off_screen_gl() is None:
+        pytest.skip("no off-screen OpenGL here (apt-get install libegl1 libgl1)")
+    exported(project, tmp_path, "--formats", "side-by-side", "overlay", "--against", "near", "--frames", "7:8")
+    widths = []
+    for name in ("side-by-side", "overlay"):
+        video = cv2.VideoCapture(str(tmp_path / f"walk.{name}.mp4"))
+        assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 2
+        widths.append(int(video.get(cv2.CAP_PROP_FRAME_WIDTH)))
+    assert widths == [2 * 640 + 4, 640]
+
+
+def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    exported(project, tmp_path, "--formats", "project")
+    assert main(["new", "walk.tcfit.zip"]) == 0
+    with Project.open(tmp_path / "walk.tcfit") as found:
+        assert [run.name for run in found.runs.all()] == ["near", "far"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--formats", "fbx"], "expected some of glb, npz"),
+        (["--run", "middle"], "'near' (#1), 'far' (#2)"),
+        (["--frames", "0:3"], "from 7 to 12"),
+        (["--frames", "9:8"], "from 7 to 12"),
+        (["--frames", "a"], "FIRST:LAST"),
+        (["--against", "middle"], "there is no such run"),
+    ],
+)
+def test_wrong_options_are_explained(project: Path, tmp_path: Path, options: list[str], said: str, capsys):
+    assert main(["export", str(project), "--out", str(tmp_path / "o"), *options]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def test_wrong_paths_are_explained(finished: Finished, tmp_path: Path, capsys):
+    cases = {
+        (): "no path given",
+        (str(tmp_path),): "neither a project nor a result",
+        (str(tmp_path / "nothing"),): "neither a project nor a result",
+        (str(finished.folder), "--formats", "coco"): "neither keypoints nor video",
+        (str(finished.folder), "--run", "x"): "leave out --run",
+        (str(finished.folder), "--phase", "2"): "phases 1 and 3",
+    }
+    for arguments, said in cases.items():
+        assert main(["export", *arguments, "--out", str(tmp_path / "o")]) == 2
+        assert said in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def test_nothing_is_replaced_without_being_asked(project: Path, tmp_path: Path, capsys):
+    exported(project, tmp_path, "--formats", "npz", "bvh")
+    (tmp_path / "walk-bvh" / "mine.txt").write_text("x")
+    for name in ("npz", "bvh"):
+        assert main(["export", str(project), "--out", str(tmp_path), "--formats", name]) == 2
+        assert "--overwrite" in capsys.readouterr().err
+    assert (tmp_path / "walk-bvh" / "mine.txt").exists()
+    exported(project, tmp_path, "--formats", "bvh", "--overwrite")
+    assert not (tmp_path / "walk-bvh" / "mine.txt").exists()
+
+
+def test_all_formats_are_listed(capsys):
+    assert main(["export", "--formats", "list"]) == 0
+    out = capsys.readouterr().out
+    assert all(f"{name} " in out and export.hint in out for name, export in EXPORTS.items())
+
+
+def test_names_of_clips_lead_nowhere_else():
+    assert file_name(EXPORTS["glb"], "../a:b", zipped=False) == ".._a_b.glb"
+    assert file_name(EXPORTS["obj"], "a", zipped=True) == "a-obj.zip"
+
+
+def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
+    command = [sys.executable, "-m", "tcfit_app", "export", str(project), "--out", str(tmp_path)]
+    process = subprocess.Popen([*command, "--formats", "npz", "obj", "ply"], stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    while not list(tmp_path.glob(".walk-obj.*/*.obj")):
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.005)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and "cancelled" in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["walk.smplx.npz"]

@@ -1,0 +1,276 @@
+"""A project as one file: what comes out is what went in, and what others made up does not come out at all."""
+
+import io
+import shutil
+import stat
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fitting_core.errors import InputError
+from tcfit_app import project_file
+from tcfit_app.cli import main, parse
+from tcfit_app.project import Project
+from tcfit_app.project_file import ABOUT, is_packed, pack, unpack
+from tcfit_app.review_command import opened
+from tests.app.project_samples import (
+    BODY,
+    CONFIG,
+    assert_same_fit,
+    random_edit,
+    same_keypoints,
+    sample_clip,
+    sample_fit,
+)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """Edits, a mark, two runs, one of which is deleted."""
+    folder = tmp_path / "walk.tcfit"
+    with Project.create(folder, sample_clip()) as made:
+        for seed in range(3):
+            made.append(random_edit(seed), author="me")
+        for seed in range(2):
+            run = made.runs.start(CONFIG, body=BODY, edits_seen=1, name=f"fit {seed}")
+            made.runs.finish(run.id, sample_fit(seed))
+        made.runs.delete(1)
+    return folder
+
+
+@pytest.fixture
+def packed(project: Path, tmp_path: Path) -> Path:
+    pack(project, tmp_path / "walk.tcfit.zip")
+    return tmp_path / "walk.tcfit.zip"
+
+
+def assert_same_projects(one: Path, other: Path) -> None:
+    with Project.open(one, read_only=True) as a, Project.open(other, read_only=True) as b:
+        assert same_keypoints(a.detections, b.detections) and same_keypoints(a.clip.keypoints, b.clip.keypoints)
+        assert a.log == b.log and replace(a.clip, keypoints=None) == replace(b.clip, keypoints=None)  # type: ignore[arg-type]
+        for deleted in (False, True):
+            assert a.runs.all(deleted=deleted) == b.runs.all(deleted=deleted)
+        for run in (1, 2):
+            assert_same_fit(a.runs.load(run), b.runs.load(run))
+
+
+def test_round_trip(project: Path, packed: Path, tmp_path: Path):
+    assert is_packed(packed) and not is_packed(project)
+    unpack(packed, tmp_path / "elsewhere" / "copy.tcfit")
+    assert_same_projects(project, tmp_path / "elsewhere" / "copy.tcfit")
+    assert [p.name for p in (tmp_path / "elsewhere").iterdir()] == ["copy.tcfit"]
+
+
+def test_an_open_project_is_packed_as_it_stands(project: Path, tmp_path: Path):
+    with Project.open(project) as made:
+        made.append(random_edit(7))
+        pack(project, tmp_path / "now.tcfit.zip")
+        made.append(random_edit(8))
+        assert made.last_edit == 5
+    unpack(tmp_path / "now.tcfit.zip", tmp_path / "now.tcfit")
+    with Project.open(tmp_path / "now.tcfit") as found:
+        assert found.last_edit == 4
+
+
+def test_a_run_that_goes_on_is_interrupted_in_the_copy(project: Path, tmp_path: Path):
+    with Project.open(project) as made:
+        run = made.runs.start(CONFIG, body=BODY, edits_seen=0)
+        made.runs.store(run.id, sample_fit(5, last_phase=1))
+        pack(project, tmp_path / "x.tcfit.zip")
+        made.runs.end(run.id, "cancelled")
+    unpack(tmp_path / "x.tcfit.zip", tmp_path / "x.tcfit")
+    with Project.open(tmp_path / "x.tcfit") as found:
+        assert found.runs.get(run.id).state == "interrupted"
+        assert_same_fit(found.runs.load(run.id), sample_fit(5, last_phase=1))
+
+
+@pytest.mark.parametrize("images", [False, True])
+@pytest.mark.parametrize("copied", [False, True])
+def test_media(tmp_path: Path, images: bool, copied: bool):
+    source = tmp_path / "videos" / ("frames" if images else "walk.mp4")
+    source.parent.mkdir()
+    if images:
+        source.mkdir()
+    for file in [source / "0.png", source / "1.png"] if images else [source]:
+        file.write_bytes(file.name.encode() * 1000)
+    with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source), copy_media=copied):
+        pass
+    pack(tmp_path / "p.tcfit", tmp_path / "without.zip")
+    pack(tmp_path / "p.tcfit", tmp_path / "with.zip", with_media=True)
+    shutil.rmtree(source.parent)
+    shutil.rmtree(tmp_path / "p.tcfit")
+    for name, there in (("without", copied), ("with", True)):
+        unpack(tmp_path / f"{name}.zip", tmp_path / "new" / f"{name}.tcfit")
+        with Project.open(tmp_path / "new" / f"{name}.tcfit") as found:
+            path = found.media.path
+            assert (path is not None and not found.media.problem) == there
+            if there:
+                assert path is not None and path.resolve().is_relative_to(found.folder)
+                assert (path / "1.png" if images else path).read_bytes().startswith(b"1.png" if images else b"walk")
+
+
+def test_a_video_that_is_gone_cannot_be_packed(tmp_path: Path):
+    source = tmp_path / "walk.mp4"
+    source.write_bytes(b"x")
+    with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source)):
+        pass
+    source.unlink()
+    with pytest.raises(InputError, match="no longer there"):
+        pack(tmp_path / "p.tcfit", tmp_path / "x.zip", with_media=True)
+    assert not (tmp_path / "x.zip").exists()
+
+
+def test_cancelled_packing_leaves_nothing(project: Path, tmp_path: Path):
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pack(project, tmp_path / "x.tcfit.zip", progress=stop)
+    assert [p.name for p in tmp_path.iterdir()] == ["walk.tcfit"]
+
+
+# --- what others made up ---
+
+
+def rewritten(packed: Path, change: Callable[[dict[str, bytes]], None]) -> Path:
+    """The file with other contents."""
+    with zipfile.ZipFile(packed) as archive:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+    change(contents)
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)
+    return packed
+
+
+def added(name: str, content: bytes = b"x") -> Callable[[Path], None]:
+    return lambda packed: _append(packed, zipfile.ZipInfo(name), content)
+
+
+def _append(packed: Path, entry: zipfile.ZipInfo, content: bytes) -> None:
+    with zipfile.ZipFile(packed, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(entry, content)
+
+
+def link(packed: Path) -> None:
+    entry = zipfile.ZipInfo("media/video.mp4")
+    entry.external_attr = (stat.S_IFLNK | 0o777) << 16
+    _append(packed, entry, b"/etc/passwd")
+
+
+def encrypted(packed: Path) -> None:
+    content = bytearray(packed.read_bytes())
+    at = content.rfind(b"PK\x01\x02")
+    content[at + 8] |= 1
+    packed.write_bytes(bytes(content))
+
+
+def twice(packed: Path) -> None:
+    with pytest.warns(UserWarning, match="Duplicate"):
+        _append(packed, zipfile.ZipInfo("detections.npz"), b"x")
+
+
+def oversized(packed: Path) -> None:
+    """An entry that claims a petabyte in the list of contents."""
+    _append(packed, zipfile.ZipInfo("media/video.mp4"), b"tiny")
+    content = bytearray(packed.read_bytes())
+    at = content.rfind(b"PK\x01\x02")
+    content[at + 24 : at + 28] = (0xFFFFFF00).to_bytes(4, "little")
+    packed.write_bytes(bytes(content))
+
+
+def truncated(packed: Path) -> None:
+    packed.write_bytes(packed.read_bytes()[:-200])
+
+
+def flipped(packed: Path) -> None:
+    content = bytearray(packed.read_bytes())
+    at = content.find(b"detections.npz") + 200
+    content[at] ^= 0xFF
+    packed.write_bytes(bytes(content))
+
+
+def newer(packed: Path) -> None:
+    rewritten(packed, lambda c: c.update({ABOUT: b'{"format": "tcfit project", "version": 2}'}))
+
+
+def foreign(packed: Path) -> None:
+    rewritten(packed, lambda c: c.update({ABOUT: b'{"format": "other", "version": 1}'}))
+
+
+def unnamed(packed: Path) -> None:
+    rewritten(packed, lambda c: c.pop(ABOUT) and None)
+
+
+def no_database(packed: Path) -> None:
+    rewritten(packed, lambda c: c.pop("project.sqlite") and None)
+
+
+def other_database(packed: Path) -> None:
+    rewritten(packed, lambda c: c.update({"project.sqlite": b"SQLite format 3\0" + bytes(4080)}))
+
+
+def other_detections(packed: Path) -> None:
+    buffer = io.BytesIO()
+    rewritten(packed, lambda c: c.update({"detections.npz": buffer.getvalue()}))
+
+
+BAD = {
+    "traversal": (added("../evil.txt"), "no project of tcfit has"),
+    "traversal in media": (added("media/../../evil"), "no project of tcfit has"),
+    "two dots": (added("media/.."), "no project of tcfit has"),
+    "absolute": (added("/tmp/evil"), "no project of tcfit has"),
+    "drive": (added("media/C:evil"), "no project of tcfit has"),
+    "backslash": (added("media/..\\evil"), "no project of tcfit has"),
+    "deep": (added("media/a/b/c"), "no project of tcfit has"),
+    "script": (added("runs/evil.py"), "no project of tcfit has"),
+    "link": (link, "no project of tcfit has"),
+    "encrypted": (encrypted, "encrypted"),
+    "twice": (twice, "twice"),
+    "oversized": (oversized, "cannot be"),
+    "truncated": (truncated, "damaged"),
+    "flipped": (flipped, "damaged"),
+    "newer": (newer, "update tcfit"),
+    "foreign": (foreign, "'other'"),
+    "unnamed": (unnamed, "no packed project"),
+    "no database": (no_database, "no project of tcfit"),
+    "other database": (other_database, "database"),
+    "other detections": (other_detections, "changed since"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_made_up_files_are_refused_and_leave_nothing(packed: Path, tmp_path: Path, name: str):
+    spoil, reason = BAD[name]
+    spoil(packed)
+    with pytest.raises(InputError, match=reason):
+        unpack(packed, tmp_path / "deep" / "er" / "x.tcfit")
+    assert not list((tmp_path / "deep" / "er").iterdir())
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["deep", "walk.tcfit", "walk.tcfit.zip"]
+
+
+def test_too_little_space_is_told_before_anything_is_written(packed: Path, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(project_file, "MOST_BYTES", 1000)
+    with pytest.raises(InputError, match="GB"):
+        unpack(packed, tmp_path / "x.tcfit")
+    assert not (tmp_path / "x.tcfit").exists()
+
+
+def test_a_folder_that_holds_something_is_left_alone(packed: Path, project: Path):
+    with pytest.raises(InputError, match="is a project already"):
+        unpack(packed, project)
+
+
+def test_commands_take_a_packed_project(packed: Path, project: Path, tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", str(packed), "--out", "other.tcfit"]) == 0
+    assert "Unpacked the project other.tcfit" in capsys.readouterr().out
+    assert_same_projects(project, tmp_path / "other.tcfit")
+    with opened(parse(["review", str(packed), "--out", "third.tcfit"])) as found:
+        assert found.folder.name == "third.tcfit" and found.last_edit == 3
+    assert main(["new", str(packed)]) == 2
+    assert "walk.tcfit: is a project already" in capsys.readouterr().err
+    assert main(["new", str(packed), "--copy-video"]) == 2
