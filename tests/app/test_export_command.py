@@ -1,9 +1,11 @@
 """`tcfit export`: of a project and of a result, chosen runs, phases and frames, and what a cancelled one leaves."""
 
+import pickle
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,14 +16,18 @@ import trimesh
 
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
+from fitting_core.config import FitConfig
 from fitting_core.io.motion import AXES
 from fitting_core.io.result_files import read_fit
+from fitting_core.priors.pose import make_prior
 from fitting_core.render import off_screen_gl
+from tcfit_app.bodies import record_of
 from tcfit_app.cli import main
 from tcfit_app.exporting import file_name
 from tcfit_app.exports import EXPORTS
 from tcfit_app.project import Project
-from tests.app.conftest import Finished, motion
+from tests.app.conftest import FRAMES, Finished, motion
+from tests.app.project_samples import sample_clip
 from tests.app.waving import waving_fit, waving_project
 from tests.io.gltf_player import Player
 
@@ -88,6 +94,25 @@ def test_a_result_of_tcfit_fit(finished: Finished, free_body: BodyModel, tmp_pat
     expected = Mesh(free_body)(stored.params).numpy()
     read = trimesh.load(tmp_path / "f" / "wave-ply" / "wave_000002.ply", process=False)
     assert np.allclose(read.vertices, expected[2], atol=1e-6)
+
+
+def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: BodyModel, tmp_path: Path):
+    prior = make_prior("tcfit", dtype=torch.float64, device="cpu")
+    fit = replace(waving_fit(0.0), config=FitConfig(pose_prior="tcfit"), pose_prior=prior.title)
+    with Project.create(tmp_path / "walk.tcfit", sample_clip(FRAMES)) as made:
+        for name, result in (("latent", fit), ("other weights", replace(fit, pose_prior="tcfit pose prior (0123)"))):
+            run = made.runs.start(fit.config, body=record_of(free_body), edits_seen=0, name=name)
+            made.runs.finish(run.id, result)
+    for name, held in (("latent", True), ("other weights", False)):
+        out = tmp_path / name
+        exported(tmp_path / "walk.tcfit", out, "--formats", "smplifyx", "--run", name)
+        read = pickle.loads(next(out.rglob("000.pkl")).read_bytes())
+        assert ("pose_embedding" in read) == held
+        if held:
+            decoded = prior.decode(torch.as_tensor(read["pose_embedding"], dtype=torch.float64))
+            assert read["pose_embedding"].shape == (1, 32)
+            # The prior cannot express every pose; what it encodes lies near.
+            np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
 
 
 def test_side_by_side_from_the_command_line(project: Path, tmp_path: Path):
