@@ -10,7 +10,7 @@ import numpy as np
 import torch
 import tyro
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
@@ -100,7 +100,7 @@ def overlap(motion: Motion) -> Figures:
     deepest = np.zeros(len(motion.vertices))
     for i in range(0, len(motion.vertices), _EVERY):
         points, normals = motion.vertices[i], vertex_normals(motion.vertices[i], motion.body.faces)
-        trees = {name: cKDTree(points[part]) for name, part in parts.items()}
+        trees = {name: KDTree(points[part]) for name, part in parts.items()}
         for first, second in _PAIRS:
             distance, nearest = trees[second].query(points[parts[first]], distance_upper_bound=_DEEPEST)
             near = np.flatnonzero(np.isfinite(distance))

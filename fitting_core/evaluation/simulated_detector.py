@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -48,6 +49,8 @@ class Detector:
     """Share of the confidence that is left where a point is out of view."""
     guess: float = 0.0
     """Standard deviation of a further error of body and hands out of view, which lasts; pixels at 720 pixels height."""
+    lost: float = 0.0
+    """Share of the frames out of view in which a point of body or hands is not reported at all."""
     bias: float = 0.0
     """Standard deviation of an error of each body point that stays for the whole clip; pixels at 720 pixels height."""
 
@@ -109,8 +112,9 @@ def detect(
     doubt = (1 - confidence)[..., None]
     scale = detector.noise * _per_point(lambda quality: quality.noise)[:, None] * height / 720
     found = xy + noise * scale * (0.6 + 4 * doubt**2)
-    if detector.guess or detector.bias:
+    if detector != Detector():
         found += _lasting(view, times, detector, rng) * height / 720
+        confidence[_lost(view, times, detector.lost, rng)] = 0.0
     for failure in failures:
         frames = np.flatnonzero((times >= failure.start - 1e-9) & (times < failure.stop - 1e-9))
         if len(frames):
@@ -142,10 +146,26 @@ def _lasting(
     for hand in (LEFT_HAND, RIGHT_HAND):
         # A hand out of view is guessed as a whole.
         guess[:, hand] = 0.3 * guess[:, hand] + 0.95 * guess[:, hand.start, None]
-    guess[:, GROUPS["face"]] = 0.0
+    guess *= _GUESSED[:, None]
     bias = np.zeros((COUNT, 2))
     bias[GROUPS["body"]] = rng.standard_normal((len(BODY_25), 2))
     return detector.guess * (1 - view)[..., None] * guess + detector.bias * bias
+
+
+def _lost(view: np.ndarray, times: np.ndarray, share: float, rng: np.random.Generator) -> Bool[np.ndarray, "T 137"]:
+    """Points out of view that are not reported; a hand is lost as a whole."""
+    mood = wander(rng, times, COUNT, seconds=0.3)
+    for hand in (LEFT_HAND, RIGHT_HAND):
+        mood[:, hand] = mood[:, hand.start, None]
+    mood[:, GROUPS["face"]] = np.inf
+    return (view < 0.5) & (mood < NormalDist().inv_cdf(share) if share > 0 else False)
+
+
+_LIMB = ("elbow", "wrist", "hip", "knee", "ankle")
+_GUESSED = np.ones(COUNT)
+"""How large the errors of guesses are: what is on the trunk, the head or a foot in view can hardly be elsewhere."""
+_GUESSED[GROUPS["body"]] = [1.0 if name.endswith(_LIMB) else 0.4 for name in BODY_25]
+_GUESSED[GROUPS["face"]] = 0.0
 
 
 def _confidence(
