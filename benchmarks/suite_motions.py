@@ -104,7 +104,7 @@ def overlap(motion: Motion) -> Figures:
         for first, second in _PAIRS:
             distance, nearest = trees[second].query(points[parts[first]], distance_upper_bound=_DEEPEST)
             near = np.flatnonzero(np.isfinite(distance))
-            other = parts[second][nearest[near]]
+            other = parts[second][np.asarray(nearest)[near]]
             behind = ((points[parts[first][near]] - points[other]) * normals[other]).sum(1)
             deepest[i] = max(deepest[i], -behind.min(initial=0.0))
     return {"overlap cm": float(100 * deepest.max()), "at": float(deepest.argmax())}

@@ -7,7 +7,7 @@ counts are those of the paper's Table 1, as are the people's volumes in kind: th
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -235,8 +235,8 @@ def _visible(
 
 def render_frames(
     made: SuiteClip, frames: list[int], *, view: View | None = None, camera: Camera | None = None
-) -> list[UInt8[np.ndarray, "H W 3"]]:
-    """Pictures (RGB) of some frames.
+) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
+    """Pictures (RGB) of some frames, one after the other.
 
     Args:
         made: The sequence.
@@ -246,12 +246,10 @@ def render_frames(
     """
     body, (rotation, translation) = made.body, made.view.pose()
     studio = Studio(camera or made.truth.camera, seat_height=None, view=view or made.view)
-    outfit, pictures = Outfit.of(body), []
-    for vertices in Mesh(body)(made.truth.params[frames]).numpy().astype(np.float64):
-        world = (vertices - translation) @ rotation
-        image, _ = studio.draw(world, body.faces, vertex_normals(world, body.faces), outfit)
-        pictures.append(image)
-    return pictures
+    mesh, outfit = Mesh(body), Outfit.of(body)
+    for frame in frames:
+        world = (mesh(made.truth.params[[frame]])[0].numpy().astype(np.float64) - translation) @ rotation
+        yield studio.draw(world, body.faces, vertex_normals(world, body.faces), outfit)[0]
 
 
 def _cached_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:
