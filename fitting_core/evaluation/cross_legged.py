@@ -121,7 +121,7 @@ def _turned(keys: Sequence[Key], manner: Manner, clock: _Clock) -> list[Key]:
 
 def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]:
     """Stout thighs cross with the feet farther from each other."""
-    wider = {_CROSSED: np.array((0.5, 1.2)) * build.stout}
+    wider = {_CROSSED: np.array((0.3, 1.2)) * build.stout}
 
     def place(key: FootKey) -> tuple[float, float]:
         x, z = build.leg * np.array(key.place) + wider.get(key.place, 0.0)
@@ -132,7 +132,7 @@ def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]
 
 _SEAT = -0.30
 """z of the pelvis on the floor."""
-_ASIDE = 0.13
+_ASIDE = 0.15
 """x of the pelvis there: between the crossed feet."""
 _HIPS_PATH: Sequence[Key] = (
     (0.0, (0.0, -0.008, 0.0)), (0.4, (0.045, -0.012, 0.0)), (0.95, (0.08, -0.03, 0.05)), (1.2, (_ASIDE, -0.05, 0.06)),
@@ -161,7 +161,7 @@ _HEAD_TURN: Sequence[Key] = (
 
 _KNEE_AHEAD, _KNEE_OPEN, _KNEE_LOW = (0.15, 0.0, 1.0), (0.55, 0.2, 0.8), (0.82, 0.42, 0.62)
 _KNEE_RISING = (0.7, 0.45, 0.7)
-_BALL, _CROSSED = (0.13, 0.16), (-0.22, 0.43)
+_BALL, _CROSSED = (0.12, 0.16), (-0.275, 0.43)
 _STANDING = FootKey(0.0, _BALL, knee=_KNEE_AHEAD)
 _SITTING = FootKey(0.0, _BALL, roll=66, yaw=0, knee=_KNEE_LOW)
 _STANDING_CROSSED = FootKey(0.0, _CROSSED, yaw=-12, roll=4, knee=_KNEE_AHEAD)
@@ -183,7 +183,7 @@ _FEET = {
         replace(_STANDING, time=0.36),
         replace(_STANDING, time=0.54, heel=24),
         replace(_STANDING, time=0.60, heel=24, lift=0.015),
-        FootKey(0.74, (0.0, 0.36), yaw=-2, heel=8, lift=0.07, knee=_KNEE_AHEAD),
+        FootKey(0.74, (-0.04, 0.37), yaw=-2, heel=8, lift=0.07, knee=_KNEE_AHEAD),
         replace(_STANDING_CROSSED, time=0.92, lift=0.025),
         replace(_STANDING_CROSSED, time=1.0),
         replace(_STANDING_CROSSED, time=1.15),
@@ -197,7 +197,7 @@ _FEET = {
         replace(_STANDING_CROSSED, time=5.6),
         replace(_STANDING_CROSSED, time=5.74, heel=20),
         replace(_STANDING_CROSSED, time=5.80, heel=20, lift=0.015),
-        FootKey(5.94, (0.0, 0.34), yaw=-2, heel=6, lift=0.06, knee=_KNEE_AHEAD),
+        FootKey(5.94, (-0.03, 0.35), yaw=-2, heel=6, lift=0.06, knee=_KNEE_AHEAD),
         replace(_STANDING, time=6.14, lift=0.025),
         replace(_STANDING, time=6.22),
     ),

@@ -65,17 +65,48 @@ def flesh() -> Float[np.ndarray, "137"]:
     return depth / 1000
 
 
+def flesh_of(points: Float[np.ndarray, "137 3"], vertices: Float[np.ndarray, "V 3"]) -> Float[np.ndarray, "137"]:
+    """The same for one shape, metres: stout people's keypoints lie deeper than `flesh` says.
+
+    Args:
+        points: Keypoints in the rest pose, z forward, metres.
+        vertices: Of the rest pose.
+    """
+    depth = flesh()
+    for i in range(len(BODY_25)):
+        around = np.linalg.norm(vertices[:, :2] - points[i, :2], axis=1) < _AROUND
+        skin = vertices[around, 2].max(initial=points[i, 2])
+        depth[i] = max(depth[i], _ASLANT * (skin - points[i, 2]))
+    return depth
+
+
+_AROUND = 0.03
+"""Metres beside a keypoint within which the skin in front of it is looked for."""
+_ASLANT = 1.25
+"""How much more flesh a keypoint has in front of it when seen aslant."""
+
+
 def visible(
-    points: Float[np.ndarray, "137 3"], depth: Float[np.ndarray, "H W"], camera: Camera
+    points: Float[np.ndarray, "137 3"],
+    depth: Float[np.ndarray, "H W"],
+    camera: Camera,
+    own: Float[np.ndarray, "137"] | None = None,
 ) -> Bool[np.ndarray, "137"]:
-    """Which keypoints (camera space, metres) nothing but their own flesh hides, by a depth image of the whole scene."""
+    """Which keypoints nothing but their own flesh hides.
+
+    Args:
+        points: Camera space, metres.
+        depth: Image of the whole scene, metres.
+        camera: Its size is the image's.
+        own: Flesh in front of each, metres; None: `flesh`.
+    """
     distance = np.where(points[:, 2:] > 0, points[:, 2:], np.inf)
     xy = points[:, :2] / distance * camera.focal + camera.center
     column, row = np.floor(xy).astype(int).T
     inside = (column >= 0) & (row >= 0) & (column < camera.size[0]) & (row < camera.size[1])
     nearest = np.full(COUNT, np.inf)
     nearest[inside] = depth[row[inside], column[inside]]
-    return inside & (nearest > points[:, 2] - flesh())
+    return inside & (nearest > points[:, 2] - (flesh() if own is None else own))
 
 
 def detect(

@@ -8,7 +8,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -34,7 +34,7 @@ from fitting_core.evaluation.performance import in_camera, perform, standing_roo
 from fitting_core.evaluation.rasterize import rasterize
 from fitting_core.evaluation.script import Script
 from fitting_core.evaluation.signing import signing
-from fitting_core.evaluation.simulated_detector import Detector, detect, visible
+from fitting_core.evaluation.simulated_detector import Detector, detect, flesh_of, visible
 from fitting_core.evaluation.studio import Studio, vertex_normals
 from fitting_core.evaluation.truth import Truth, read_truth, write_truth
 from fitting_core.evaluation.view import View
@@ -225,12 +225,19 @@ def _visible(
         center=(_DEPTH_SCALE * camera.center[0], _DEPTH_SCALE * camera.center[1]),
         size=(round(_DEPTH_SCALE * camera.size[0]), round(_DEPTH_SCALE * camera.size[1])),
     )
-    mesh, seen = Mesh(body), np.zeros(points.shape[:2], bool)
+    mesh, own, seen = Mesh(body), _flesh(body, params.betas[:1]), np.zeros(points.shape[:2], bool)
     for i in range(len(points)):
         depth = np.full(small.size[::-1], np.inf)
         rasterize(mesh(params[i : i + 1])[0].numpy().astype(np.float64), body.faces, small, depth)
-        seen[i] = visible(points[i], depth, small)
+        seen[i] = visible(points[i], depth, small, own)
     return seen
+
+
+def _flesh(body: BodyModel, betas: Float[torch.Tensor, "1 10"]) -> Float[np.ndarray, "137"]:
+    """Flesh in front of the keypoints of a shape."""
+    rest = replace(BodyParams.neutral(1), betas=betas)
+    shaped = body.template + body.shape_directions @ betas[0].numpy()
+    return flesh_of(keypoints_in_space(body, rest)[0][0], shaped)
 
 
 def render_frames(
@@ -322,7 +329,7 @@ SEQUENCES: dict[str, SuiteSequence] = {
         name="signing_1",
         motion="signing",
         subject=_SIGNER,
-        frames=100,
+        frames=200,
         view=View(azimuth=8.0, height=1.3, distance=2.6, looking_at=(0.0, 1.15, 0.0)),
         focal=1500.0,
         seed=300,
