@@ -23,6 +23,8 @@ from fitting_core.keypoints import BODY, BONES
 
 _COLUMNS, _SIZE = 8, (270, 360)
 _SIDE = View(azimuth=100.0, height=0.7, distance=4.0, looking_at=(0.1, 0.75, 0.0))
+_SIDE_FOCAL = (600.0, 600.0)
+"""Pixels: a standing person fills three quarters of the height."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +67,7 @@ def sheet(made: SuiteClip, count: int) -> UInt8[np.ndarray, "H W 3"]:
     frames = np.linspace(0, len(made.clip) - 1, count).round().astype(int).tolist()
     camera = _small(made.truth.camera)
     front = list(render_frames(made, frames, camera=camera))
-    focal = camera.focal[0] * _SIDE.distance / made.sequence.view.distance
-    side = list(render_frames(made, frames, camera=replace(camera, focal=(focal, focal)), view=_SIDE))
+    side = list(render_frames(made, frames, camera=replace(camera, focal=_SIDE_FOCAL), view=_SIDE))
     front = [_marked(picture, made, frame) for picture, frame in zip(front, frames, strict=True)]
     rows = [
         np.concatenate(pictures[start : start + _COLUMNS], axis=1)

@@ -44,7 +44,8 @@ SIZE = (720, 960)
 """Of the images, as the paper's: width and height in pixels."""
 FRAME_RATE = 25.0
 _DEPTH_SCALE = 0.5
-"""Of the depth buffer that tells what is hidden, against the image."""
+"""Of the depth buffer that tells what is hidden, against the image. At a half, 98 to 99 % of all points and 99.4 to
+100 % of the body's are told as with a whole one, in 0.6 times the time (simple_2 and complex_1)."""
 _MODULES = (
     "build", "cross_legged", "demo_script", "floor_contact", "gestures", "handshapes", "limbs", "motion", "performance",
     "rasterize", "script", "signing", "simulated_detector", "suite", "truth", "view", "waving",
