@@ -121,7 +121,7 @@ def _turned(keys: Sequence[Key], manner: Manner, clock: _Clock) -> list[Key]:
 
 def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]:
     """Stout thighs cross with the feet farther from each other."""
-    wider = {_CROSSED: np.array((0.3, 1.2)) * build.stout}
+    wider = {_CROSSED: np.array((1.0, 1.6)) * build.stout}
 
     def place(key: FootKey) -> tuple[float, float]:
         x, z = build.leg * np.array(key.place) + wider.get(key.place, 0.0)
