@@ -10,7 +10,7 @@ import numpy as np
 import torch
 import tyro
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
@@ -100,11 +100,11 @@ def overlap(motion: Motion) -> Figures:
     deepest = np.zeros(len(motion.vertices))
     for i in range(0, len(motion.vertices), _EVERY):
         points, normals = motion.vertices[i], vertex_normals(motion.vertices[i], motion.body.faces)
-        trees = {name: cKDTree(points[part]) for name, part in parts.items()}
+        trees = {name: KDTree(points[part]) for name, part in parts.items()}
         for first, second in _PAIRS:
             distance, nearest = trees[second].query(points[parts[first]], distance_upper_bound=_DEEPEST)
             near = np.flatnonzero(np.isfinite(distance))
-            other = parts[second][nearest[near]]
+            other = parts[second][np.asarray(nearest)[near]]
             behind = ((points[parts[first][near]] - points[other]) * normals[other]).sum(1)
             deepest[i] = max(deepest[i], -behind.min(initial=0.0))
     return {"overlap cm": float(100 * deepest.max()), "at": float(deepest.argmax())}

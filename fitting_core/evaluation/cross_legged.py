@@ -20,7 +20,7 @@ _ACTIVE_SECONDS = 6.6
 _DOWN, _UP = 3.4, 3.6
 """When the person has sat down; when they start to rise, if the rest on the floor is left out. Seconds."""
 _MIDDLE = (_DOWN + _UP) / 2
-_ON_HANDS = (1.5, 5.1)
+_ON_HANDS = (1.5, 5.0)
 """Between them turns aside are to the hand that supports."""
 
 
@@ -121,7 +121,7 @@ def _turned(keys: Sequence[Key], manner: Manner, clock: _Clock) -> list[Key]:
 
 def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]:
     """Stout thighs cross with the feet farther from each other."""
-    wider = {_CROSSED: np.array((0.5, 1.2)) * build.stout}
+    wider = {_CROSSED: np.array((1.0, 1.6)) * build.stout}
 
     def place(key: FootKey) -> tuple[float, float]:
         x, z = build.leg * np.array(key.place) + wider.get(key.place, 0.0)
@@ -132,7 +132,7 @@ def _foot(keys: Sequence[FootKey], build: Build, clock: _Clock) -> list[FootKey]
 
 _SEAT = -0.30
 """z of the pelvis on the floor."""
-_ASIDE = 0.13
+_ASIDE = 0.15
 """x of the pelvis there: between the crossed feet."""
 _HIPS_PATH: Sequence[Key] = (
     (0.0, (0.0, -0.008, 0.0)), (0.4, (0.045, -0.012, 0.0)), (0.95, (0.08, -0.03, 0.05)), (1.2, (_ASIDE, -0.05, 0.06)),
@@ -143,15 +143,15 @@ _HIPS_PATH: Sequence[Key] = (
 )  # fmt: skip
 _ON_FLOOR: Sequence[Key] = ((2.25, (0.0,)), (2.5, (1.0,)), (4.15, (1.0,)), (4.4, (0.0,)))
 _HIPS_TURN: Sequence[Key] = (
-    (0.0, (0, 0, 0)), (0.7, (2, 6, -2)), (1.2, (6, 3, 0)), (1.6, (30, -4, 3)), (1.95, (31, -12, 9)),
-    (2.2, (18, -12, 11)), (2.45, (3, -7, 8)), (2.75, (-10, 0, 2)), (3.2, (-12, 0, 0)), (3.75, (-10, 0, 0)),
-    (4.15, (2, -6, 5)), (4.4, (10, -9, 7)), (4.8, (33, -6, 4)), (5.2, (26, 0, 0)), (5.6, (5, 3, 0)),
-    (6.0, (2, 3, -1)), (6.6, (0, 0, 0)),
+    (0.0, (0, 0, 0)), (0.6, (2, 6, -2)), (0.95, (3, 15, -2)), (1.25, (8, 14, 0)), (1.6, (30, -2, 3)),
+    (1.95, (31, -12, 9)), (2.2, (18, -12, 11)), (2.45, (3, -7, 8)), (2.75, (-10, 0, 2)), (3.2, (-12, 0, 0)),
+    (3.75, (-10, 0, 0)), (4.15, (2, -6, 5)), (4.4, (10, -9, 7)), (4.8, (33, -6, 4)), (5.2, (26, 8, 0)),
+    (5.55, (6, 14, 0)), (5.8, (3, 13, -1)), (6.1, (2, 5, -1)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _SPINE_TURN: Sequence[Key] = (
-    (0.0, (0, 0, 0)), (0.7, (5, -3, 2)), (1.2, (8, -2, 0)), (1.6, (22, -6, 4)), (2.0, (24, -14, 14)),
-    (2.45, (24, -13, 14)), (2.8, (18, -5, 6)), (3.3, (17, 0, 0)), (3.7, (17, 0, 0)), (4.15, (25, -12, 13)),
-    (4.5, (28, -12, 13)), (4.9, (24, -4, 3)), (5.3, (14, 0, 0)), (5.7, (4, 0, 0)), (6.6, (0, 0, 0)),
+    (0.0, (0, 0, 0)), (0.7, (5, -6, 2)), (1.2, (8, -9, 0)), (1.6, (22, -6, 4)), (2.0, (24, -14, 14)),
+    (2.45, (24, -13, 14)), (2.8, (18, -5, 6)), (3.3, (17, 0, 0)), (3.7, (17, 0, 0)), (4.15, (24, -13, 17)),
+    (4.5, (26, -12, 16)), (4.9, (24, -4, 3)), (5.3, (14, -5, 0)), (5.7, (4, -8, 0)), (6.6, (0, 0, 0)),
 )  # fmt: skip
 _HEAD_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.5, (22, 4, 0)), (1.1, (14, 2, 0)), (1.6, (-6, -8, 0)), (2.0, (-8, -22, -4)),
@@ -161,7 +161,7 @@ _HEAD_TURN: Sequence[Key] = (
 
 _KNEE_AHEAD, _KNEE_OPEN, _KNEE_LOW = (0.15, 0.0, 1.0), (0.55, 0.2, 0.8), (0.82, 0.42, 0.62)
 _KNEE_RISING = (0.7, 0.45, 0.7)
-_BALL, _CROSSED = (0.13, 0.16), (-0.22, 0.39)
+_BALL, _CROSSED = (0.12, 0.16), (-0.275, 0.43)
 _STANDING = FootKey(0.0, _BALL, knee=_KNEE_AHEAD)
 _SITTING = FootKey(0.0, _BALL, roll=66, yaw=0, knee=_KNEE_LOW)
 _STANDING_CROSSED = FootKey(0.0, _CROSSED, yaw=-12, roll=4, knee=_KNEE_AHEAD)
@@ -171,7 +171,7 @@ _FEET = {
         _STANDING,
         replace(_STANDING, time=1.15),
         replace(_STANDING, time=1.6, roll=22, knee=_KNEE_OPEN),
-        replace(_SITTING, time=2.1, roll=50, yaw=4),
+        replace(_SITTING, time=2.1, roll=50, yaw=4, knee=_KNEE_RISING),
         replace(_SITTING, time=2.5),
         replace(_SITTING, time=4.2),
         replace(_SITTING, time=4.55, roll=48, yaw=4, knee=_KNEE_RISING),
@@ -183,12 +183,12 @@ _FEET = {
         replace(_STANDING, time=0.36),
         replace(_STANDING, time=0.54, heel=24),
         replace(_STANDING, time=0.60, heel=24, lift=0.015),
-        FootKey(0.74, (0.0, 0.36), yaw=-2, heel=8, lift=0.07, knee=_KNEE_AHEAD),
+        FootKey(0.74, (-0.04, 0.37), yaw=-2, heel=8, lift=0.07, knee=_KNEE_AHEAD),
         replace(_STANDING_CROSSED, time=0.92, lift=0.025),
         replace(_STANDING_CROSSED, time=1.0),
         replace(_STANDING_CROSSED, time=1.15),
         replace(_STANDING_CROSSED, time=1.6, yaw=-14, roll=26, knee=_KNEE_OPEN),
-        replace(_SITTING_CROSSED, time=2.1, yaw=-16, roll=50),
+        replace(_SITTING_CROSSED, time=2.1, yaw=-16, roll=50, knee=_KNEE_RISING),
         replace(_SITTING_CROSSED, time=2.5),
         replace(_SITTING_CROSSED, time=4.2),
         replace(_SITTING_CROSSED, time=4.55, yaw=-16, roll=48, knee=_KNEE_RISING),
@@ -197,7 +197,7 @@ _FEET = {
         replace(_STANDING_CROSSED, time=5.6),
         replace(_STANDING_CROSSED, time=5.74, heel=20),
         replace(_STANDING_CROSSED, time=5.80, heel=20, lift=0.015),
-        FootKey(5.94, (0.0, 0.34), yaw=-2, heel=6, lift=0.06, knee=_KNEE_AHEAD),
+        FootKey(5.94, (-0.03, 0.35), yaw=-2, heel=6, lift=0.06, knee=_KNEE_AHEAD),
         replace(_STANDING, time=6.14, lift=0.025),
         replace(_STANDING, time=6.22),
     ),
@@ -208,7 +208,7 @@ def _arm(side: str, build: Build, manner: Manner) -> list[ArmKey]:
     """An arm that supports the body, or balances it, on the way down and on the way up."""
     keys = [_hanging(0.0, build), _hanging(1.15, build)]
     keys += _landing(side, 1.9, build, manner) if side == manner.down else _balancing(1.7, 2.25, build)
-    keys += [_on_knee(3.35), _on_knee(3.65)]
+    keys += [_on_knee(3.42, build), _on_knee(3.6, build)]
     keys += _rising(side, 4.0, build, manner) if side == manner.up else _balancing(4.3, 4.85, build)
     return [*keys, _hanging(5.45, build, 0.09), _hanging(6.6, build)]
 
@@ -218,9 +218,9 @@ def _hanging(time: float, build: Build, forward: float = 0.055) -> ArmKey:
     return ArmKey(time, wrist, (0.06, -1.0, 0.42), (-1.0, 0.0, -0.15), "relaxed", (0.35, -0.1, -1.0))
 
 
-def _on_knee(time: float) -> ArmKey:
-    wrist, elbow = (-0.05, 0.085, -0.06), (0.8, -0.6, -0.3)
-    return ArmKey(time, wrist, (0.45, -0.35, 0.8), (0.0, -1.0, -0.2), "relaxed", elbow, "knee")
+def _on_knee(time: float, build: Build) -> ArmKey:
+    wrist, elbow = (-0.05, 0.12 + 0.3 * build.stout, -0.07), (0.8, -0.6, -0.3)
+    return ArmKey(time, wrist, (0.4, -0.12, 0.85), (0.0, -1.0, -0.1), "relaxed", elbow, "knee")
 
 
 def _balancing(start: float, stop: float, build: Build) -> list[ArmKey]:
@@ -231,7 +231,7 @@ def _balancing(start: float, stop: float, build: Build) -> list[ArmKey]:
 
 
 _FLAT: dict[str, Any] = dict(
-    fingers=(0.72, 0.0, 0.7), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.5, 0.2, -1.0), anchor="floor"
+    fingers=(0.72, 0.0, 0.7), palm=(0.0, -1.0, 0.0), shape="flat", elbow=(0.9, 0.2, -0.8), anchor="floor"
 )
 _LOWERED: dict[str, Any] = _FLAT | dict(fingers=(0.25, -0.95, 0.05), palm=(-0.9, -0.3, -0.2), shape="relaxed")
 _REACHING: dict[str, Any] = _FLAT | dict(fingers=(0.2, -0.5, 0.85), palm=(-0.6, -0.75, -0.2), shape="relaxed")
@@ -240,7 +240,7 @@ _OVER: dict[str, Any] = _FLAT | dict(fingers=(0.1, -0.4, 0.9), palm=(-0.5, -0.8,
 
 def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes down to the floor behind the seat, and then past the thigh to the knee."""
-    x, z = _support(side, build, manner, 0.05)
+    x, z = _support(side, build, manner, (0.37, 0.05))
     return [
         ArmKey(time, (x, 0.13, z + 0.03), **_LOWERED),
         ArmKey(time + 0.19, (x, 0.02, z), **_FLAT),
@@ -254,7 +254,7 @@ def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKe
 
 def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes from the knee past the thigh to the floor beside the seat, and pushes off."""
-    x, z = _support(side, build, manner, 0.10)
+    x, z = _support(side, build, manner, (0.42, 0.04))
     return [
         ArmKey(time - 0.17, (x + 0.08, 0.30, z + 0.12), **_OVER),
         ArmKey(time - 0.01, (x + 0.02, 0.10, z + 0.05), **_REACHING),
@@ -266,10 +266,10 @@ def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey
     ]
 
 
-def _support(side: str, build: Build, manner: Manner, ahead: float) -> tuple[float, float]:
-    """x and z (for the left side, metres) where a hand supports; `ahead`: z from the seat."""
-    out = 0.37 * manner.reach + build.stout + SIDES[side] * _ASIDE
-    return float(build.leg * out), float(build.leg * (_SEAT + ahead))
+def _support(side: str, build: Build, manner: Manner, place: tuple[float, float]) -> tuple[float, float]:
+    """x and z (for the left side, metres) where a hand supports; `place`: outward and ahead of the seat's middle."""
+    out = place[0] * manner.reach + build.stout + SIDES[side] * _ASIDE
+    return float(build.leg * out), float(build.leg * (_SEAT + place[1]))
 
 
 _FOOT_POINTS = ("ankle", "big_toe", "small_toe", "heel")

@@ -19,6 +19,8 @@ class Hazard:
     """Seconds."""
     groups: tuple[str, ...]
     """As of Failure."""
+    likely: float = 1.0
+    """Of a failure here, against the usual."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,7 @@ def failures(hazards: Sequence[Hazard], mishaps: Mishaps, rng: np.random.Generat
     found = []
     for hazard in hazards:
         happens, length, place = rng.random(3)
-        if happens < mishaps.chance:
+        if happens < mishaps.chance * hazard.likely:
             shortest, longest = mishaps.seconds
             seconds = min(shortest + length * (longest - shortest), hazard.stop - hazard.start)
             start = hazard.start + place * (hazard.stop - hazard.start - seconds)

@@ -22,8 +22,8 @@ from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.evaluation.motion import Key, directions_through, through, wander
 from fitting_core.evaluation.script import SIDES, FootKey, Script
 
-_AROUND = 8
-"""Frames before and after sitting on the floor in which the hips must not be below it either."""
+_AROUND = 0.32
+"""Seconds before and after sitting on the floor in which the hips must not be below it either."""
 _STRETCHED = 0.985
 """Share of an arm's length at which its hand can support: hardly anybody locks the elbow."""
 _COLLAR_DEGREES = 6.0
@@ -69,12 +69,14 @@ def perform(
     actor = _Actor(body, script, times, _Unrest.draw(rng, times), betas)
     on_floor = through(script.on_floor, times)[:, 0]
     root = actor.scripted_root()
-    near = np.flatnonzero(maximum_filter1d(on_floor, 1 + 2 * _AROUND))
+    step = times[1] - times[0] if len(times) > 1 else 1.0
+    near = np.flatnonzero(maximum_filter1d(on_floor, 1 + 2 * round(_AROUND / step)))
+    mesh = Mesh(body)
     for _ in range(2 if len(near) else 0):
         # Sinking hips turn the thighs, on whose flesh people sit: the second round takes the rest off.
         params = actor.params(actor.pose(root))
-        gap = seat_gap(body, Mesh(body)(params[near.tolist()]).numpy())
-        root[near, 1] -= gaussian_filter1d(np.minimum(on_floor[near] * gap, gap), 1.0, mode="nearest")
+        gap = seat_gap(body, mesh(params[near.tolist()]).numpy())
+        root[near, 1] -= gaussian_filter1d(np.minimum(on_floor[near] * gap, gap), 0.04 / step, mode="nearest")
     return actor.params(actor.pose(root))
 
 

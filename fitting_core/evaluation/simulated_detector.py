@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -48,6 +49,8 @@ class Detector:
     """Share of the confidence that is left where a point is out of view."""
     guess: float = 0.0
     """Standard deviation of a further error of body and hands out of view, which lasts; pixels at 720 pixels height."""
+    lost: float = 0.0
+    """Share of the frames out of view in which a point of body or hands is not reported at all."""
     bias: float = 0.0
     """Standard deviation of an error of each body point that stays for the whole clip; pixels at 720 pixels height."""
 
@@ -62,17 +65,48 @@ def flesh() -> Float[np.ndarray, "137"]:
     return depth / 1000
 
 
+def flesh_of(points: Float[np.ndarray, "137 3"], vertices: Float[np.ndarray, "V 3"]) -> Float[np.ndarray, "137"]:
+    """The same for one shape, metres: stout people's keypoints lie deeper than `flesh` says.
+
+    Args:
+        points: Keypoints in the rest pose, z forward, metres.
+        vertices: Of the rest pose.
+    """
+    depth = flesh()
+    for i in range(len(BODY_25)):
+        around = np.linalg.norm(vertices[:, :2] - points[i, :2], axis=1) < _AROUND
+        skin = vertices[around, 2].max(initial=points[i, 2])
+        depth[i] = max(depth[i], _ASLANT * (skin - points[i, 2]))
+    return depth
+
+
+_AROUND = 0.03
+"""Metres beside a keypoint within which the skin in front of it is looked for."""
+_ASLANT = 1.25
+"""How much more flesh a keypoint has in front of it when seen aslant."""
+
+
 def visible(
-    points: Float[np.ndarray, "137 3"], depth: Float[np.ndarray, "H W"], camera: Camera
+    points: Float[np.ndarray, "137 3"],
+    depth: Float[np.ndarray, "H W"],
+    camera: Camera,
+    own: Float[np.ndarray, "137"] | None = None,
 ) -> Bool[np.ndarray, "137"]:
-    """Which keypoints (camera space, metres) nothing but their own flesh hides, by a depth image of the whole scene."""
+    """Which keypoints nothing but their own flesh hides.
+
+    Args:
+        points: Camera space, metres.
+        depth: Image of the whole scene, metres.
+        camera: Its size is the image's.
+        own: Flesh in front of each, metres; None: `flesh`.
+    """
     distance = np.where(points[:, 2:] > 0, points[:, 2:], np.inf)
     xy = points[:, :2] / distance * camera.focal + camera.center
     column, row = np.floor(xy).astype(int).T
     inside = (column >= 0) & (row >= 0) & (column < camera.size[0]) & (row < camera.size[1])
     nearest = np.full(COUNT, np.inf)
     nearest[inside] = depth[row[inside], column[inside]]
-    return inside & (nearest > points[:, 2] - flesh())
+    return inside & (nearest > points[:, 2] - (flesh() if own is None else own))
 
 
 def detect(
@@ -109,8 +143,9 @@ def detect(
     doubt = (1 - confidence)[..., None]
     scale = detector.noise * _per_point(lambda quality: quality.noise)[:, None] * height / 720
     found = xy + noise * scale * (0.6 + 4 * doubt**2)
-    if detector.guess or detector.bias:
+    if detector != Detector():
         found += _lasting(view, times, detector, rng) * height / 720
+        confidence[_lost(view, times, detector.lost, rng)] = 0.0
     for failure in failures:
         frames = np.flatnonzero((times >= failure.start - 1e-9) & (times < failure.stop - 1e-9))
         if len(frames):
@@ -142,10 +177,26 @@ def _lasting(
     for hand in (LEFT_HAND, RIGHT_HAND):
         # A hand out of view is guessed as a whole.
         guess[:, hand] = 0.3 * guess[:, hand] + 0.95 * guess[:, hand.start, None]
-    guess[:, GROUPS["face"]] = 0.0
+    guess *= _GUESSED[:, None]
     bias = np.zeros((COUNT, 2))
     bias[GROUPS["body"]] = rng.standard_normal((len(BODY_25), 2))
     return detector.guess * (1 - view)[..., None] * guess + detector.bias * bias
+
+
+def _lost(view: np.ndarray, times: np.ndarray, share: float, rng: np.random.Generator) -> Bool[np.ndarray, "T 137"]:
+    """Points out of view that are not reported; a hand is lost as a whole."""
+    mood = wander(rng, times, COUNT, seconds=0.3)
+    for hand in (LEFT_HAND, RIGHT_HAND):
+        mood[:, hand] = mood[:, hand.start, None]
+    mood[:, GROUPS["face"]] = np.inf
+    return (view < 0.5) & (mood < NormalDist().inv_cdf(share) if share > 0 else False)
+
+
+_LIMB = ("elbow", "wrist", "hip", "knee", "ankle")
+_GUESSED = np.ones(COUNT)
+"""How large the errors of guesses are: what is on the trunk, the head or a foot in view can hardly be elsewhere."""
+_GUESSED[GROUPS["body"]] = [1.0 if name.endswith(_LIMB) else 0.4 for name in BODY_25]
+_GUESSED[GROUPS["face"]] = 0.0
 
 
 def _confidence(

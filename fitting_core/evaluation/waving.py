@@ -4,7 +4,7 @@ World: x to the person's left, y up, z forward, metres, seconds; the origin lies
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,14 +83,14 @@ def waving(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Scri
         Hazard("dropped", start + 0.2, up + 0.3, ("right_hand",)),
         Hazard("dropped", up, down, ("right_hand",)),
         Hazard("dropped", down, down + 0.6, ("right_wrist", "right_hand")),
-        Hazard("swapped", 0.0, start + 0.4, ("arms",)),
+        Hazard("swapped", 0.0, start + 0.4, ("arms",), likely=0.3),
         Hazard("occluded", up, seconds, ("left_wrist", "left_elbow", "left_hand")),
-        Hazard("swapped", up, seconds, ("legs",)),
+        Hazard("swapped", up, seconds, ("legs",), likely=0.3),
     ]
     if manner.mirror:
         swap = {"right": "left", "left": "right"}
         other = [
-            Hazard(h.kind, h.start, h.stop, tuple("_".join(swap.get(w, w) for w in g.split("_")) for g in h.groups))
+            replace(h, groups=tuple("_".join(swap.get(word, word) for word in g.split("_")) for g in h.groups))
             for h in hazards
         ]
         return mirrored(script), other
