@@ -44,7 +44,7 @@ OUTER = {
 APP_LAYERS = {
     "plain values": "frame_words edit_windows notices changes byte_cache jpeg playback corrected edits edit_log",
     "what a project keeps": "storage project bodies",
-    "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
+    "what is computed to be drawn": "background meshes posed_fit body_regions curves findings suspicion "
     "run_metrics between_runs video_frames",
     "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits session",
     "what all tabs draw from": "desk overlay_video exports exporting",
