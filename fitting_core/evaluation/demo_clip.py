@@ -30,7 +30,7 @@ from fitting_core.evaluation import demo_script
 from fitting_core.evaluation.clothing import Outfit
 from fitting_core.evaluation.performance import in_camera, perform, standing_root
 from fitting_core.evaluation.simulated_detector import detect, visible
-from fitting_core.evaluation.studio import CAMERA, STOOL_MIDDLE, Studio, camera_pose, vertex_normals
+from fitting_core.evaluation.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio, vertex_normals
 from fitting_core.evaluation.truth import Truth, write_truth
 from fitting_core.io.openpose import write_openpose
 
@@ -40,8 +40,8 @@ _VIDEO, _KEYPOINTS, _TRUTH = "video.mp4", "keypoints", "truth.npz"
 _ENCODERS = ("ffmpeg", "avc1", "mp4v")
 """Without VP9, which would take longer than all the rest."""
 _MODULES = (
-    "clothing", "demo_clip", "demo_script", "gestures", "handshapes", "limbs", "motion", "performance", "rasterize",
-    "simulated_detector", "studio", "truth",
+    "clothing", "demo_clip", "demo_script", "floor_contact", "gestures", "handshapes", "limbs", "motion", "performance",
+    "rasterize", "script", "simulated_detector", "studio", "truth", "view",
 )  # fmt: skip
 """Those that shape the clip."""
 _SEAT_RADIUS = 0.17
@@ -147,9 +147,9 @@ def _appearing(folder: Path) -> Iterator[Path]:
 def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) -> tuple[Truth, BodyParams]:
     """The truth, as yet without what is visible, and the parameters in the world."""
     times = np.arange(round(demo_script.SECONDS * frame_rate)) / frame_rate
-    world = perform(body, times, np.random.default_rng([seed, 0]))
+    world = perform(body, demo_script.SCRIPT, times, np.random.default_rng([seed, 0]), betas=demo_script.BETAS)
     rest, _ = standing_root(body, demo_script.BETAS)
-    params = in_camera(world, rest[0], *camera_pose())
+    params = in_camera(world, rest[0], *VIEW.pose())
     points, exists = keypoints_in_space(body, params)
     pixels = np.zeros((*points.shape[:2], 2))
     pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()

@@ -4,33 +4,13 @@ World: x to the person's left, y up, z forward, metres, seconds; the origin lies
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from fitting_core.evaluation.motion import Key
+from fitting_core.evaluation.script import ArmKey, Failure, Script
 
-Vector = tuple[float, float, float]
 SECONDS = 5.8
 BETAS = (0.5, -0.7, 0.4, -0.3, 0.3, 0.2, -0.2, 0.1, 0.0, 0.1)
-
-
-@dataclass(frozen=True)
-class ArmKey:
-    """An arm at one time. Written for the left arm; the right one mirrors x."""
-
-    time: float
-    wrist: Vector
-    """From the middle between the shoulders, in the chest's axes; or from the knee in the world's."""
-    fingers: Vector
-    """World direction of the straight fingers."""
-    palm: Vector
-    """World direction that the palm faces."""
-    shape: str
-    """One of HANDSHAPES."""
-    elbow: Vector = (0.6, -0.8, -0.35)
-    """World direction in which the elbow points."""
-    on_knee: float = 0.0
-    """1 where the wrist is counted from the knee, 0 where from the chest."""
 
 
 _HANGING: dict[str, Any] = dict(
@@ -38,14 +18,14 @@ _HANGING: dict[str, Any] = dict(
                 elbow=(0.35, -0.1, -1.0))  # fmt: skip
 _ON_THIGH: dict[str, Any] = dict(
     wrist=(-0.015, 0.142, -0.21), fingers=(-0.22, -0.12, 1.0), palm=(0.0, -1.0, -0.1), shape="relaxed",
-                 elbow=(0.75, -0.5, -0.5), on_knee=1.0)  # fmt: skip
+                 elbow=(0.75, -0.5, -0.5), anchor="knee")  # fmt: skip
 _READY: dict[str, Any] = dict(
     wrist=(0.15, -0.30, 0.27), fingers=(-0.75, 0.2, 0.6), palm=(-0.2, -0.6, -0.75), shape="relaxed"
 )
 _FINGERS_UP_IN: dict[str, Any] = dict(fingers=(-0.5, 0.9, 0.2), palm=(-0.15, 0.0, -1.0), shape="spread")
 _FINGERS_UP_OUT: dict[str, Any] = dict(fingers=(0.22, 1.0, 0.3), palm=(0.1, -0.3, 1.0), shape="spread")
 
-RIGHT_ARM: Sequence[ArmKey] = (
+_RIGHT_ARM: Sequence[ArmKey] = (
     ArmKey(0.00, **_HANGING),
     ArmKey(0.16, **_HANGING),
     ArmKey(0.42, (0.25, -0.16, 0.24), (-0.15, 0.45, 0.9), (-1.0, 0.0, 0.0), "relaxed", (0.8, -0.5, -0.3)),
@@ -72,44 +52,43 @@ RIGHT_ARM: Sequence[ArmKey] = (
     ArmKey(4.85, **_ON_THIGH),
     ArmKey(5.80, **_ON_THIGH),
 )
-LEFT_ARM: Sequence[ArmKey] = (
+_LEFT_ARM: Sequence[ArmKey] = (
     ArmKey(0.00, **_HANGING),
     ArmKey(1.30, **_HANGING),
     ArmKey(1.80, **_READY),
     ArmKey(2.24, (0.14, -0.24, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     ArmKey(2.42, (0.14, -0.245, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
     ArmKey(2.72, (0.14, -0.245, 0.28), (-0.85, 0.0, 0.5), (0.0, -1.0, 0.0), "fist", (0.8, -0.6, -0.2)),
-    *RIGHT_ARM[13:],
+    *_RIGHT_ARM[13:],
 )
-ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
+_ARMS = {"left": _LEFT_ARM, "right": _RIGHT_ARM}
 # Pitch (forward), yaw (to the person's left), roll (to the person's right), degrees.
-HIPS_TURN: Sequence[Key] = (
+_HIPS_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.7, (0, -3, 1)), (1.7, (0, 4, -1)), (2.5, (2, 0, 0)), (3.5, (0, 0, 0)), (3.66, (2, 0, 0)),
     (4.05, (20, 0, 0)), (4.4, (28, 0, 0)), (4.85, (4, 0, 0)), (5.1, (-11, 0, 0)), (5.8, (-11, 0, 0)),
 )  # fmt: skip
-SPINE_TURN: Sequence[Key] = (
+_SPINE_TURN: Sequence[Key] = (
     (0.0, (0, 0, 0)), (0.75, (-2, -6, 2)), (1.2, (0, -8, 3)), (1.75, (6, 10, -2)), (2.4, (7, 2, 0)), (3.1, (3, 0, 0)),
     (3.45, (-3, 0, 0)), (3.66, (2, 0, 0)), (4.05, (11, 0, 0)), (4.4, (16, 0, 0)), (4.9, (15, 0, 0)), (5.2, (9, 0, 0)),
     (5.8, (8, 3, 0)),
 )  # fmt: skip
-HEAD_TURN: Sequence[Key] = (
+_HEAD_TURN: Sequence[Key] = (
     (0.0, (0, 8, 0)), (0.7, (-3, 4, 5)), (1.2, (2, 16, 2)), (1.75, (-3, 22, -3)), (2.4, (10, 6, 2)), (2.75, (9, 6, 2)),
     (3.1, (0, 8, 0)), (3.45, (-6, 12, 0)), (3.7, (4, 6, 0)), (4.05, (-4, 4, 0)), (4.4, (-16, 4, 0)),
     (4.9, (-6, 8, 0)), (5.2, (2, 14, -2)), (5.38, (10, 14, -2)), (5.56, (1, 15, -3)), (5.8, (1, 15, -3)),
 )  # fmt: skip
-HIPS_PATH: Sequence[Key] = (
+_HIPS_PATH: Sequence[Key] = (
     (0.0, (0.004, -0.005, 0)), (1.1, (-0.012, -0.006, 0)), (2.1, (0.012, -0.007, 0.006)), (3.2, (0, -0.005, 0)),
     (3.66, (0, -0.007, 0)), (4.05, (0, -0.10, -0.16)), (4.4, (0, -0.25, -0.31)), (4.85, (0, -0.385, -0.385)),
     (5.0, (0, -0.392, -0.388)), (5.2, (0, -0.385, -0.388)), (5.8, (0, -0.385, -0.388)),
 )  # fmt: skip
-"""Of the pelvis joint, from where it is when the person stands upright."""
-JAW_DEGREES: Sequence[Key] = (
+_JAW_DEGREES: Sequence[Key] = (
     (0.0, (0,)), (0.6, (0,)), (0.82, (6,)), (1.0, (2,)), (1.2, (7,)), (1.4, (1,)), (1.62, (1,)), (1.8, (5,)),
     (2.0, (1,)), (2.3, (2,)), (2.45, (6,)), (2.6, (2,)), (2.75, (6,)), (2.95, (1,)), (3.4, (7,)), (3.65, (0,)),
     (5.8, (0,)),
 )  # fmt: skip
 _BLINKS = (0.45, 1.47, 2.98, 4.12, 5.02)
-FACE: dict[str, Sequence[Key]] = {
+_FACE: dict[str, Sequence[Key]] = {
     "blink": [key for t in _BLINKS for key in ((t - 0.1, (0,)), (t, (1.1,)), (t + 0.14, (0,)))],
     "smile": (
         (0.0, (0.1,)), (0.55, (0.1,)), (0.95, (1,)), (1.5, (0.3,)), (2.4, (0,)), (3.2, (0.2,)), (3.5, (0.7,)),
@@ -120,20 +99,6 @@ FACE: dict[str, Sequence[Key]] = {
     ),
     "lowered_brows": ((2.1, (0,)), (2.4, (1,)), (2.8, (0.8,)), (3.05, (0,))),
 }  # fmt: skip
-"""Strength (0 to 1) of gestures of fitting_core.evaluation.gestures."""
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A stretch in which the detector of the demo fails."""
-
-    kind: str
-    """One of FAILURES in fitting_core.evaluation.simulated_detector."""
-    start: float
-    stop: float
-    """Seconds; the frame at `stop` is fine again."""
-    groups: tuple[str, ...]
-    """Names of keypoints or their beginnings, as in fitting_core.keypoints.NAMES."""
 
 
 _RIGHT_LOWER_LEG = ("right_knee", "right_ankle", "right_big_toe", "right_small_toe", "right_heel")
@@ -143,4 +108,14 @@ FAILURES = (
     Failure("swapped", 2.36, 2.56, ("arms",)),
     Failure("occluded", 4.24, 4.76, _RIGHT_LOWER_LEG),
     Failure("dropped", 4.40, 4.64, ("right_hand",)),
+)
+SCRIPT = Script(
+    seconds=SECONDS,
+    arms=_ARMS,
+    hips_path=_HIPS_PATH,
+    hips_turn=_HIPS_TURN,
+    spine_turn=_SPINE_TURN,
+    head_turn=_HEAD_TURN,
+    jaw_degrees=_JAW_DEGREES,
+    face=_FACE,
 )

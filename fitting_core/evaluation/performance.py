@@ -1,30 +1,28 @@
-"""Plays the script of the demo clip: from its keyframes to the parameters of a body, by inverse kinematics.
+"""Plays a script: from its keyframes to the parameters of a body, by inverse kinematics.
 
 World: x to the person's left, y up, z forward, metres, seconds; the origin lies on the floor between the feet.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.evaluation import demo_script as script
+from fitting_core.evaluation.floor_contact import FootShape, HandShape, seat_gap
 from fitting_core.evaluation.gestures import expressions
 from fitting_core.evaluation.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.evaluation.motion import Key, directions_through, through, wander
+from fitting_core.evaluation.script import SIDES, FootKey, Script
 
-_FOOT_OUTWARD_DEGREES = 9.0
-_FOOT_SPREAD = 0.115
-"""From the middle to each ankle, metres."""
 _COLLAR_DEGREES = 6.0
 """How far a shoulder sinks when the arm hangs."""
-_SIDES = (("left", 1.0), ("right", -1.0))
 
 
 def standing_root(body: BodyModel, betas: Sequence[float]) -> tuple[Float[np.ndarray, "55 3"], float]:
@@ -33,22 +31,46 @@ def standing_root(body: BodyModel, betas: Sequence[float]) -> tuple[Float[np.nda
     return body.joint_regressor @ shaped, float(shaped[:, 1].min())
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Unrest:
+    """What no script says: nobody stands still. Unit variance, smooth in time."""
+
+    hips: Float[np.ndarray, "T 3"]
+    spine: Float[np.ndarray, "T 3"]
+    head: Float[np.ndarray, "T 3"]
+    wrists: Mapping[str, Float[np.ndarray, "T 3"]]
+    fingers: Mapping[str, Float[np.ndarray, "T 45"]]
+
+    @staticmethod
+    def draw(rng: np.random.Generator, times: Float[np.ndarray, "T"]) -> "_Unrest":
+        return _Unrest(
+            hips=wander(rng, times, 3, seconds=0.5),
+            spine=wander(rng, times, 3, seconds=0.4),
+            head=wander(rng, times, 3, seconds=0.3),
+            wrists={side: wander(rng, times, 3, seconds=0.15) for side in SIDES},
+            fingers={side: wander(rng, times, 45, seconds=0.25) for side in SIDES},
+        )
+
+
 def perform(
     body: BodyModel,
+    script: Script,
     times: Float[np.ndarray, "T"],
     rng: np.random.Generator,
     *,
-    betas: Sequence[float] = script.BETAS,
+    betas: Sequence[float],
 ) -> BodyParams:
     """The performance at some times (seconds, evenly spaced) in the WORLD: `in_camera` turns it into a camera's."""
-    rest, floor = standing_root(body, betas)
-    sway = wander(rng, times, 3, seconds=0.5) * [0.003, 0.0, 0.003]
-    figure = Figure(rest, body.parents, rest[0] - [0, floor, 0] + through(script.HIPS_PATH, times) + sway)
-    _pose_trunk(figure, times, rng)
-    for side, sign in _SIDES:
-        _pose_leg(figure, side, sign, floor)
-        _pose_arm(figure, side, sign, times, rng)
-    return _params(body, figure, times, betas)
+    actor = _Actor(body, script, times, _Unrest.draw(rng, times), betas)
+    on_floor = through(script.on_floor, times)[:, 0]
+    root = actor.scripted_root()
+    for _ in range(2 if on_floor.any() else 0):
+        # Sinking hips turn the thighs, on whose flesh people sit: the second round takes the rest off.
+        params = actor.params(actor.pose(root))
+        sitting = np.flatnonzero(on_floor)
+        gap = seat_gap(body, Mesh(body)(params[sitting.tolist()]).numpy())
+        root[sitting, 1] -= on_floor[sitting] * gap
+    return actor.params(actor.pose(root))
 
 
 def in_camera(
@@ -70,83 +92,131 @@ def in_camera(
     )
 
 
-def _pose_trunk(figure: Figure, times: np.ndarray, rng: np.random.Generator) -> None:
-    def turn(joint: str, degrees: np.ndarray) -> None:
-        yaw_pitch_roll = degrees[:, [1, 0, 2]]
-        figure.turn(joint, Rotation.from_euler("YXZ", yaw_pitch_roll, degrees=True).as_matrix())
+class _Actor:
+    """A body of one shape that plays a script at some times."""
 
-    breath = np.stack([-0.8 * np.sin(2 * np.pi * times / 3.4), 0 * times, 0 * times], 1)
-    turn("pelvis", through(script.HIPS_TURN, times))
-    spine = through(script.SPINE_TURN, times, smoothing=0.06) + 0.6 * wander(rng, times, 3, seconds=0.4) + breath
-    for joint, share in (("spine1", 0.3), ("spine2", 0.35), ("spine3", 0.35)):
-        turn(joint, share * spine)
-    head = through(script.HEAD_TURN, times) + 0.8 * wander(rng, times, 3, seconds=0.3)
-    turn("neck", 0.4 * head)
-    turn("head", 0.6 * head)
+    def __init__(
+        self, body: BodyModel, script: Script, times: Float[np.ndarray, "T"], unrest: _Unrest, betas: Sequence[float]
+    ) -> None:
+        self.body, self.script, self.times, self.unrest, self.betas = body, script, times, unrest, betas
+        self.rest, self.floor = standing_root(body, betas)
+        shaped = body.template + body.shape_directions @ np.array(betas)
+        self.feet = {side: FootShape.of(body, shaped, self.rest, side) for side in SIDES}
+        self.hands = {side: HandShape.of(body, shaped, self.rest, side) for side in SIDES}
+
+    def scripted_root(self) -> Float[np.ndarray, "T 3"]:
+        """Where the script wants the pelvis joint."""
+        upright = self.rest[0] - [0, self.floor, 0]
+        return upright + through(self.script.hips_path, self.times) + self.unrest.hips * [0.003, 0.0, 0.003]
+
+    def pose(self, root: Float[np.ndarray, "T 3"]) -> Figure:
+        """All joints, for a path of the pelvis joint."""
+        figure = Figure(self.rest, self.body.parents, root)
+        self._pose_trunk(figure)
+        for side, sign in SIDES.items():
+            self._pose_leg(figure, side, sign)
+            self._pose_arm(figure, side, sign)
+        return figure
+
+    def _pose_trunk(self, figure: Figure) -> None:
+        def turn(joint: str, degrees: np.ndarray) -> None:
+            yaw_pitch_roll = degrees[:, [1, 0, 2]]
+            figure.turn(joint, Rotation.from_euler("YXZ", yaw_pitch_roll, degrees=True).as_matrix())
+
+        times, script = self.times, self.script
+        breath = np.stack([-0.8 * np.sin(2 * np.pi * times / 3.4), 0 * times, 0 * times], 1)
+        turn("pelvis", through(script.hips_turn, times))
+        spine = through(script.spine_turn, times, smoothing=0.06) + 0.6 * self.unrest.spine + breath
+        for joint, share in (("spine1", 0.3), ("spine2", 0.35), ("spine3", 0.35)):
+            turn(joint, share * spine)
+        head = through(script.head_turn, times) + 0.8 * self.unrest.head
+        turn("neck", 0.4 * head)
+        turn("head", 0.6 * head)
+
+    def _pose_leg(self, figure: Figure, side: str, sign: float) -> None:
+        """Feet stand where the script says: the knees follow from the hips."""
+        keys, shape = self.script.feet[side], self.feet[side]
+
+        def channel(value: Callable[[FootKey], Sequence[float]]) -> Float[np.ndarray, "T D"]:
+            return through([(key.time, value(key)) for key in keys], self.times)
+
+        place = channel(lambda key: key.place) * [sign, 1.0]
+        degrees = channel(lambda key: (sign * key.yaw, key.heel, -sign * key.roll))
+        foot = Rotation.from_euler("YZX", degrees[:, [0, 2, 1]], degrees=True).as_matrix()
+        toes = Rotation.from_euler("X", -degrees[:, 1:2], degrees=True).as_matrix()
+        ankle = shape.ankle(place, foot, toes, channel(lambda key: (key.lift,))[:, 0])
+        knees = [(key.time, np.multiply(key.knee, [sign, 1.0, 1.0])) for key in keys]
+        figure.reach(LIMBS[f"{side}_leg"], ankle, directions_through(knees, self.times), foot)
+        figure.turn(f"{side}_foot", toes)
+
+    def _pose_arm(self, figure: Figure, side: str, sign: float) -> None:
+        keys, times = self.script.arms[side], self.times
+        mirror = np.array([sign, 1.0, 1.0])
+
+        def channel(name: str) -> list[Key]:
+            return [(key.time, np.multiply(getattr(key, name), mirror)) for key in keys]
+
+        hand = hand_rotation(
+            directions_through(channel("fingers"), times), directions_through(channel("palm"), times), side
+        )
+        elbow = directions_through(channel("elbow"), times, smoothing=0.08)
+        lift = through([(key.time, (key.wrist[1],)) for key in keys if key.anchor != "floor"], times)[:, 0]
+        collar = sign * np.where(lift > -0.3, 0.6 * _COLLAR_DEGREES * (lift + 0.3) / 0.3, 0.0) - sign * _COLLAR_DEGREES
+        figure.turn(f"{side}_collar", Rotation.from_euler("z", collar[:, None], degrees=True).as_matrix())
+        wrist = self._wrist_path(figure, side, mirror, hand) + 0.002 * self.unrest.wrists[side]
+        figure.reach(LIMBS[f"{side}_arm"], wrist, elbow, hand)
+        shapes = [(key.time, finger_angles(HANDSHAPES[key.shape], side).reshape(45)) for key in keys]
+        angles = through(shapes, times) + np.radians(1.5) * self.unrest.fingers[side]
+        for k, joint in enumerate(f"{side}_{finger}{n}" for finger in FINGERS for n in (1, 2, 3)):
+            figure.turn(joint, Rotation.from_rotvec(angles[:, 3 * k : 3 * k + 3]).as_matrix())
+
+    def _wrist_path(self, figure: Figure, side: str, mirror: np.ndarray, hand: np.ndarray) -> Float[np.ndarray, "T 3"]:
+        """Where the wrist should be: counted from one anchor, or on the way from one to the next."""
+        keys = self.script.arms[side]
+        path, total = np.zeros((len(self.times), 3)), np.zeros((len(self.times), 1))
+        for anchor in sorted({key.anchor for key in keys}):
+            offset = through(
+                [(key.time, np.multiply(key.wrist, mirror)) for key in keys if key.anchor == anchor], self.times
+            )
+            weight = through([(key.time, (float(key.anchor == anchor),)) for key in keys], self.times)
+            path += weight * _ANCHORS[anchor](self, figure, side, offset, hand)
+            total += weight
+        return path / total
+
+    def params(self, figure: Figure) -> BodyParams:
+        """Parameters of the posed figure in the world, with the script's face."""
+        body, script, times = self.body, self.script, self.times
+        pose = Rotation.from_matrix(figure.local.reshape(-1, 3, 3)).as_rotvec().reshape(len(times), N_JOINTS, 3)
+        left, right = (pose[:, first : first + 15].reshape(len(times), 45) for first in (25, 40))
+        face = {name: through(keys, times, smoothing=0.02)[:, 0] for name, keys in script.face.items()}
+        arrays = dict(
+            betas=np.tile(self.betas, (len(times), 1)),
+            global_orient=pose[:, 0],
+            body_pose=pose[:, 1:22].reshape(len(times), 63),
+            left_hand_pose=left - body.hand_mean[0],
+            right_hand_pose=right - body.hand_mean[1],
+            jaw_pose=np.radians(through(script.jaw_degrees, times)) * [1.0, 0.0, 0.0],
+            leye_pose=np.zeros((len(times), 3)),
+            reye_pose=np.zeros((len(times), 3)),
+            expression=np.zeros((len(times), 10)) + expressions(body, face),
+            camera_translation=figure.root - figure.rest[0],
+        )
+        return BodyParams(**{name: torch.as_tensor(array) for name, array in arrays.items()})
 
 
-def _pose_leg(figure: Figure, side: str, sign: float, floor: float) -> None:
-    """Feet stand flat where they stand: the knees follow from the hips."""
-    ankle = figure.rest[JOINT[f"{side}_ankle"]]
-    frames = len(figure.root)
-    target = np.tile([sign * _FOOT_SPREAD, ankle[1] - floor, ankle[2]], (frames, 1))
-    foot = Rotation.from_euler("y", sign * _FOOT_OUTWARD_DEGREES, degrees=True).as_matrix()
-    pole = np.tile([sign * 0.22, 0.0, 1.0], (frames, 1))
-    figure.reach(LIMBS[f"{side}_leg"], target, pole, np.tile(foot, (frames, 1, 1)))
-
-
-def _pose_arm(figure: Figure, side: str, sign: float, times: np.ndarray, rng: np.random.Generator) -> None:
-    keys = script.ARMS[side]
-    mirror = np.array([sign, 1.0, 1.0])
-
-    def channel(name: str) -> list[Key]:
-        return [(key.time, np.multiply(getattr(key, name), mirror)) for key in keys]
-
-    fingers = directions_through(channel("fingers"), times)
-    palm = directions_through(channel("palm"), times)
-    elbow = directions_through(channel("elbow"), times, smoothing=0.08)
-    lift = through([(key.time, (key.wrist[1],)) for key in keys], times)[:, 0]
-    collar = sign * np.where(lift > -0.3, 0.6 * _COLLAR_DEGREES * (lift + 0.3) / 0.3, 0.0) - sign * _COLLAR_DEGREES
-    figure.turn(f"{side}_collar", Rotation.from_euler("z", collar[:, None], degrees=True).as_matrix())
-    wrist = _wrist_path(figure, side, keys, mirror, times) + 0.002 * wander(rng, times, 3, seconds=0.15)
-    figure.reach(LIMBS[f"{side}_arm"], wrist, elbow, hand_rotation(fingers, palm, side))
-    shapes = [(key.time, finger_angles(HANDSHAPES[key.shape], side).reshape(45)) for key in keys]
-    angles = through(shapes, times) + np.radians(1.5) * wander(rng, times, 45, seconds=0.25)
-    for k, joint in enumerate(f"{side}_{finger}{n}" for finger in FINGERS for n in (1, 2, 3)):
-        figure.turn(joint, Rotation.from_rotvec(angles[:, 3 * k : 3 * k + 3]).as_matrix())
-
-
-def _wrist_path(
-    figure: Figure, side: str, keys: Sequence[script.ArmKey], mirror: np.ndarray, times: np.ndarray
-) -> Float[np.ndarray, "T 3"]:
-    """Where the wrist should be: counted from the chest, from the knee, or on the way from one to the other."""
-    wrists = [(key.time, np.multiply(key.wrist, mirror), key.on_knee) for key in keys]
+def _from_chest(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, hand: np.ndarray) -> np.ndarray:
     chest, _ = figure.world("spine3")
     shoulders = (figure.world("left_shoulder")[1] + figure.world("right_shoulder")[1]) / 2
-    from_chest = through([(time, offset) for time, offset, on_knee in wrists if on_knee == 0], times)
-    from_knee = through([(time, offset) for time, offset, on_knee in wrists if on_knee == 1], times)
-    weight = through([(key.time, (key.on_knee,)) for key in keys], times)
-    by_chest = shoulders + (chest @ from_chest[..., None])[..., 0]
-    by_knee = figure.world(f"{side}_knee")[1] + from_knee
-    return (1 - weight) * by_chest + weight * by_knee
+    return shoulders + (chest @ offset[..., None])[..., 0]
 
 
-def _params(body: BodyModel, figure: Figure, times: np.ndarray, betas: Sequence[float]) -> BodyParams:
-    pose = Rotation.from_matrix(figure.local.reshape(-1, 3, 3)).as_rotvec().reshape(len(times), N_JOINTS, 3)
-    jaw = np.radians(through(script.JAW_DEGREES, times)) * [1.0, 0.0, 0.0]
-    left, right = (pose[:, first : first + 15].reshape(len(times), 45) for first in (25, 40))
-    arrays = dict(
-        betas=np.tile(betas, (len(times), 1)),
-        global_orient=pose[:, 0],
-        body_pose=pose[:, 1:22].reshape(len(times), 63),
-        left_hand_pose=left - body.hand_mean[0],
-        right_hand_pose=right - body.hand_mean[1],
-        jaw_pose=jaw,
-        leye_pose=np.zeros((len(times), 3)),
-        reye_pose=np.zeros((len(times), 3)),
-        expression=expressions(
-            body, {name: through(keys, times, smoothing=0.02)[:, 0] for name, keys in script.FACE.items()}
-        ),
-        camera_translation=figure.root - figure.rest[0],
-    )
-    return BodyParams(**{name: torch.as_tensor(array) for name, array in arrays.items()})
+def _from_knee(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, hand: np.ndarray) -> np.ndarray:
+    return figure.world(f"{side}_knee")[1] + offset
+
+
+def _from_floor(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, hand: np.ndarray) -> np.ndarray:
+    return offset + np.stack([0 * actor.times, actor.hands[side].height(hand), 0 * actor.times], 1)
+
+
+_ANCHORS = {"chest": _from_chest, "knee": _from_knee, "floor": _from_floor}
+"""World position of the wrist (T, 3) from its offset: see ArmKey.anchor."""

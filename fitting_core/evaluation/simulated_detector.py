@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
 from fitting_core.camera import Camera
-from fitting_core.evaluation.demo_script import Failure
 from fitting_core.evaluation.motion import wander
+from fitting_core.evaluation.script import Failure
 from fitting_core.keypoints import BODY_25, COUNT, GROUPS, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 
 MISSING = 0.05
@@ -34,6 +34,22 @@ _QUALITY = {
     "body": _Quality(0.88, 1.7), "left_hand": _Quality(0.80, 1.0), "right_hand": _Quality(0.80, 1.0),
     "face": _Quality(0.86, 0.6),
 }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detector:
+    """How good a detector is; the values here are those of the demo clip."""
+
+    noise: float = 1.0
+    """Against the usual."""
+    confidence: float = 1.0
+    """Against the usual."""
+    hidden: float = 0.3
+    """Share of the confidence that is left where a point is out of view."""
+    guess: float = 0.0
+    """Standard deviation of a further error of body and hands out of view, which lasts; pixels at 720 pixels height."""
+    bias: float = 0.0
+    """Standard deviation of an error of each body point that stays for the whole clip; pixels at 720 pixels height."""
 
 
 def flesh() -> Float[np.ndarray, "137"]:
@@ -68,6 +84,7 @@ def detect(
     height: int,
     failures: Sequence[Failure],
     rng: np.random.Generator,
+    detector: Detector = Detector(),
 ) -> Keypoints:
     """Keypoints as detected.
 
@@ -82,14 +99,18 @@ def detect(
         height: Of the image, pixels.
         failures: Stretches in which something goes wrong.
         rng: Source of all chance.
+        detector: How good it is.
     """
     times = np.arange(len(xy)) / frame_rate
-    confidence = _confidence(xy, seen, times, height, rng) * exists
+    view = _view(seen, times)
+    confidence = detector.confidence * _confidence(xy, view, times, height, detector.hidden, rng) * exists
     slow = wander(rng, times, 2 * COUNT, seconds=0.12).reshape(xy.shape)
     noise = 0.8 * slow + 0.6 * rng.standard_normal(xy.shape)
     doubt = (1 - confidence)[..., None]
-    scale = _per_point(lambda quality: quality.noise)[:, None] * height / 720
-    found, confidence = xy + noise * scale * (0.6 + 4 * doubt**2), confidence.copy()
+    scale = detector.noise * _per_point(lambda quality: quality.noise)[:, None] * height / 720
+    found = xy + noise * scale * (0.6 + 4 * doubt**2)
+    if detector.guess or detector.bias:
+        found += _lasting(view, times, detector, rng) * height / 720
     for failure in failures:
         frames = np.flatnonzero((times >= failure.start - 1e-9) & (times < failure.stop - 1e-9))
         if len(frames):
@@ -107,15 +128,34 @@ def _per_point(value: Callable[[_Quality], float]) -> Float[np.ndarray, "137"]:
     return result
 
 
+def _view(seen: np.ndarray, times: np.ndarray) -> Float[np.ndarray, "T 137"]:
+    """How far points are in view, 0 to 1: it takes a detector some frames to lose and to find one."""
+    step = times[1] - times[0] if len(times) > 1 else 1.0
+    return gaussian_filter1d(seen.astype(float), 0.06 / step, axis=0, mode="nearest")
+
+
+def _lasting(
+    view: np.ndarray, times: np.ndarray, detector: Detector, rng: np.random.Generator
+) -> Float[np.ndarray, "T 137 2"]:
+    """Errors that last, in pixels at 720 pixels height: of body points always, of what is out of view more."""
+    guess = wander(rng, times, 2 * COUNT, seconds=0.35).reshape(len(times), COUNT, 2)
+    for hand in (LEFT_HAND, RIGHT_HAND):
+        # A hand out of view is guessed as a whole.
+        guess[:, hand] = 0.3 * guess[:, hand] + 0.95 * guess[:, hand.start, None]
+    guess[:, GROUPS["face"]] = 0.0
+    bias = np.zeros((COUNT, 2))
+    bias[GROUPS["body"]] = rng.standard_normal((len(BODY_25), 2))
+    return detector.guess * (1 - view)[..., None] * guess + detector.bias * bias
+
+
 def _confidence(
-    xy: np.ndarray, seen: np.ndarray, times: np.ndarray, height: int, rng: np.random.Generator
+    xy: np.ndarray, view: np.ndarray, times: np.ndarray, height: int, hidden: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "T 137"]:
     step = times[1] - times[0] if len(times) > 1 else 1.0
-    view = gaussian_filter1d(seen.astype(float), 0.06 / step, axis=0, mode="nearest")
     speed = np.linalg.norm(np.gradient(xy, step, axis=0), axis=2) / height if len(xy) > 1 else np.zeros(xy.shape[:2])
     best = _per_point(lambda quality: quality.confidence)
     # A point that crosses the image's height in 1.5 s is blurred enough to halve the confidence.
-    confidence = best * (0.3 + 0.7 * view) / (1 + (speed / 0.7) ** 2)
+    confidence = best * (hidden + (1 - hidden) * view) / (1 + (speed / 0.7) ** 2)
     return np.clip(confidence + 0.05 * wander(rng, times, COUNT, seconds=0.2), 0.0, 1.0)
 
 

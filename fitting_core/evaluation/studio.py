@@ -9,11 +9,10 @@ from jaxtyping import Float, Int, UInt8
 from fitting_core.camera import Camera
 from fitting_core.evaluation.clothing import Outfit
 from fitting_core.evaluation.rasterize import rasterize
+from fitting_core.evaluation.view import View
 
 CAMERA = Camera(focal=(1400.0, 1400.0), center=(270.0, 360.0), size=(540, 720), source="the demo's own camera")
-DISTANCE, HEIGHT, AZIMUTH_DEGREES = 4.05, 1.25, 24.0
-"""Of the camera: metres from the middle, metres above the floor, degrees to the person's left."""
-LOOKING_AT = (0.0, 0.87, -0.13)
+VIEW = View(azimuth=24.0, height=1.25, distance=4.05, looking_at=(0.0, 0.87, -0.13))
 STOOL_MIDDLE = (0.0, -0.405)
 """x and z of the stool."""
 _SAMPLES = 2
@@ -29,18 +28,6 @@ _LIGHTS = (
 _AMBIENT = 0.30
 
 
-def camera_pose() -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-    """Rotation and translation from the world (y up) to camera space: x_camera = rotation @ x_world + translation."""
-    angle = np.radians(AZIMUTH_DEGREES)
-    place = np.array([DISTANCE * np.sin(angle), HEIGHT, LOOKING_AT[2] + DISTANCE * np.cos(angle)])
-    forward = np.array(LOOKING_AT) - place
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    return rotation, -rotation @ place
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solid:
     """A thing in the room: triangles that share no corners, so that edges stay sharp."""
@@ -52,11 +39,17 @@ class Solid:
 
 
 class Studio:
-    """The empty room, drawn once, to which each frame adds the person."""
+    """The empty room, drawn once, to which each frame adds the person.
 
-    def __init__(self, camera: Camera = CAMERA, *, seat_height: float) -> None:
+    Args:
+        camera: Its size must be even.
+        seat_height: Of the stool, metres; None: there is none.
+        view: Where the camera stands.
+    """
+
+    def __init__(self, camera: Camera = CAMERA, *, seat_height: float | None, view: View = VIEW) -> None:
         self.camera = camera
-        self.rotation, self.translation = camera_pose()
+        self.rotation, self.translation = view.pose()
         factor = _SAMPLES
         self._large = Camera(
             focal=(camera.focal[0] * factor, camera.focal[1] * factor),
@@ -64,14 +57,17 @@ class Studio:
             size=(camera.size[0] * factor, camera.size[1] * factor),
         )
         self._depth = np.full(self._large.size[::-1], np.inf)
-        color, floor = self._room()
-        solid = stool(seat_height)
-        self._floor = floor
-        color *= self._shadow(_points_on(solid))[..., None]
+        self._color, self._floor = self._room()
+        if seat_height is not None:
+            self._add(stool(seat_height))
+
+    def _add(self, solid: Solid) -> None:
+        """Put a thing into the empty room."""
+        color = self._color * self._shadow(_points_on(solid))[..., None]
         fragments = rasterize(self.to_camera(solid.vertices), solid.faces, self._large, self._depth)
         shade = light(fragments.interpolate(solid.faces, solid.normals))
         self._color, covered = self._over(color, fragments.pixel, _WOOD * shade[:, None])
-        self._floor = floor * (1 - covered)
+        self._floor = self._floor * (1 - covered)
 
     def to_camera(self, points: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
         """From the world to camera space."""

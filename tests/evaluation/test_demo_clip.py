@@ -15,7 +15,7 @@ from fitting_core.body.registry import FREE_FOLDER, find_body
 from fitting_core.errors import InputError
 from fitting_core.evaluation import demo_clip
 from fitting_core.evaluation.demo_clip import DemoClip, cached_demo, make_demo
-from fitting_core.evaluation.demo_script import BETAS, FAILURES, SECONDS
+from fitting_core.evaluation.demo_script import BETAS, FAILURES, SCRIPT, SECONDS
 from fitting_core.evaluation.performance import perform, standing_root
 from fitting_core.evaluation.studio import CAMERA
 from fitting_core.evaluation.truth import Truth, read_truth
@@ -153,7 +153,7 @@ def test_same_seed_same_clip_and_another_seed_another(
 
 def test_feet_stand_still_on_the_floor_and_the_hips_sink_backward(body: BodyModel) -> None:
     times = np.arange(0, SECONDS, 0.1)
-    params = perform(body, times, np.random.default_rng(0))
+    params = perform(body, SCRIPT, times, np.random.default_rng(0), betas=BETAS)
     vertices, joints = Mesh(body)(params).numpy(), Mesh(body).joints(params).numpy()
     soles = body.skinning_weights[:, [JOINT["left_foot"], JOINT["right_foot"]]].sum(1) > 0.9
     assert np.ptp(vertices[:, soles], axis=0).max() < 1e-4
@@ -166,7 +166,7 @@ def test_feet_stand_still_on_the_floor_and_the_hips_sink_backward(body: BodyMode
 
 def test_motion_is_as_smooth_as_a_persons(body: BodyModel) -> None:
     times = np.arange(0, SECONDS, 1 / 25)
-    joints = Mesh(body).joints(perform(body, times, np.random.default_rng(0))).numpy()
+    joints = Mesh(body).joints(perform(body, SCRIPT, times, np.random.default_rng(0), betas=BETAS)).numpy()
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=2) * 25
     wrists = speed[:, [JOINT["left_wrist"], JOINT["right_wrist"]]]
     # Signing wrists move at 1 to 2 m/s at most; the trunk while sitting down at about half a metre per second.
@@ -177,7 +177,7 @@ def test_motion_is_as_smooth_as_a_persons(body: BodyModel) -> None:
 
 
 def test_elbows_and_knees_bend_the_way_they_can(body: BodyModel) -> None:
-    params = perform(body, np.arange(0, SECONDS, 0.1), np.random.default_rng(0))
+    params = perform(body, SCRIPT, np.arange(0, SECONDS, 0.1), np.random.default_rng(0), betas=BETAS)
     pose = params.body_pose.numpy().reshape(len(params), 21, 3)
     for side, sign in (("left", -1.0), ("right", 1.0)):
         assert (sign * pose[:, JOINT[f"{side}_elbow"] - 1, 1] > 0.1).all()
