@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from tcfit_app.evaluate_options import EvaluateOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
@@ -57,6 +58,7 @@ Options = (
     | Annotated[NewOptions, subcommand("new")]
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
+    | Annotated[EvaluateOptions, subcommand("evaluate")]
     | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
@@ -94,6 +96,13 @@ def _demo(options: DemoOptions, command: str) -> int:
     return 0
 
 
+def _evaluate(options: EvaluateOptions, command: str) -> int:
+    from tcfit_app.evaluate_command import run_evaluate
+
+    run_evaluate(options, command=command)
+    return 0
+
+
 def _models(options: Models, command: str) -> int:
     from tcfit_app.models_command import list_models, register_models
 
@@ -124,6 +133,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     NewOptions: _new,
     ReviewOptions: _review,
     DemoOptions: _demo,
+    EvaluateOptions: _evaluate,
     Models: _models,
     Settings: _settings,
     Doctor: _doctor,

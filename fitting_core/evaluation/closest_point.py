@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 _LEAF = 1
 """Triangles of a leaf at most."""
@@ -37,14 +37,14 @@ class SurfaceTree:
     """Faces of each leaf; some stand in it twice, so that all have the same number."""
     boxes: tuple[tuple[np.ndarray, np.ndarray], ...]
     """Middles and half sizes (m, k, 3) of the k boxes in each of m boxes, from the coarsest level to the leaves."""
-    corners: cKDTree
+    corners: KDTree
     """The vertices of faces: a first guess at what is nearest."""
 
     @staticmethod
     def of(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> "SurfaceTree":
         """A tree of any triangles, at least one."""
         assert len(faces)
-        leaves, corners = _leaves(vertices[faces].mean(1)), cKDTree(vertices[:1])
+        leaves, corners = _leaves(vertices[faces].mean(1)), KDTree(vertices[:1])
         return SurfaceTree(vertices=vertices, faces=faces, leaves=leaves, boxes=(), corners=corners).moved(vertices)
 
     def moved(self, vertices: Float[np.ndarray, "V 3"]) -> "SurfaceTree":
@@ -57,7 +57,7 @@ class SurfaceTree:
             low, high = low.reshape(-1, _ARITY, 3), high.reshape(-1, _ARITY, 3)
             boxes.insert(0, _box(low, high))
             low, high = low.min(1), high.max(1)
-        return replace(self, vertices=points, boxes=tuple(boxes), corners=cKDTree(points[_used(self.faces)]))
+        return replace(self, vertices=points, boxes=tuple(boxes), corners=KDTree(points[_used(self.faces)]))
 
     def closest(self, points: Float[np.ndarray, "N 3"]) -> Closest:
         """For each point the nearest one of the surface.

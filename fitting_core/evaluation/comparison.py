@@ -49,7 +49,7 @@ def compare(
     truth_body: BodyModel | None = None,
     meshes: bool = True,
     every: int = 1,
-    done: Callable[[int], None] | None = None,
+    done: Callable[[int], object] | None = None,
 ) -> Comparison:
     """Measure a fit.
 
@@ -101,7 +101,7 @@ def _paired(estimate: Estimate, reference: Reference | None, truth_body: BodyMod
     return replace(pair, true_volumes=pair.matched(true))
 
 
-def _with_surfaces(pair: Pair, every: int, done: Callable[[int], None] | None) -> Pair:
+def _with_surfaces(pair: Pair, every: int, done: Callable[[int], object] | None) -> Pair:
     assert pair.reference is not None and pair.reference.params is not None and pair.truth_body is not None
     there = np.flatnonzero(pair.frames >= 0)
     estimate = PosedBody(body=pair.estimate.body, params=pair.estimate.params[there.tolist()])

@@ -24,13 +24,12 @@ def _on_points(metric: PointMetric, *, placed: bool) -> Curve:
         if pair.points is None or (placed and not pair.in_camera):
             return None
         estimate, truth, roots = pair.points
-        known = np.isfinite(truth).all(-1)
+        known = np.asarray(np.isfinite(truth).all(-1))
         values = np.full(len(estimate), np.nan)
         for pattern in np.unique(known, axis=0):
-            frames = (known == pattern).all(1)
-            kept = np.flatnonzero(pattern)
+            frames, kept = (known == pattern).all(1), np.flatnonzero(pattern)
             if len(kept) >= _FEWEST and pattern[roots].all():
-                own_roots = [int(np.flatnonzero(kept == root)[0]) for root in roots]
+                own_roots = np.searchsorted(kept, roots).tolist()
                 values[frames] = metric(estimate[frames][:, kept], truth[frames][:, kept], own_roots)
         return values if np.isfinite(values).any() else None
 
@@ -42,7 +41,7 @@ def _acceleration_error(pair: Pair) -> Float[np.ndarray, "T"] | None:
         return None
     estimate, truth, roots = pair.points
     rooted = metrics.rooted(estimate, roots), metrics.rooted(truth, roots)
-    whole = np.isfinite(truth[pair.frames >= 0]).all((0, 2))
+    whole = np.asarray(np.isfinite(truth[pair.frames >= 0]).all((0, 2)))
     chosen = whole if whole.any() else np.ones(len(whole), bool)
     return metrics.acceleration_error(rooted[0][:, chosen], rooted[1][:, chosen], pair.estimate.frame_rate)
 
@@ -66,7 +65,7 @@ def _reprojection_of_truth(pair: Pair) -> Float[np.ndarray, "T"] | None:
     if pair.reference is None or not pair.in_camera:
         return None
     true = pixels_of(pair.estimate.camera, pair.matched(pair.reference.points))
-    counted = np.isfinite(true).all(-1) & np.isfinite(pair.estimate.pixels).all(-1)
+    counted = np.asarray(np.isfinite(true).all(-1) & np.isfinite(pair.estimate.pixels).all(-1))
     return metrics.frame_means(pair.estimate.pixels, true, counted)
 
 

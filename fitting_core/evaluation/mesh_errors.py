@@ -45,7 +45,7 @@ class MeshErrors:
 
 
 def mesh_errors(
-    estimate: PosedBody, truth: PosedBody, *, every: int = 1, done: Callable[[int], None] | None = None
+    estimate: PosedBody, truth: PosedBody, *, every: int = 1, done: Callable[[int], object] | None = None
 ) -> MeshErrors:
     """How far a body's surface lies from another one's.
 
