@@ -23,7 +23,7 @@ _NEAREST = 0.1
 """Metres: bodies nearer to the camera, or behind it, are not drawn."""
 _DISTANCE = 6.0
 """Metres from the side's camera."""
-_GROUND = 236.0
+_GROUND = (236, 239, 243)
 _LIGHT = np.array([-0.4, -0.55, -0.75])
 
 

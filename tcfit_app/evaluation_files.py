@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -81,15 +82,15 @@ def print_table(records: Sequence[Record], console: Console | None = None) -> No
     for motion in motions(records):
         some = of(records, motion=motion)
         names = methods(some)
-        table = Table(title=motion.capitalize() or None, title_justify="left")
-        table.add_column("")
+        table = Table(title=motion.capitalize() or None, title_justify="left", box=SIMPLE_HEAD)
+        table.add_column("", no_wrap=True)
         for name in names:
-            table.add_column(name, justify="right")
+            table.add_column(name.replace(", ", "\n"), justify="right")
         for figure in _PRINTED:
             values = [_mean([r.comparison.figures.get(figure) for r in of(some, method=name)]) for name in names]
             if any(value is not None for value in values):
                 title, unit, _ = titles[figure]
-                table.add_row(f"{title}, {unit}", *map(number, values))
+                table.add_row(f"{title.replace('standard deviation', 'std')}, {unit}", *map(number, values))
         console.print(table)
 
 

@@ -27,9 +27,7 @@ def decades(low: float, high: float) -> list[float]:
 
 def label(value: float, step: float) -> str:
     """A tick's number with as many digits as its step needs."""
-    digits = max(0, -math.floor(math.log10(abs(step)) + 1e-9)) if step else 0
-    if digits and abs(step * 10**digits - round(step * 10**digits)) > 1e-6:
-        digits += 1
+    digits = next((d for d in range(9) if abs(step * 10**d - round(step * 10**d)) < 1e-6 * 10**d * abs(step)), 9)
     return f"{value:.{digits}f}".replace("-", "−")
 
 

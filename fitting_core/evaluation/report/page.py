@@ -18,7 +18,7 @@ from fitting_core.evaluation.report.style import CSS
 from fitting_core.evaluation.report.summary import SURFACE, VOLUME, paper_table, verdict
 
 _TABLE = (
-    "Mean and standard deviation over all frames. Vertex to surface: the fitted mesh is aligned rigidly (ICP), then "
+    "The paper's table: mean and standard deviation over all frames. Vertex to surface: the fitted mesh is aligned rigidly (ICP), then "
     "the distances of its vertices from the closest points of the true surface are averaged. Volume error: mean "
     "absolute difference of the closed meshes' volumes."
 )
@@ -46,7 +46,7 @@ def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), abl
     if evaluation.records:
         parts += [
             verdict(evaluation.records),
-            section("The paper's table", paper_table(evaluation.records), note=_TABLE),
+            section("Errors", paper_table(evaluation.records), note=_TABLE),
         ]
         parts += _plots(evaluation)
     if worst:
@@ -68,7 +68,7 @@ _WORST = (
 
 def _plots(evaluation: Evaluation) -> list[Markup]:
     shown = [
-        (title, joined([bars(evaluation, curve)]))
+        (title, bars(evaluation, curve))
         for curve, title in ((SURFACE, "Error by sequence"), (VOLUME, "Volume error by sequence"))
     ]
     shown += [(title, over_time(evaluation, curve, truth=truth)) for curve, truth, title in _OVER_TIME]

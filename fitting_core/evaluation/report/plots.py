@@ -44,7 +44,8 @@ def line_plot(
         dots: Mark every value, for few of them.
     """
     frame = Frame(width=size[0], height=size[1])
-    across, up = _across(x, frame, logarithmic), _up(series, frame, from_zero)
+    across = _across(x, frame, logarithmic, every=dots)
+    up = _up(series, frame, from_zero)
     drawn = [frame.y_axis(up, y_title), frame.x_axis(_places(across), x_title)]
     for line in series:
         points = [
@@ -110,8 +111,11 @@ def legend(series: Sequence[tuple[str, str]]) -> Markup:
     )
 
 
-def _across(x: Sequence[float], frame: Frame, logarithmic: bool) -> Scale:
+def _across(x: Sequence[float], frame: Frame, logarithmic: bool, *, every: bool) -> Scale:
+    """Ticks at every value, or at round ones."""
     start, stop = frame.left, frame.width - frame.right
+    if every and len(set(x)) > 1:
+        return Scale(marks=tuple(sorted(set(x))), start=start, stop=stop, logarithmic=logarithmic)
     if logarithmic:
         return scale_of(x, start, stop, logarithmic=True)
     # A time axis ends where its frames do; its round numbers stand within.
@@ -124,7 +128,7 @@ def _across(x: Sequence[float], frame: Frame, logarithmic: bool) -> Scale:
 def _places(scale: Scale) -> list[tuple[float, str]]:
     """Ticks with numbers, without those that would run into the last one."""
     told = [(scale(mark), f"{mark:g}") for mark in scale.marks]
-    return [place for place in told[:-1] if told[-1][0] - place[0] > 24] + told[-1:]
+    return [place for place in told[:-1] if told[-1][0] - place[0] > 28] + told[-1:]
 
 
 def _up(series: Sequence[Series], frame: Frame, from_zero: bool) -> Scale:

@@ -58,8 +58,8 @@ def bars(evaluation: Evaluation, curve: str) -> Markup:
             caption = tag("figcaption", MOTION_TITLES.get(motion, motion))
             width = 96.0 + len(groups) * max(40, 17 * len(names) + 22)
             plot = bar_plot(groups, drawn, y_title=title, size=(max(width, 380.0), 230.0))
-            figures.append(tag("figure", caption, plot, style=f"max-width:{max(width, 380.0):.0f}px"))
-    return joined([_legend(names), *figures]) if figures else Markup()
+            figures.append(tag("figure", caption, plot, style=f"flex: 0 1 {max(width, 380.0):.0f}px"))
+    return joined([_legend(names), tag("div", *figures, class_="row")]) if figures else Markup()
 
 
 def _mean(records: Sequence[Record], method: str, sequence: str, curve: str) -> float | None:
@@ -91,14 +91,20 @@ def over_time(evaluation: Evaluation, curve: str, *, truth: str = "") -> Markup:
 
 def _timed(records: Sequence[Record], names: list[str], curve: str, truth: str) -> Markup:
     kind, first = CURVES[curve], records[0]
-    frames = [first.comparison.first_frame + i for i in range(first.frames)]
-    drawn = [
-        Series(title=r.method, style=style_of(r.method, names), values=r.comparison.curves[curve])
-        for r in records
-        if curve in r.comparison.curves
-    ]
+    lines = {r.method: r.comparison.curves[curve] for r in records if curve in r.comparison.curves}
     if truth in first.comparison.curves:
-        drawn.insert(0, Series(title="truth", style="truth", values=first.comparison.curves[truth]))
+        lines = {"truth": first.comparison.curves[truth]} | lines
+    # Between frames that were measured lines go on: surfaces may be measured in every so many alone.
+    kept = [i for i in range(first.frames) if any(values[i] is not None for values in lines.values())]
+    drawn = [
+        Series(
+            title=name,
+            style="truth" if name == "truth" else style_of(name, names),
+            values=[values[i] for i in kept],
+        )
+        for name, values in lines.items()
+    ]
+    frames = [first.comparison.first_frame + i for i in kept]
     plot = line_plot(frames, drawn, x_title="frame", y_title=f"{kind.title}, {kind.unit}", from_zero=not truth)
     note = tag("span", f" {first.frames} frames")
     return tag("figure", tag("figcaption", first.sequence, note), plot)
@@ -137,8 +143,8 @@ def all_figures(evaluation: Evaluation) -> Markup:
             values = [_over(of(some, method=name), figure) for name in names]
             if any(value is not None for value in values):
                 known = [v for v in values if v is not None]
-                best = min(known) if better and len(known) > 1 else None
-                cells = (tag("td", number(v), class_="n best" if v is not None and v == best else "n") for v in values)
+                best = number(min(known)) if better and len(known) > 1 else ""
+                cells = (tag("td", number(v), class_="n best" if number(v) == best else "n") for v in values)
                 rows.append([joined([markup(title), tag("span", f" {unit}", class_="dim")]), *cells])
         parts += [tag("h3", MOTION_TITLES.get(motion, motion)), table(("", *names), rows)]
     return joined(parts)

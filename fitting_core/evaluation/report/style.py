@@ -41,10 +41,11 @@ p.dim, .dim { color: var(--dim); }
 a { color: var(--blue); }
 .cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(230px, 1fr)); gap: 12px; margin: 20px 0 8px; }
 .card { background: var(--panel); border-radius: 10px; padding: 14px 16px; }
-.card b { display: block; font-size: 25px; font-weight: 650; letter-spacing: -0.01em; line-height: 1.25;
+.card b { display: block; font-size: 22px; font-weight: 650; letter-spacing: -0.01em; line-height: 1.25;
   font-variant-numeric: tabular-nums; }
 .card span { color: var(--dim); font-size: 13px; display: block; }
-.card em { font-style: normal; color: var(--good); font-size: 14px; font-weight: 600; margin-left: 6px; }
+.card i { font-style: normal; font-size: 15px; font-weight: 500; color: var(--dim); }
+.card em { white-space: nowrap; font-style: normal; color: var(--good); font-size: 14px; font-weight: 600; margin-left: 6px; }
 .card em.worse { color: var(--bad); }
 .scroll { overflow-x: auto; margin: 8px 0 14px; }
 table { border-collapse: collapse; font-size: 13.5px; font-variant-numeric: tabular-nums; }
@@ -54,6 +55,7 @@ th.n, td.n { text-align: right; padding: 5px 9px; }
 td.best { background: var(--best); font-weight: 650; }
 td.head { color: var(--dim); font-weight: 600; padding-top: 16px; }
 tr.quiet td { color: var(--dim); font-style: italic; }
+.row { display: flex; flex-wrap: wrap; gap: 14px 28px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(340px, 1fr)); gap: 14px 20px; }
 figure { margin: 0; }
 figcaption { font-size: 13px; font-weight: 600; margin-bottom: 2px; }

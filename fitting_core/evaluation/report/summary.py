@@ -39,8 +39,8 @@ def _card(records: Sequence[Record], base: str, best: str, curve: str, title: st
     if before is None or after is None:
         return Markup()
     change = 100 * (after / before - 1) if before else 0.0
-    marked = tag("em", f"{change:+.0f} %".replace("-", "−"), class_="worse" if change > 0 else None)
-    shown = tag("b", f"{number(before, 2)} → {number(after, 2)} {unit}", marked)
+    marked = tag("em", f"{change:+.0f}\u202f%".replace("-", "−"), class_="worse" if change > 0 else None)
+    shown = tag("b", f"{number(before, 2)} → {number(after, 2)} ", tag("i", unit), marked)
     return tag("div", shown, tag("span", f"{title}: {base} → {best}"), class_="card")
 
 
