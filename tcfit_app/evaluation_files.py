@@ -82,10 +82,10 @@ def print_table(records: Sequence[Record], console: Console | None = None) -> No
     for motion in motions(records):
         some = of(records, motion=motion)
         names = methods(some)
-        table = Table(title=motion.capitalize() or None, title_justify="left", box=SIMPLE_HEAD)
+        table = Table(title=motion.capitalize() or None, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
         table.add_column("", no_wrap=True)
         for name in names:
-            table.add_column(name.replace(", ", "\n"), justify="right")
+            table.add_column(name.replace(", ", "\n"), justify="right", no_wrap=True)
         for figure in _PRINTED:
             values = [_mean([r.comparison.figures.get(figure) for r in of(some, method=name)]) for name in names]
             if any(value is not None for value in values):

@@ -21,7 +21,7 @@ from fitting_core.config_file import as_plain
 from fitting_core.errors import InputError
 from fitting_core.evaluation.comparison import Comparison, compare
 from fitting_core.evaluation.pairing import Estimate
-from fitting_core.evaluation.records import BASELINE, Record
+from fitting_core.evaluation.records import BASELINE, PHASE_1, Record
 from fitting_core.evaluation.reference import Reference
 from fitting_core.evaluation.reference_bodies import reference_of
 from fitting_core.evaluation.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
@@ -164,8 +164,8 @@ def stored_fit(task: SuiteTask) -> StoredFit:
 def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
     """What phase 1 and the final result of a task are called; None: there is only phase 1."""
     if last_phase == 1:
-        return (BASELINE if task.variant == "smplifyx" else f"{task.variant}, phase 1"), None
-    return f"{task.variant}, phase 1", task.variant
+        return (BASELINE if task.variant == "smplifyx" else f"{task.variant}{PHASE_1}"), None
+    return f"{task.variant}{PHASE_1}", task.variant
 
 
 def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:

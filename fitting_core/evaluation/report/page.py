@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from fitting_core.evaluation.records import Evaluation
+from fitting_core.evaluation.records import Evaluation, sequences
 from fitting_core.evaluation.report.ablations import Ablation, ablation_plots
 from fitting_core.evaluation.report.markup import Markup, joined, tag
 from fitting_core.evaluation.report.sections import (
@@ -12,15 +12,16 @@ from fitting_core.evaluation.report.sections import (
     over_time,
     provenance,
     section,
+    together,
     worst_frames,
 )
 from fitting_core.evaluation.report.style import CSS
 from fitting_core.evaluation.report.summary import SURFACE, VOLUME, paper_table, verdict
 
 _TABLE = (
-    "The paper's table: mean and standard deviation over all frames. Vertex to surface: the fitted mesh is aligned rigidly (ICP), then "
-    "the distances of its vertices from the closest points of the true surface are averaged. Volume error: mean "
-    "absolute difference of the closed meshes' volumes."
+    "The paper's table: mean and standard deviation over all frames. Vertex to surface: the fitted mesh is aligned "
+    "rigidly (ICP), then the distances of its vertices from the closest points of the true surface are averaged. "
+    "Volume error: mean absolute difference of the closed meshes' volumes."
 )
 _OVER_TIME = (
     (SURFACE, "", "Error over the frames"),
@@ -71,5 +72,8 @@ def _plots(evaluation: Evaluation) -> list[Markup]:
         (title, bars(evaluation, curve))
         for curve, title in ((SURFACE, "Error by sequence"), (VOLUME, "Volume error by sequence"))
     ]
-    shown += [(title, over_time(evaluation, curve, truth=truth)) for curve, truth, title in _OVER_TIME]
+    if len(sequences(evaluation.records)) == 1:
+        shown.append(("Over the frames", together(evaluation, [(curve, truth) for curve, truth, _ in _OVER_TIME])))
+    else:
+        shown += [(title, over_time(evaluation, curve, truth=truth)) for curve, truth, title in _OVER_TIME]
     return [section(title, content) for title, content in shown if content]

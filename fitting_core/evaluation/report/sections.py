@@ -7,7 +7,7 @@ import numpy as np
 
 from fitting_core.evaluation.comparison import figure_titles
 from fitting_core.evaluation.curves import CURVES
-from fitting_core.evaluation.records import Evaluation, Record, methods, motions, of, sequences
+from fitting_core.evaluation.records import BASELINE, PHASE_1, Evaluation, Record, methods, motions, of, sequences
 from fitting_core.evaluation.report.markup import Markup, joined, markup, number, table, tag
 from fitting_core.evaluation.report.plots import Series, bar_plot, legend, line_plot
 from fitting_core.evaluation.report.style import style_of
@@ -75,21 +75,35 @@ def over_time(evaluation: Evaluation, curve: str, *, truth: str = "") -> Markup:
         curve: One of CURVES.
         truth: Another of CURVES, which is the truth's own and is drawn once.
     """
-    records, kind = evaluation.records, CURVES[curve]
+    records = _compared(evaluation.records)
+    figures = _all_timed(records, curve, truth, size=(380.0, 200.0))
+    names = [name for name in methods(records) if any(r.curve(curve) is not None for r in of(records, method=name))]
+    return joined([_legend(names, truth=bool(truth)), tag("div", *figures, class_="grid")]) if figures else Markup()
+
+
+def together(evaluation: Evaluation, curves: Sequence[tuple[str, str]]) -> Markup:
+    """All curves of an evaluation of one sequence; arguments of `over_time` in pairs."""
+    records = evaluation.records
+    figures = [figure for curve, truth in curves for figure in _all_timed(records, curve, truth, size=(580.0, 210.0))]
+    return joined([_legend(methods(records), truth=True), tag("div", *figures, class_="grid pair")])
+
+
+def _compared(records: Sequence[Record]) -> list[Record]:
+    """Where there is a baseline, first phases of other presets would only crowd a plot of many lines."""
     names = methods(records)
-    figures = [
-        _timed(of(records, sequence=sequence), names, curve, truth)
-        for sequence in sequences(records)
-        if any(r.curve(curve) is not None for r in of(records, sequence=sequence))
+    return [r for r in records if BASELINE not in names or not r.method.endswith(PHASE_1)]
+
+
+def _all_timed(records: Sequence[Record], curve: str, truth: str, *, size: tuple[float, float]) -> list[Markup]:
+    groups = [of(records, sequence=sequence) for sequence in sequences(records)]
+    return [
+        _timed(own, methods(records), curve, truth, size)
+        for own in groups
+        if any(r.curve(curve) is not None for r in own)
     ]
-    if not figures:
-        return Markup()
-    kept = [name for name in names if any(r.curve(curve) is not None for r in of(records, method=name))]
-    wide = "grid" if len(figures) > 1 else None
-    return joined([_legend(kept, truth=bool(truth)), tag("div", *figures, class_=wide, title=kind.title)])
 
 
-def _timed(records: Sequence[Record], names: list[str], curve: str, truth: str) -> Markup:
+def _timed(records: Sequence[Record], names: list[str], curve: str, truth: str, size: tuple[float, float]) -> Markup:
     kind, first = CURVES[curve], records[0]
     lines = {r.method: r.comparison.curves[curve] for r in records if curve in r.comparison.curves}
     if truth in first.comparison.curves:
@@ -105,7 +119,9 @@ def _timed(records: Sequence[Record], names: list[str], curve: str, truth: str) 
         for name, values in lines.items()
     ]
     frames = [first.comparison.first_frame + i for i in kept]
-    plot = line_plot(frames, drawn, x_title="frame", y_title=f"{kind.title}, {kind.unit}", from_zero=not truth)
+    plot = line_plot(
+        frames, drawn, x_title="frame", y_title=f"{kind.title}, {kind.unit}", size=size, from_zero=not truth
+    )
     note = tag("span", f" {first.frames} frames")
     return tag("figure", tag("figcaption", first.sequence, note), plot)
 

@@ -45,7 +45,8 @@ a { color: var(--blue); }
   font-variant-numeric: tabular-nums; }
 .card span { color: var(--dim); font-size: 13px; display: block; }
 .card i { font-style: normal; font-size: 15px; font-weight: 500; color: var(--dim); }
-.card em { white-space: nowrap; font-style: normal; color: var(--good); font-size: 14px; font-weight: 600; margin-left: 6px; }
+.card em { white-space: nowrap; font-style: normal; color: var(--good); font-size: 14px; font-weight: 600;
+  margin-left: 6px; }
 .card em.worse { color: var(--bad); }
 .scroll { overflow-x: auto; margin: 8px 0 14px; }
 table { border-collapse: collapse; font-size: 13.5px; font-variant-numeric: tabular-nums; }
@@ -57,6 +58,7 @@ td.head { color: var(--dim); font-weight: 600; padding-top: 16px; }
 tr.quiet td { color: var(--dim); font-style: italic; }
 .row { display: flex; flex-wrap: wrap; gap: 14px 28px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(340px, 1fr)); gap: 14px 20px; }
+.pair { grid-template-columns: repeat(auto-fill, minmax(min(100%, 500px), 1fr)); }
 figure { margin: 0; }
 figcaption { font-size: 13px; font-weight: 600; margin-bottom: 2px; }
 figcaption span { color: var(--dim); font-weight: 400; }
