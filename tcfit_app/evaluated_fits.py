@@ -112,5 +112,5 @@ def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit
         frame_rate=clip.frame_rate,
         first_frame=clip.first_frame,
         clip=clip,
-        reference=None,
+        reference=project.reference,
     )

@@ -1,7 +1,6 @@
 """Sequences of the suite, fitted and measured; what is done stays in a folder and is not done again."""
 
 import hashlib
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields, replace
@@ -27,9 +26,8 @@ from fitting_core.evaluation.reference_bodies import reference_of
 from fitting_core.evaluation.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.fitting import fit
 from fitting_core.io.atomic import replacing
-from fitting_core.io.result_files import StoredFit, read_fit, write_result
+from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit, write_result
 from fitting_core.io.summary import versions
-from fitting_core.result import FitResult
 
 MEASURES = 1
 """Changes whenever figures are taken in another way: then stored fits are measured again."""
@@ -169,9 +167,7 @@ def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
 
 
 def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:
-    start = time.perf_counter()
-    result: FitResult = fit(made.clip, body, task.config)
-    write_result(task.folder, result, made.clip, body, command=f"{time.perf_counter() - start:.3f} s")
+    write_result(task.folder, fit(made.clip, body, task.config), made.clip, body)
     with replacing(task.folder / _FIT_KEY) as draft:
         draft.write_text(key)
 
@@ -206,8 +202,13 @@ def _compared(
     return compare(estimate, reference, truth_body=made.body, meshes=surfaces, every=task.every)
 
 
+def phase_seconds(summary: Path, phase: int) -> float:
+    """What one phase took, by a fit's summary.json."""
+    return msgspec.json.decode(summary.read_bytes())["seconds"][f"phase{phase}"]
+
+
 def _seconds(folder: Path) -> dict[str, float]:
-    return msgspec.json.decode((folder / "summary.json").read_bytes())["seconds"]
+    return msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["seconds"]
 
 
 def _read(path: Path) -> str | None:

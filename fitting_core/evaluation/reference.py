@@ -11,7 +11,6 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
 
 FORMAT = "tcfit reference 1"
 _SAME_RATE = 1e-3
@@ -88,7 +87,7 @@ class Reference:
 
 
 def write_reference(path: Path, reference: Reference) -> None:
-    """Write a reference as npz, whole or not at all; `read_stored` has it back.
+    """Write a reference as npz; `read_stored` has it back.
 
     Keys: format, name, kind, frame_rate (0: as the clip's), first_frame, in_camera, notes, points, and where they are
     known joints, the fields of `BodyParams`, body_kind, body_gender, body_hash.
@@ -108,8 +107,7 @@ def write_reference(path: Path, reference: Reference) -> None:
     if reference.params is not None and reference.body is not None:
         arrays |= {f.name: getattr(reference.params, f.name).numpy() for f in fields(BodyParams)}
         arrays |= {f"body_{f.name}": getattr(reference.body, f.name) for f in fields(BodyOf)}
-    with replacing(path) as draft:
-        np.savez_compressed(draft, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
+    np.savez_compressed(path, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
 
 
 def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:

@@ -16,11 +16,12 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.openpose import read_openpose
 from tcfit_app import exports
+from tcfit_app.between_runs import peaks
 from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, Export, ExportSource
 from tcfit_app.fits import FitChoice
 from tcfit_app.panels import compare
-from tcfit_app.panels.compare import ComparePanel, peaks
+from tcfit_app.panels.compare import ComparePanel
 from tcfit_app.panels.export import ExportPanel
 from tcfit_app.panels.runs import RunsPanel
 from tcfit_app.view_state import FitSettings
