@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -133,6 +134,7 @@ def run_task(task: SuiteTask) -> tuple[Record, ...]:
     return records
 
 
+@lru_cache(maxsize=1)
 def fitted_body() -> BodyModel:
     """The free neutral body: who is filmed is not known to a fit."""
     return load_body(find_body(search=FREE_FOLDER))

@@ -84,15 +84,15 @@ class ReferenceField:
             try:
                 reference = read()
                 bodies.of_reference(reference)
-            except (InputError, OSError) as error:
-                problem = error if isinstance(error, InputError) else InputError(f"The file cannot be kept: {error}.")
+            except Exception as error:  # raised again on the thread that draws, which tells it in the tab
+                problem = error
                 page.do(lambda: self._failed(problem))
             else:
                 page.do(lambda: self._take(reference))
 
         threading.Thread(target=work, name="reference", daemon=True).start()
 
-    def _failed(self, problem: InputError) -> None:
+    def _failed(self, problem: Exception) -> None:
         self._reading = False
         raise problem
 
