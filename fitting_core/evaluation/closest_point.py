@@ -1,7 +1,7 @@
 """The closest points of a triangle mesh, exactly: a bounding volume hierarchy, searched for many points at once.
 
-On two posed free bodies (13492 vertices, 26972 faces) all vertices take 0.13 s on one core of a computer on which
-trimesh with rtree, which asks for one point after the other, takes WITHTREE s.
+On two posed free bodies (13492 vertices, 26972 faces) all vertices take 0.15 to 0.2 s on one core; trimesh with rtree,
+which asks for one point after the other, took 2.1 to 4.6 s on the same computer.
 """
 
 from dataclasses import dataclass, replace

@@ -10,7 +10,8 @@ from fitting_core.evaluation.closest_point import SurfaceTree
 from fitting_core.evaluation.metrics.alignment import Similarity
 
 SAMPLE = 1500
-"""Vertices that the alignment looks at. With all 13492 the error of 12 pairs of bodies differed by at most DIFFERS."""
+"""Vertices that the alignment looks at. With all 13492 the mean error of 12 pairs of bodies was another by 0.5 % on
+average and 2.3 % at most: ICP has local minima."""
 _ROUNDS = 30
 _ENOUGH = 1e-3
 """Share of the mean square by which a round must improve on the one before."""
@@ -53,8 +54,9 @@ def closest_rigid(
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
     """The rotation and translation at which the mean square distance of points from a surface is least, near a start.
 
-    Iterative closest points (P. Besl, N. McKay, PAMI 14(2), 1992) with Gauss-Newton steps on the distances: the same
-    minimum, in 3 to 8 rounds where the alternation of matching and aligning takes 30 to 100.
+    Iterative closest points (P. Besl, N. McKay, PAMI 14(2), 1992) with Gauss-Newton steps on the distances, whose
+    minima are the same: 10 rounds on average over 12 pairs of bodies. After 40 rounds the alternation of matching and
+    aligning had ended between 1.5 % below and 6.7 % above their mean squares.
     """
     best = _placed(points, surface, start.rotation[0], start.translation[0])
     damping = _FIRST_DAMPING
