@@ -12,6 +12,10 @@ from tcfit_app.posed_fit import PosedFit
 
 BETWEEN = "between_runs"
 """Name of the curve."""
+PEAKS = 5
+"""Frames that are marked as those where runs differ most."""
+_APART = 20
+"""So many of them fit into a clip: neighbours of one peak are not peaks of their own."""
 Placed = Literal["camera", "pelvis"]
 """Where the bodies stand, or moved so that their pelvises are at one place."""
 
@@ -59,3 +63,15 @@ def between_runs(a: PosedFit, b: PosedFit, *, placed: Placed = "camera") -> Curv
         one, other = (joints - joints[:, [JOINT["pelvis"]]] for joints in (one, other))
     values = 1e3 * np.linalg.norm(other - one, axis=-1).mean(1)
     return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)
+
+
+def peaks(values: Float[np.ndarray, "T"]) -> list[int]:
+    """The frames of the largest values, largest first, none close to another; only those above zero."""
+    left = np.nan_to_num(np.array(values, float))
+    reach = max(1, len(left) // _APART)
+    found: list[int] = []
+    while len(found) < PEAKS and len(left) and left.max() > 0:
+        frame = int(left.argmax())
+        found.append(frame)
+        left[max(0, frame - reach) : frame + reach + 1] = 0
+    return found

@@ -7,6 +7,8 @@ from fitting_core.body.files import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.registry import find_body
 from fitting_core.errors import InputError
+from fitting_core.evaluation.reference import Reference
+from fitting_core.evaluation.reference_bodies import body_of
 from tcfit_app.storage.runs import BodyRecord
 
 
@@ -59,6 +61,15 @@ class Bodies:
                 f"{body.source}). Put {record.source or 'the file'} back, or run the fit again."
             )
         return body
+
+    def of_reference(self, reference: Reference) -> BodyModel | None:
+        """The body that a reference is a pose of, None if it has points alone. Raises InputError as `of`."""
+        if reference.body is None:
+            return None
+        record = reference.body
+        with self._lock:
+            known = next((b for b in self._by_path.values() if b.hash == record.hash), None)
+        return known or body_of(record, search=self._search)
 
     def _read(self, path: Path) -> BodyModel:
         path = path.resolve()

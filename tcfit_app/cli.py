@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from tcfit_app.detect_options import DetectOptions
+from tcfit_app.evaluate_options import EvaluateOptions
 from tcfit_app.export_options import ExportOptions
 from tcfit_app.import_options import ImportOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
@@ -60,6 +61,7 @@ Options = (
     | Annotated[NewOptions, subcommand("new")]
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
+    | Annotated[EvaluateOptions, subcommand("evaluate")]
     | Annotated[Models, subcommand("models")]
     | Annotated[ExportOptions, subcommand("export")]
     | Annotated[ImportOptions, subcommand("import")]
@@ -121,6 +123,13 @@ def _detect(options: DetectOptions, command: str) -> int:
     return 0
 
 
+def _evaluate(options: EvaluateOptions, command: str) -> int:
+    from tcfit_app.evaluate_command import run_evaluate
+
+    run_evaluate(options, command=command)
+    return 0
+
+
 def _models(options: Models, command: str) -> int:
     from tcfit_app.models_command import list_models, register_models
 
@@ -154,6 +163,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     ImportOptions: _import,
     DemoOptions: _demo,
     DetectOptions: _detect,
+    EvaluateOptions: _evaluate,
     Models: _models,
     Settings: _settings,
     Doctor: _doctor,

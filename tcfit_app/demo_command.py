@@ -12,6 +12,7 @@ from fitting_core.body.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.evaluation.demo_clip import DemoClip, cached_demo
 from fitting_core.evaluation.metrics import jitter, mpjpe, pa_mpjpe
+from fitting_core.evaluation.reference_files import read_reference
 from fitting_core.evaluation.truth import Truth, read_truth
 from fitting_core.io.clip_reader import read_clip
 from tcfit_app.fit_command import Outcome, check_out, prepare_torch, run_fit
@@ -39,7 +40,8 @@ def review_demo(options: DemoOptions) -> None:
         demo = _demo_clip()
         given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
         clip = dataclasses.replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
-        Project.create(folder, clip, copy_media=True).close()
+        with Project.create(folder, clip, copy_media=True) as project:
+            project.set_reference(read_reference(demo.truth))
     prepare_torch(config, options.threads)
     with open_project(folder) as project:
         review(project, options.server, fit=config)

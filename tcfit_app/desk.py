@@ -14,6 +14,7 @@ from tcfit_app.curves import Curve, curve
 from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.meshes import Meshes
 from tcfit_app.posed_fit import PosedFit
+from tcfit_app.reference_metrics import reference_metrics
 from tcfit_app.run_metrics import MeasuredRun, Metric, run_metrics
 from tcfit_app.session import Session
 from tcfit_app.suspicion import Suspect, review_queue, still_checked
@@ -138,6 +139,24 @@ class Desk:
         except InputError as error:
             return str(error)
         return self.background.problem(("metrics", self.key(shown)))
+
+    def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
+        """Figures of a run against the project's reference, empty without one; None while they are taken."""
+        reference, bodies = self.session.project.reference, self.session.bodies
+        if reference is None or shown.result is None:
+            return ()
+
+        def measured(posed: PosedFit) -> tuple[Metric, ...]:
+            return reference_metrics(posed, reference, lambda: bodies.of_reference(reference))
+
+        return self._made(self._reference_key(shown), shown, measured)
+
+    def reference_problem(self, shown: Shown) -> str:
+        """Why a run cannot be compared with the reference; empty if that is not so."""
+        return self.background.problem(self._reference_key(shown))
+
+    def _reference_key(self, shown: Shown) -> Hashable:
+        return "reference", shown.run.id, shown.phase, shown.revision, self.session.referenced
 
     def distances(self, a: Shown, b: Shown) -> Curve | None:
         """How far two runs lie apart, by frame; None while that is made."""

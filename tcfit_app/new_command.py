@@ -5,10 +5,12 @@ from pathlib import Path
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.evaluation.reference import Reference
 from tcfit_app.clip_input import clip_of, described, notes_of
 from tcfit_app.options import NewOptions, ReviewOptions
 from tcfit_app.project import Project
 from tcfit_app.project_file import is_packed, unpack
+from tcfit_app.reference_options import ReferenceOptions
 from tcfit_app.storage.database import is_project
 from tcfit_app.storage.names import name_of_file
 
@@ -33,7 +35,12 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
         return folder
     print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
+    reference = reference_given(options.truth)
+    if reference is not None:
+        reference.frames_of(len(clip), clip.first_frame, clip.frame_rate)
     with Project.create(folder, clip, copy_media=options.copy_video) as project:
+        if reference is not None:
+            project.set_reference(reference)
         print(f"Made the project {folder}: {len(clip)} frames of {clip.name}")
         if project.media.problem:
             print(project.media.problem, file=sys.stderr)
@@ -51,6 +58,21 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
     unpack(path, folder)
     print(f"Unpacked the project {folder}")
     return folder
+
+
+def reference_given(options: ReferenceOptions) -> Reference | None:
+    """What the options say that fits are compared with.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    if options.reference is None:
+        if options.reference_camera is not None:
+            raise InputError("--reference-camera says where a reference's world is: give --reference too.")
+        return None
+    from fitting_core.evaluation.reference_files import read_reference
+
+    return read_reference(options.reference, camera=options.reference_camera)
 
 
 def folder_of(clip: Clip) -> Path:

@@ -11,6 +11,7 @@ from fitting_core.config import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config_file import preset, read_config
 from fitting_core.errors import InputError
 from fitting_core.settings import changed, settings, unknown
+from tcfit_app.reference_options import ReferenceOptions
 
 SHORTCUTS = {
     "solver": "solver",
@@ -155,6 +156,7 @@ class NewOptions:
     """Copy the video or images into the project, so that it can be given to others."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
+    truth: ReferenceOptions = field(default_factory=ReferenceOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +194,7 @@ class ReviewOptions:
     """Folder with body models, which alone is searched then."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
+    truth: ReferenceOptions = field(default_factory=ReferenceOptions)
     server: ServerOptions = field(default_factory=ServerOptions)
 
 

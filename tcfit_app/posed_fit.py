@@ -15,9 +15,9 @@ from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import project
 from fitting_core.clip import Clip
 from fitting_core.evaluation.metrics import reprojection_errors
+from fitting_core.evaluation.volume import Enclosed
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.result import FitResult, PhaseResult
-from tcfit_app.mesh_volume import Enclosed
 from tcfit_app.meshes import Meshes
 
 _NEAR = 0.01

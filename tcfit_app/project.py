@@ -7,6 +7,7 @@ A project is a folder:
 | project.sqlite | clip, log of edits, runs with their settings, review marks (`storage/database.py` has the tables) |
 | detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137); stay once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
+| reference.npz | what fits are compared with, where something is known |
 | media/ | the video or images, if they were copied; else the database knows where they are |
 | project.lock | held by the one process that writes |
 
@@ -29,6 +30,7 @@ import numpy as np
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.evaluation.reference import Reference
 from fitting_core.keypoints import Keypoints
 from tcfit_app.corrected import Corrected
 from tcfit_app.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
@@ -40,6 +42,7 @@ from tcfit_app.storage.durable import accessing, sweep, sync
 from tcfit_app.storage.lock import Lock, ProjectLocked
 from tcfit_app.storage.marks import Marks
 from tcfit_app.storage.media import Media
+from tcfit_app.storage.reference import store_reference, stored_reference
 from tcfit_app.storage.runs import Runs
 
 _DRAFT = ".partial"
@@ -58,6 +61,8 @@ class Project:
         self._stored, self._database, self._lock = stored, store, held
         self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
+        self._reference: Reference | None = None
+        self._looked = False
         if held:
             with accessing(folder):
                 sweep(folder)
@@ -191,6 +196,28 @@ class Project:
             with self._database.transaction() as connection:
                 connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
             self.media = media.find(link, self.folder)
+
+    @property
+    def reference(self) -> Reference | None:
+        """What fits are compared with, None if nothing is known. Raises InputError if its file is damaged."""
+        with self._guard:
+            if not self._looked:
+                self._reference, self._looked = stored_reference(self.folder), True
+            return self._reference
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Keep what fits are compared with from now on; when this returns, it is on the disk.
+
+        Raises:
+            InputError: It has no frame in common with the clip, or the project cannot be written.
+        """
+        if self.read_only:
+            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+        if reference is not None:
+            reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
+        with self._guard:
+            store_reference(self.folder, reference)
+            self._reference, self._looked = reference, True
 
     @property
     def log(self) -> tuple[LogEntry, ...]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fitting_core.config import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from tcfit_app.options import ReviewOptions, ServerOptions
+from tcfit_app.reference_options import ReferenceOptions
 from tcfit_app.server import ReviewServer, review_server, tell
 from tcfit_app.storage.database import is_project
 from tcfit_app.storage.lock import ProjectLocked
@@ -28,9 +29,11 @@ def run_review(options: ReviewOptions) -> None:
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     if options.video is not None and is_project(options.video):
         with _served(options.video.stem, options.server) as server, opened(options) as project:
+            _take_reference(project, options.truth)
             _review(project, server, models=options.models, fit=fit)
         return
     with opened(options) as project:
+        _take_reference(project, options.truth)
         review(project, options.server, models=options.models, fit=fit)
 
 
@@ -73,6 +76,14 @@ def _review(project: "Project", server: ReviewServer, *, models: Path | None, fi
     finally:
         app.close()
     tell(f"The review has ended. Everything is saved in {project.folder}")
+
+
+def _take_reference(project: "Project", options: ReferenceOptions) -> None:
+    """Keep what fits are compared with, if the options name something."""
+    from tcfit_app.new_command import reference_given
+
+    if (reference := reference_given(options)) is not None:
+        project.set_reference(reference)
 
 
 def _log_warnings() -> None:

@@ -16,6 +16,7 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.evaluation.reference import Reference
 from fitting_core.events import PhaseStarted, WindowFinished
 from fitting_core.result import FitResult
 from tcfit_app.bodies import Bodies, record_of
@@ -105,6 +106,8 @@ class Session:
         """Another number whenever the keypoints are others."""
         self.marked = 0
         """Another number whenever a frame's mark is another."""
+        self.referenced = 0
+        """Another number whenever fits are compared with something else."""
         self.changes = 0
         """Another number whenever anything about jobs is another."""
         self.tell: Callable[[Notice], None] = lambda notice: None
@@ -118,6 +121,15 @@ class Session:
         self.worker.close()
         for job in self.jobs.values():
             self._end_run(job, "cancelled", "tcfit was closed")
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Keep what fits are compared with from now on.
+
+        Raises:
+            InputError: It has no frame in common with the clip, or the project cannot be written.
+        """
+        self.project.set_reference(reference)
+        self.referenced += 1
 
     # --- keypoints ---
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tcfit_app.between_runs import BETWEEN
+from tcfit_app.between_runs import BETWEEN, peaks
 from tcfit_app.curves import CURVES, Curve
 from tcfit_app.running_job import RunningJob
 from tcfit_app.view.layers import RUN_COLORS, css
@@ -90,8 +90,8 @@ class Strip:
         return last if last is not None and last.name == self._page.state.curve else None
 
     def _draw_marks(self) -> None:
-        page = self._page
-        if not page.changes.of("marks", page.session.edits, page.session.marked):
+        page, apart = self._page, self._apart()
+        if not page.changes.of("marks", page.session.edits, page.session.marked, apart):
             return
         corrected, marks = page.session.project.corrected, page.session.project.marks.all()
         by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
@@ -100,8 +100,18 @@ class Strip:
             bad=spans(np.flatnonzero(corrected.bad.any(1))),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
+            apart=spans(sorted(apart)),
         )
         page.channel.send("marks", found)
+
+    def _apart(self) -> tuple[int, ...]:
+        """The frames where two finished fits differ most, once that is known."""
+        page = self._page
+        a, b = page.fit(page.state.a), page.fit(page.state.b)
+        if a is None or b is None or a.result is None or b.result is None or a == b:
+            return ()
+        found = page.desk.distances(a, b)
+        return () if found is None else tuple(peaks(found.values))
 
     def _draw_fit(self) -> None:
         page = self._page

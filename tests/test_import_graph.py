@@ -46,16 +46,18 @@ OUTER = {
 APP_LAYERS = {
     "plain values": "frame_words edit_windows notices changes byte_cache jpeg playback corrected edits edit_log",
     "what a project keeps": "storage project project_file bodies",
-    "what is computed to be drawn": "background mesh_volume meshes posed_fit body_regions curves findings suspicion "
-    "run_metrics between_runs video_frames",
+    "what is computed to be drawn": "background meshes posed_fit body_regions curves findings suspicion "
+    "run_metrics reference_metrics between_runs video_frames",
     "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads "
     "importing uploads keypoint_jobs keypoint_source session",
     "what all tabs draw from": "desk overlay_video export_source export_figures exports exporting",
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
-    "commands": "options detect_options import_options export_options progress clip_input probes doctor fit_command "
-    "detect_command models_command new_command review_command demo_command import_command export_command cli __main__",
+    "commands": "options detect_options import_options export_options evaluate_options reference_options "
+    "body_pictures worst_frames evaluation_files evaluated_fits suite_runs ablations suite_command evaluate_command "
+    "progress clip_input probes doctor fit_command detect_command models_command new_command review_command "
+    "demo_command import_command export_command cli __main__",
 }
 """Of the app: a module imports from its own layer and from those above."""
 APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}

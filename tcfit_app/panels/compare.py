@@ -8,18 +8,16 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
+from tcfit_app.between_runs import peaks
 from tcfit_app.fits import Shown
 from tcfit_app.panels.html import Board, Html, button, dot, heading, joined, line, paragraph, row, table, text, words
-from tcfit_app.run_metrics import COST, Comparison, compare
+from tcfit_app.panels.reference_field import ReferenceField
+from tcfit_app.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.view.layers import RUN_COLORS, css
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
 
-PEAKS = 5
-"""Frames that are offered."""
-_APART = 20
-"""So many of them fit into a clip: neighbours of one peak are not peaks of their own."""
 SETTLING = 1.0
 """Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
 _MEASURING = "Being measured …"
@@ -37,7 +35,8 @@ class ComparePanel:
     def __init__(self, page: "Page") -> None:
         self._page = page
         self._settled, self._waiting = 0.0, False
-        self._head, self._peaks, self._figures = Board(page), Board(page), Board(page)
+        self._head, self._peaks, self._against, self._figures = (Board(page) for _ in range(4))
+        self._reference = ReferenceField(page)
         with page.client.gui.add_folder("Costs", expand_by_default=False):
             self._costs = Board(page)
         page.on_press("compare.frame", lambda frame: page.seek(int(frame)))
@@ -49,10 +48,12 @@ class ComparePanel:
         if a is None or b is None:
             if page.changes.of("compare", None):
                 self._head.show(paragraph(_NO_FIT, "dim"))
-                for board in (self._peaks, self._figures, self._costs):
+                for board in (self._peaks, self._against, self._figures, self._costs):
                     board.show()
+            self._reference.draw()
             return
-        if page.changes.of("compare", desk.key(a), desk.key(b)):
+        self._reference.draw()
+        if page.changes.of("compare", desk.key(a), desk.key(b), page.session.referenced):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
             self._head.show(*_heads(a, b))
             self._figures.show(paragraph(self._reason(a, b), "dim"))
@@ -64,7 +65,9 @@ class ComparePanel:
         """What is there of the figures, once keypoints and fits have come to rest."""
         desk = self._page.desk
         one, other, apart = desk.metrics(a), desk.metrics(b), desk.distances(a, b)
-        self._waiting = one is None or other is None or apart is None
+        against = desk.reference_metrics(a), desk.reference_metrics(b)
+        self._waiting = any(found is None for found in (one, other, apart, *against))
+        self._draw_against(a, b, *against)
         self._peaks.show(*([] if apart is None or a == b else self._peak_buttons(apart.values)))
         if one is None or other is None:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
@@ -74,6 +77,22 @@ class ComparePanel:
             heading("Figures", "better in green"), _table(r for r in rows if not r.name.startswith(COST))
         )
         self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
+
+    def _draw_against(
+        self, a: Shown, b: Shown, one: tuple[Metric, ...] | None, other: tuple[Metric, ...] | None
+    ) -> None:
+        """Figures against the project's reference, if it has one."""
+        reference = self._page.session.project.reference
+        if reference is None or a.result is None or b.result is None:
+            self._against.show()
+            return
+        head = heading("Against the reference", reference.name)
+        if one is None or other is None:
+            problem = self._page.desk.reference_problem(a) or self._page.desk.reference_problem(b)
+            self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
+            self._waiting = self._waiting and not problem
+            return
+        self._against.show(head, _table(compare(one, other)))
 
     def _reason(self, a: Shown, b: Shown) -> str:
         """Why there are no figures yet."""
@@ -93,18 +112,6 @@ class ComparePanel:
         said = ", ".join(f"{values[frame]:.0f}" for frame in frames)
         mean = f"Joints lie {said} mm apart there, over the clip {np.nanmean(values):.1f} mm."
         return [heading("Frames that differ most"), row(*buttons), paragraph(mean, "dim")]
-
-
-def peaks(values: Float[np.ndarray, "T"]) -> list[int]:
-    """The frames of the largest values, largest first, none close to another; only those above zero."""
-    left = np.nan_to_num(np.array(values, float))
-    reach = max(1, len(left) // _APART)
-    found: list[int] = []
-    while len(found) < PEAKS and len(left) and left.max() > 0:
-        frame = int(left.argmax())
-        found.append(frame)
-        left[max(0, frame - reach) : frame + reach + 1] = 0
-    return found
 
 
 def _heads(a: Shown, b: Shown) -> list[Html]:

@@ -138,6 +138,8 @@ class Marks(_State, frozen=True, kw_only=True):
     bad: tuple[Span, ...] = ()
     flagged: tuple[Span, ...] = ()
     checked: tuple[Span, ...] = ()
+    apart: tuple[Span, ...] = ()
+    """Where A and B differ most."""
 
 
 class FitSpan(_State, frozen=True, kw_only=True):

@@ -13,6 +13,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
+from fitting_core.evaluation.reference import Reference
 from tcfit_app.fits import FitChoice, Shown
 from tcfit_app.notices import Notice
 from tcfit_app.project import Project
@@ -47,6 +48,9 @@ class OneBody:
         self.check(kind=kind, gender=gender)
         assert self.body is not None
         return self.body
+
+    def of_reference(self, reference: Reference) -> BodyModel | None:
+        return None if reference.body is None else self.body
 
     def of(self, record: BodyRecord) -> BodyModel:
         return self.find()

@@ -13,17 +13,19 @@ import numpy as np
 import pytest
 import viser
 
+from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.motion import Progress
+from tcfit_app.between_runs import peaks
 from tcfit_app.edits import MoveKeypoint
 from tcfit_app.export_source import ExportSource
 from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, Export
 from tcfit_app.fits import FitChoice
 from tcfit_app.panels import compare
-from tcfit_app.panels.compare import ComparePanel, peaks
+from tcfit_app.panels.compare import ComparePanel
 from tcfit_app.panels.export import ExportPanel
 from tcfit_app.panels.runs import RunsPanel
 from tcfit_app.project import Project
@@ -121,6 +123,26 @@ def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch
     tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
     tested.press("compare.frame", "3")
     assert tested.page.state.frame == 3
+
+
+def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    tested = panel_of(ComparePanel)
+    points = np.random.default_rng(0).normal(size=(FRAMES, len(kp.LIMBS), 3))
+    np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
+    tested.draw()
+    assert "only be compared with each other" in tested.html()
+    tested.click("Compare with it")
+    assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
+    tested.enter("Path", str(tmp_path / "reference.npz"))
+    tested.click("Compare with it")
+    tested.until(lambda: "a world of its own" in tested.html())
+    tested.fit()
+    tested.until(lambda: "PA-MPJPE" in tested.html())
+    assert tested.page.session.project.reference is not None
+    tested.click("Forget the reference")
+    tested.until(lambda: "PA-MPJPE" not in tested.html())
+    assert tested.page.session.project.reference is None
 
 
 def test_peaks_are_apart_from_each_other():

@@ -13,6 +13,7 @@ const COLORS = {
   edited: "#35d6ee",
   flagged: "#ffb02e",
   checked: "#55c26a",
+  apart: "#c9a3ff",
   good: "#51cf66",
   wrong: "#ff8787", // in text: lighter than the marks, to be read on the panels' grey
 };

@@ -7,11 +7,12 @@ const MARK_ROWS = [
   { name: "bad", y: 94 },
   { name: "flagged", y: 104 },
   { name: "checked", y: 114 },
+  { name: "apart", y: 124 },
 ];
 const ROW = 7; // height of a mark
-const FIT_ROW = 125;
+const FIT_ROW = 135;
 const LEGEND_ENTRY = 170; // widest
-const FULL_HEIGHT = 136;
+const FULL_HEIGHT = 146;
 
 let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
 let pointedCursor = null; // the frame that is being pointed at: { frame, until }

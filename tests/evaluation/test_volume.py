@@ -7,7 +7,7 @@ import trimesh
 
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
-from tcfit_app.mesh_volume import Enclosed
+from fitting_core.evaluation.volume import Enclosed
 from tests.scenes import random_params
 
 

@@ -1,0 +1,152 @@
+"""The closest points of a triangle mesh, exactly: a bounding volume hierarchy, searched for many points at once.
+
+On two posed free bodies (13492 vertices, 26972 faces) all vertices take 0.15 to 0.2 s on one core; trimesh with rtree,
+which asks for one point after the other, took 2.1 to 4.6 s on the same computer.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import KDTree
+
+_LEAF = 1
+"""Triangles of a leaf at most."""
+_ARITY = 8
+"""Boxes that a box is divided into."""
+_SLACK = 1e-6
+"""Metres by which boxes are larger than what they hold: they are compared in float32."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Closest:
+    """What the surface has nearest to N points."""
+
+    point: Float[np.ndarray, "N 3"]
+    face: Int[np.ndarray, "N"]
+    distance: Float[np.ndarray, "N"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceTree:
+    """A mesh whose triangles lie in boxes in boxes. Which triangles share a box is found once for a topology."""
+
+    vertices: Float[np.ndarray, "V 3"]
+    faces: Int[np.ndarray, "F 3"]
+    leaves: Int[np.ndarray, "L n"]
+    """Faces of each leaf; some stand in it twice, so that all have the same number."""
+    boxes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    """Middles and half sizes (m, k, 3) of the k boxes in each of m boxes, from the coarsest level to the leaves."""
+    corners: KDTree
+    """The vertices of faces: a first guess at what is nearest."""
+
+    @staticmethod
+    def of(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> "SurfaceTree":
+        """A tree of any triangles, at least one."""
+        assert len(faces)
+        leaves, corners = _leaves(vertices[faces].mean(1)), KDTree(vertices[:1])
+        return SurfaceTree(vertices=vertices, faces=faces, leaves=leaves, boxes=(), corners=corners).moved(vertices)
+
+    def moved(self, vertices: Float[np.ndarray, "V 3"]) -> "SurfaceTree":
+        """The same mesh in another pose: the boxes of the same triangles."""
+        points = np.asarray(vertices, np.float64)
+        corners = points[self.faces[self.leaves]].reshape(len(self.leaves), -1, 3)
+        low, high = corners.min(1), corners.max(1)
+        boxes: list[tuple[np.ndarray, np.ndarray]] = []
+        while len(low) > 1:
+            low, high = low.reshape(-1, _ARITY, 3), high.reshape(-1, _ARITY, 3)
+            boxes.insert(0, _box(low, high))
+            low, high = low.min(1), high.max(1)
+        return replace(self, vertices=points, boxes=tuple(boxes), corners=KDTree(points[_used(self.faces)]))
+
+    def closest(self, points: Float[np.ndarray, "N 3"]) -> Closest:
+        """For each point the nearest one of the surface.
+
+        A box is left out only where it is farther away than some vertex, so none that matters is missed.
+        """
+        bound, _ = self.corners.query(points)
+        query, leaf = self._candidates(points.astype(np.float32), np.square(bound + _SLACK).astype(np.float32))
+        return self._nearest(points, query, leaf)
+
+    def _candidates(self, points: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of a point and a leaf that may hold what is nearest to it, ordered by point."""
+        query, box = np.arange(len(points)), np.zeros(len(points), np.intp)
+        for middle, half in self.boxes:
+            beyond = points[query][:, None] - middle[box]
+            np.abs(beyond, out=beyond)
+            beyond -= half[box]
+            np.maximum(beyond, 0, out=beyond)
+            pair, child = np.nonzero(np.einsum("nki,nki->nk", beyond, beyond) <= bound[query][:, None])
+            query, box = query[pair], box[pair] * middle.shape[1] + child
+        return query, box
+
+    def _nearest(self, points: np.ndarray, query: np.ndarray, leaf: np.ndarray) -> Closest:
+        face = self.leaves[leaf].reshape(-1)
+        query = np.repeat(query, self.leaves.shape[1])
+        weights, squared = _on_triangles(points[query], self.vertices, self.faces, face)
+        starts = np.flatnonzero(np.diff(query, prepend=-1))
+        least = np.minimum.reduceat(squared, starts)
+        first = np.flatnonzero(squared == np.repeat(least, np.diff(starts, append=len(query))))
+        first = first[np.diff(query[first], prepend=-1) > 0]
+        chosen = face[first]
+        point = np.einsum("nk,nki->ni", weights[first], self.vertices[self.faces[chosen]])
+        return Closest(point=point, face=chosen, distance=np.linalg.norm(points - point, axis=1))
+
+
+def _used(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "n"]:
+    """Vertices that some face has, as np.unique gives them, but 30 times as fast."""
+    return np.flatnonzero(np.bincount(faces.reshape(-1)))
+
+
+def _box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return ((low + high) / 2).astype(np.float32), ((high - low) / 2 + _SLACK).astype(np.float32)
+
+
+def _leaves(middles: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, "L n"]:
+    """Faces in groups of equal number: halved again and again across the side on which the group is longest."""
+    count = _ARITY
+    while count * _LEAF < len(middles):
+        count *= _ARITY
+    each = -(-len(middles) // count)
+    groups = np.resize(np.arange(len(middles)), count * each)[None]
+    while len(groups) < count:
+        points = middles[groups]
+        axis = np.ptp(points, axis=1).argmax(1)
+        order = np.take_along_axis(points, axis[:, None, None], 2)[..., 0].argsort(1)
+        groups = np.take_along_axis(groups, order, 1).reshape(2 * len(groups), -1)
+    return groups
+
+
+def _on_triangles(
+    points: Float[np.ndarray, "N 3"], vertices: np.ndarray, faces: np.ndarray, face: Int[np.ndarray, "N"]
+) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, "N"]]:
+    """Weights of the corners of the point of a triangle nearest to each point, and its squared distance.
+
+    The foot of the perpendicular if it lies inside, else the nearest of the three edges' points.
+    """
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    ab, ac = b - a, c - a
+    aa, bc, cc = (np.einsum("ni,ni->n", x, y)[face] for x, y in ((ab, ab), (ab, ac), (ac, ac)))
+    to = points - a[face]
+    along_b, along_c = np.einsum("ni,ni->n", to, ab[face]), np.einsum("ni,ni->n", to, ac[face])
+    apart = np.einsum("ni,ni->n", to, to)
+    tiny = np.finfo(np.float64).tiny
+    area = np.maximum(aa * cc - bc * bc, tiny)
+    v, w = (cc * along_b - bc * along_c) / area, (aa * along_c - bc * along_b) / area
+    edge = np.maximum(aa - 2 * bc + cc, tiny)
+    t = ((along_c - along_b + aa - bc) / edge).clip(0, 1)
+    zero = np.zeros_like(t)
+    inside = (v >= 0) & (w >= 0) & (v + w <= 1)
+    options = (
+        (np.where(inside, v, 0), np.where(inside, w, 0)),
+        ((along_b / np.maximum(aa, tiny)).clip(0, 1), zero),
+        (zero, (along_c / np.maximum(cc, tiny)).clip(0, 1)),
+        (1 - t, t),
+    )
+    # |to - x ab - y ac|^2
+    squared = np.stack(
+        [apart - 2 * (x * along_b + y * along_c) + x * x * aa + 2 * x * y * bc + y * y * cc for x, y in options]
+    )
+    best = squared.argmin(0)
+    x, y = (np.choose(best, [option[i] for option in options]) for i in (0, 1))
+    return np.stack([1 - x - y, x, y], 1), squared.min(0)

@@ -1,0 +1,143 @@
+"""What a fit is compared with: points in space, and the body that they belong to where one is known."""
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.errors import InputError
+
+FORMAT = "tcfit reference 1"
+_SAME_RATE = 1e-3
+"""Share by which two frame rates that mean the same may differ: 29.97 and 30 do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOf:
+    """Which body model a reference is a pose of."""
+
+    kind: str
+    gender: str
+    hash: str
+    """SHA-256 of its file; empty: whichever file of this kind and gender is there."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """T frames of something that is known better than a fit knows it. Metres."""
+
+    name: str
+    """For the user."""
+    kind: str
+    """What it was read from, in words."""
+    frame_rate: float | None
+    """Frames per second; None: as the clip's."""
+    first_frame: int = 0
+    """Number in the video of its first frame, where the rates agree."""
+    in_camera: bool
+    """Whether it stands in the camera's space (x right, y down, z away); else only its form can be compared."""
+    points: Float[np.ndarray, "T 137 3"]
+    """The keypoints of `fitting_core.keypoints`; NaN where nothing is known."""
+    joints: Float[np.ndarray, "T 55 3"] | None = None
+    """SMPL-X's joints."""
+    params: BodyParams | None = None
+    body: BodyOf | None = None
+    """There if `params` is."""
+    notes: tuple[str, ...] = field(default=())
+    """What a user should know about how it was read."""
+
+    def __post_init__(self) -> None:
+        assert self.points.shape[1:] == (kp.COUNT, 3)
+        assert self.joints is None or self.joints.shape == (len(self.points), N_JOINTS, 3)
+        assert (self.params is None) == (self.body is None)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def frames_of(self, count: int, first_frame: int, frame_rate: float) -> Int[np.ndarray, "count"]:
+        """For each frame of a fit the reference's frame of that moment; -1 where it has none.
+
+        Args:
+            count: Frames of the fit.
+            first_frame: Number in the video of its first frame.
+            frame_rate: Frames per second of the video.
+
+        Raises:
+            InputError: They have no moment in common.
+        """
+        numbers = first_frame + np.arange(count)
+        if self.frame_rate is None or abs(self.frame_rate / frame_rate - 1) < _SAME_RATE:
+            found = numbers - self.first_frame
+        else:
+            # At another rate its first frame is taken to be the video's.
+            found = np.round(numbers * (self.frame_rate / frame_rate)).astype(int)
+        found = np.where((found >= 0) & (found < len(self)), found, -1)
+        if (found < 0).all():
+            last = first_frame + count - 1
+            raise InputError(
+                f"{self.name}: has {len(self)} frames from the video's frame {self.first_frame} on, and the fit has "
+                f"frames {first_frame} to {last}; expected a reference of the same clip. Give that."
+            )
+        return found
+
+
+def write_reference(path: Path, reference: Reference) -> None:
+    """Write a reference as npz; `read_stored` has it back.
+
+    Keys: format, name, kind, frame_rate (0: as the clip's), first_frame, in_camera, notes, points, and where they are
+    known joints, the fields of `BodyParams`, body_kind, body_gender, body_hash.
+    """
+    arrays: dict[str, object] = {
+        "format": FORMAT,
+        "name": reference.name,
+        "kind": reference.kind,
+        "frame_rate": reference.frame_rate or 0.0,
+        "first_frame": reference.first_frame,
+        "in_camera": reference.in_camera,
+        "notes": np.array(reference.notes, np.str_),
+        "points": reference.points,
+    }
+    if reference.joints is not None:
+        arrays["joints"] = reference.joints
+    if reference.params is not None and reference.body is not None:
+        arrays |= {f.name: getattr(reference.params, f.name).numpy() for f in fields(BodyParams)}
+        arrays |= {f"body_{f.name}": getattr(reference.body, f.name) for f in fields(BodyOf)}
+    np.savez_compressed(path, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
+
+
+def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
+    """What `write_reference` wrote.
+
+    Raises:
+        KeyError: An array is missing.
+        ValueError: One has another form.
+    """
+    params = body = None
+    if "body_pose" in arrays:
+        params = BodyParams(**{f.name: torch.as_tensor(arrays[f.name]) for f in fields(BodyParams)})
+        body = BodyOf(**{f.name: str(arrays[f"body_{f.name}"]) for f in fields(BodyOf)})
+    points, joints = arrays["points"], arrays.get("joints")
+    if points.ndim != 3 or points.shape[1:] != (kp.COUNT, 3):
+        raise ValueError(f"points has the shape {points.shape}, expected (frames, {kp.COUNT}, 3)")
+    return Reference(
+        name=str(arrays["name"]),
+        kind=str(arrays["kind"]),
+        frame_rate=float(arrays["frame_rate"]) or None,
+        first_frame=int(arrays["first_frame"]),
+        in_camera=bool(arrays["in_camera"]),
+        points=points,
+        joints=joints,
+        params=params,
+        body=body,
+        notes=tuple(arrays["notes"].tolist()),
+    )
+
+
+def of_body(body: BodyModel) -> BodyOf:
+    """What a reference remembers of its body."""
+    return BodyOf(kind=body.kind, gender=body.gender, hash=body.hash)

@@ -1,0 +1,119 @@
+"""Reading a reference, of whatever form: the form is told by what is in the file."""
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.evaluation import reference, reference_bodies, reference_points
+from fitting_core.evaluation.reference import Reference
+from fitting_core.evaluation.world_camera import WorldCamera, read_world_camera
+from fitting_core.io.result_files import FIT_NAME
+
+TRUTH_NAME = "truth.npz"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What a reader gets."""
+
+    path: Path
+    arrays: dict[str, np.ndarray]
+    camera: WorldCamera | None
+    search: Path | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceForm:
+    """One form of npz."""
+
+    keys: tuple[str, ...]
+    """Arrays by which it is known."""
+    title: str
+    read: Callable[[Source], Reference]
+
+
+FORMS = (
+    ReferenceForm(
+        keys=("format", "name", "points", "in_camera"),
+        title="a reference stored by tcfit",
+        read=lambda s: reference.read_stored(s.path, s.arrays),
+    ),
+    ReferenceForm(
+        keys=("joints", "keypoints", "visible", "body_hash"),
+        title="a truth of a generated clip (keypoints, visible, body_hash)",
+        read=lambda s: reference_bodies.read_generated(s.path, search=s.search),
+    ),
+    ReferenceForm(
+        keys=("format", "phase1_body_pose"),
+        title="a fit.npz",
+        read=lambda s: reference_bodies.read_other_fit(s.path, search=s.search),
+    ),
+    ReferenceForm(
+        keys=("points", "names"),
+        title="3D points (points, names)",
+        read=lambda s: reference_points.read_points(s.path, s.arrays, s.camera),
+    ),
+    ReferenceForm(
+        keys=("poses", "trans", "betas"),
+        title="an AMASS-style npz (poses, trans, betas)",
+        read=lambda s: reference_bodies.read_amass(s.path, s.arrays, s.camera, s.search),
+    ),
+)
+"""Tried in this order. TRC, which is text, stands beside."""
+
+
+def read_reference(path: Path, *, camera: Path | None = None, search: Path | None = None) -> Reference:
+    """Read what a fit is to be compared with.
+
+    Args:
+        path: A file of one of FORMS, a .trc file, or a folder with a truth.npz or fit.npz.
+        camera: npz with R and t of the clip's camera in the reference's world, where that is not the camera's space.
+        search: A body model file or a folder that alone is searched for the reference's body.
+
+    Raises:
+        InputError: It cannot be read as any of these, or its body model is not there.
+    """
+    file = _file(path)
+    world = None if camera is None else read_world_camera(camera)
+    if file.suffix.lower() == ".trc":
+        return reference_points.read_trc(file, world)
+    arrays = _arrays(file)
+    for form in FORMS:
+        if all(key in arrays for key in form.keys):
+            try:
+                return form.read(Source(path=file, arrays=arrays, camera=world, search=search))
+            except (KeyError, IndexError, TypeError) as error:
+                raise InputError(f"{file}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
+            except ValueError as error:
+                if isinstance(error, InputError):
+                    raise
+                raise InputError(f"{file}: is {form.title}, but damaged ({error}). Take it from a backup.") from error
+    found = ", ".join(list(arrays)[:8]) or "nothing"
+    known = "; ".join(form.title for form in FORMS)
+    raise InputError(f"{file}: holds {found}; expected {known}; or a .trc file.")
+
+
+def _file(path: Path) -> Path:
+    if not path.exists():
+        raise InputError(f"{path}: does not exist; expected a reference. Correct --reference.")
+    if not path.is_dir():
+        return path
+    for name in (TRUTH_NAME, FIT_NAME):
+        if (path / name).is_file():
+            return path / name
+    raise InputError(f"{path}: is a folder without {TRUTH_NAME} and {FIT_NAME}; name a file in it.")
+
+
+def _arrays(file: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{file}: is no npz archive of plain arrays ({error}); expected one, or a .trc file. Save it again with "
+            "numpy.savez, without objects in it."
+        ) from error

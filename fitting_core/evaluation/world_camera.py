@@ -1,0 +1,46 @@
+"""A calibrated camera in a world: where a reference's points get into the camera's space."""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
+
+_EXPECTED = "R (3, 3) and t (3,), with x_camera = R x_world + t in metres"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorldCamera:
+    """Where a camera stands: x_camera = rotation @ x_world + translation, metres."""
+
+    rotation: Float[np.ndarray, "3 3"]
+    translation: Float[np.ndarray, "3"]
+
+    def __call__(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Points of the world in the camera's space."""
+        return points @ self.rotation.T + self.translation
+
+
+def read_world_camera(path: Path) -> WorldCamera:
+    """Read the arrays R and t of an npz file; K and others in it are left alone.
+
+    Raises:
+        InputError: There is no such file, or what it holds is no rotation and translation.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            rotation, translation = (np.asarray(archive[name], np.float64) for name in ("R", "t"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: does not exist; expected an npz with {_EXPECTED}. Correct --camera.") from error
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: is no camera ({error}); expected an npz with {_EXPECTED}.") from error
+    if rotation.shape != (3, 3) or translation.size != 3:
+        raise InputError(f"{path}: has R {rotation.shape} and t {translation.shape}; expected {_EXPECTED}.")
+    if not np.isfinite(translation).all() or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
+        raise InputError(f"{path}: its R is no rotation (R R^T is not the identity); expected {_EXPECTED}.")
+    if np.linalg.det(rotation) < 0:
+        raise InputError(f"{path}: its R mirrors (determinant -1); expected a rotation. Turn one of its axes round.")
+    return WorldCamera(rotation=rotation, translation=translation.reshape(3))
