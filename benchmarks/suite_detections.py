@@ -63,7 +63,8 @@ def _real() -> Iterator[tuple[str, Figures]]:
 def _simulated(motion: str, level: str) -> Figures:
     made = [make_sequence(s, level) for s in SEQUENCES.values() if s.motion == motion]
     rows = [figures(m.clip.keypoints, m.truth.keypoints[:, BODY], 720 / m.truth.camera.size[1]) for m in made]
-    return {name: float(np.nanmean([row[name] for row in rows])) for name in rows[0]}
+    columns = {name: [row[name] for row in rows if np.isfinite(row[name])] for name in rows[0]}
+    return {name: float(np.mean(values)) if values else np.nan for name, values in columns.items()}
 
 
 def main() -> None:
