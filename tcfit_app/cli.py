@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from tcfit_app.batch_options import BatchOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
@@ -57,6 +58,7 @@ Options = (
     | Annotated[NewOptions, subcommand("new")]
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
+    | Annotated[BatchOptions, subcommand("batch")]
     | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
@@ -94,6 +96,12 @@ def _demo(options: DemoOptions, command: str) -> int:
     return 0
 
 
+def _batch(options: BatchOptions, command: str) -> int:
+    from tcfit_app.batch_command import run_batch
+
+    return run_batch(options, command=command)
+
+
 def _models(options: Models, command: str) -> int:
     from tcfit_app.models_command import list_models, register_models
 
@@ -124,6 +132,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     NewOptions: _new,
     ReviewOptions: _review,
     DemoOptions: _demo,
+    BatchOptions: _batch,
     Models: _models,
     Settings: _settings,
     Doctor: _doctor,
@@ -153,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; None: those of this process.
 
     Returns:
-        The exit code: 0, 1 if `doctor` found something missing, INPUT_ERROR or CANCELLED.
+        The exit code: 0, 1 if `doctor` found something missing or clips of a batch have failed, INPUT_ERROR or CANCELLED.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
