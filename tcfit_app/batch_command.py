@@ -10,6 +10,7 @@ from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.errors import InputError
+from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.local import LocalProcesses
 from tcfit_app.batch.locking import patient_lock
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
@@ -51,17 +52,27 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     ended: dict[int, Record] = {}
     try:
         _run(_crew(options), todo, folder, ended)
+        rows = _told(todo, ended, folder, time.monotonic() - begin)
     except KeyboardInterrupt:
+        _told(todo, ended, folder, time.monotonic() - begin)
         print(f"Stopped. The same command goes on with the {len(todo.to_do) - len(ended)} clips that are left.")
         raise
     finally:
-        rows = _rows(todo, ended)
-        seconds = time.monotonic() - begin
-        write_summary(folder, rows, seconds=seconds)
-        show_summary(rows, seconds=seconds, console=Console())
-        print(f"A row for each clip is in {folder / SUMMARY_CSV}")
         held.release()
     return int(any(row.state in FAILURES for row in rows))
+
+
+def _told(todo: Plan, ended: dict[int, Record], folder: Path, seconds: float) -> list[Row]:
+    """The outcome, in files and on the terminal."""
+    rows = [
+        row_of(task, todo.before.get(index) or ended.get(index), before=index in todo.before)
+        for index, task in enumerate(todo.tasks)
+    ]
+    with accessing(folder):
+        write_summary(folder, rows, seconds=seconds)
+    show_summary(rows, seconds=seconds, console=Console())
+    print(f"A row for each clip is in {folder / SUMMARY_CSV}")
+    return rows
 
 
 def _crew(options: BatchOptions) -> Crew:
@@ -77,6 +88,8 @@ def _cores() -> int:
 
 def _run(crew: Crew, todo: Plan, folder: Path, ended: dict[int, Record]) -> None:
     """Fit what is to be done; `ended` takes the record of each clip as it comes."""
+    for index in todo.before:
+        tidy(todo.tasks[index])
     tasks = [todo.tasks[index] for index in todo.to_do]
     progress = _Lines(len(todo.tasks), len(todo.before), tasks)
     with closing(progress), closing(crew.run(tasks, folder)) as all_news:
@@ -96,13 +109,6 @@ def _keep(folder: Path, task: ClipTask, record: Record) -> None:
             write_log(folder, "failed", task, reason=record.reason)
         else:
             path.unlink(missing_ok=True)
-
-
-def _rows(todo: Plan, ended: dict[int, Record]) -> list[Row]:
-    return [
-        row_of(task, todo.before.get(index) or ended.get(index), before=index in todo.before)
-        for index, task in enumerate(todo.tasks)
-    ]
 
 
 class _Lines:

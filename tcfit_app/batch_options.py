@@ -13,9 +13,10 @@ from tcfit_app.options import BodyOptions, CameraOptions, ClipOptions, MethodOpt
 class BatchOptions:
     """Fit many clips, as a CSV file lists them; started again, it goes on where it was stopped.
 
-    Columns: out (a folder for the result of each clip), video and keypoints (at least one of them), and any option below
-    or setting of `tcfit settings` that is to differ between clips, by its name: focal_length, person, first_frame,
-    preset, temporal.weight, ... Empty cells take what the command line says. Paths are relative to the file.
+    Columns: out (a folder for the result of each clip), video and keypoints (at least one of them), and any option
+    below or setting of `tcfit settings` that is to differ between clips, by its name: focal_length, person,
+    first_frame, preset, temporal.weight, ... Empty cells take what the command line says. Paths are relative to the
+    file.
 
     Each clip gives what `tcfit fit` gives. A clip that fails does not stop the others; it is fitted again with --retry,
     or when its files or settings change. What is done is left alone until then.
@@ -26,7 +27,8 @@ class BatchOptions:
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one for each core)")] = None
     """Clips that are fitted at the same time, each in a process with one thread."""
     ray: Annotated[
-        tuple[str] | tuple[()] | None, arg(metavar="[ADDRESS]", help_behavior_hint="(default: this computer's processes)")
+        tuple[str] | tuple[()] | None,
+        arg(metavar="[ADDRESS]", help_behavior_hint="(default: this computer's processes)"),
     ] = None
     """Fit on a running Ray cluster whose nodes see the same files: its address, or nothing for the one that Ray finds;
     "local" starts one here. Needs tcfit[ray]."""

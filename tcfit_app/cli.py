@@ -162,7 +162,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; None: those of this process.
 
     Returns:
-        The exit code: 0, 1 if `doctor` found something missing or clips of a batch have failed, INPUT_ERROR or CANCELLED.
+        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, INPUT_ERROR or
+        CANCELLED.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:

@@ -9,7 +9,7 @@ import os
 import shutil
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -18,30 +18,21 @@ import torch
 
 from fitting_core.body.files import load_body
 from fitting_core.body.model import BodyModel
-from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.events import FitEvent, PhaseFinished
-from fitting_core.fitting import fit_events
 from fitting_core.io.clip_reader import read_clip
-from fitting_core.io.result_files import OVERLAY_NAME, write_result
-from fitting_core.io.summary import summary as figures_of
-from fitting_core.result import FitResult
+from fitting_core.io.result_files import OVERLAY_NAME
 from tcfit_app.batch.fingerprint import Fingerprint, fingerprint_of, unchanged
 from tcfit_app.batch.locking import patient_lock
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.records import RECORD_NAME, Figures, Record, done_record, read_record, write_log, write_record
-from tcfit_app.bodies import record_of
-from tcfit_app.fit_command import body_file, check_out, prepare_torch
-from tcfit_app.overlay_video import write_comparison
-from tcfit_app.project import Project
-from tcfit_app.storage.database import is_project
+from tcfit_app.batch.records import RECORD_NAME, Record, done_record, read_record, write_log, write_record
+from tcfit_app.batch.writing import Report, Work, write_files, write_project
+from tcfit_app.fit_command import body_file, prepare_torch
 from tcfit_app.storage.durable import accessing, sync
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""
 _PATIENCE = 30.0
 """Seconds to wait for another process that fits the same clip: one whose batch was killed ends in less."""
-Report = Callable[[FitEvent], None]
 
 
 def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
@@ -77,15 +68,31 @@ def failure(fingerprint: Fingerprint, reason: str, *, trace: str = "", seconds: 
     )
 
 
+def tidy(task: ClipTask) -> None:
+    """Remove what a process left beside a clip's result that died just after it had made it.
+
+    Raises:
+        InputError: Another process is at work there.
+    """
+    if any(path.exists() for path in _beside(task)):
+        with _drafting(task):
+            pass
+
+
+def _beside(task: ClipTask) -> tuple[Path, Path]:
+    """The draft's folder and the lock's."""
+    out = task.out.absolute()
+    return out.with_name(f".{out.name}{DRAFT_SUFFIX}"), out.with_name(f".{out.name}{LOCK_SUFFIX}")
+
+
 @contextmanager
 def _drafting(task: ClipTask) -> Iterator[Path]:
     """The folder that is to become the result, for this process alone; gone at the end.
 
     It lies beside the result: one step must move it, and a project's link to its video must stay right.
     """
-    out = task.out.absolute()
-    draft, place = out.with_name(f".{out.name}{DRAFT_SUFFIX}"), out.with_name(f".{out.name}{LOCK_SUFFIX}")
-    held = patient_lock(place, seconds=_PATIENCE, wanted=f"fit into {out}")
+    draft, place = _beside(task)
+    held = patient_lock(place, seconds=_PATIENCE, wanted=f"fit into {task.out}")
     try:
         yield draft
     finally:
@@ -116,8 +123,8 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
         task.fit.keypoints,
         **(dataclasses.asdict(task.fit.camera) | dataclasses.asdict(task.fit.clip)),
     )
-    writer = _write_project if task.project else _write_files
-    figures = writer(task, clip, body, draft, report)
+    work = Work(task=task, clip=clip, body=body, draft=draft, settings=fingerprint.settings, report=report)
+    figures = write_project(work) if task.project else write_files(work)
     record = Record(
         state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
     )
@@ -131,56 +138,6 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
 @lru_cache(maxsize=3)  # One for each gender; tens of megabytes each.
 def _body(path: Path) -> BodyModel:
     return load_body(path)
-
-
-def _result(task: ClipTask, clip: Clip, body: BodyModel, report: Report) -> FitResult:
-    finished: PhaseFinished | None = None
-    for event in fit_events(clip, body, task.config):
-        report(event)
-        if isinstance(event, PhaseFinished):
-            finished = event
-    assert finished is not None
-    return finished.so_far
-
-
-def _write_files(task: ClipTask, clip: Clip, body: BodyModel, draft: Path, report: Report) -> Figures:
-    """What `tcfit fit` writes."""
-    check_out(task.out, overwrite=task.fit.overwrite)
-    fit = _result(task, clip, body, report)
-    content = write_result(draft, fit, clip, body, command=task.command)
-    notes = list(fit.warnings)
-    if task.fit.overlay and clip.source is not None:
-        try:
-            write_comparison(draft / OVERLAY_NAME, fit, clip, body)
-        except (InputError, OSError) as error:
-            notes.append(f"No {OVERLAY_NAME} was written. {error}")
-    return _figures(content, notes)
-
-
-def _write_project(task: ClipTask, clip: Clip, body: BodyModel, draft: Path, report: Report) -> Figures:
-    """A project with one finished run."""
-    if is_project(task.out):
-        raise InputError(
-            f"{task.out}: is a project already, of other settings or another clip; corrections in it are not to be "
-            "lost. Review and fit it by `tcfit review`, or choose another folder for a new project."
-        )
-    check_out(task.out, overwrite=False)
-    fit = _result(task, clip, body, report)
-    content = figures_of(fit, clip, body, complete=True, command=task.command)
-    with Project.create(draft, clip) as project:
-        run = project.runs.start(task.config, body=record_of(body), edits_seen=project.last_edit)
-        project.runs.finish(run.id, fit, summary=content)
-    return _figures(content, list(fit.warnings))
-
-
-def _figures(content: dict, notes: list[str]) -> Figures:
-    phase = max(content["reprojection_px"])
-    return Figures(
-        frames=content["frames"],
-        reprojection_px=content["reprojection_px"][phase]["median"],
-        jitter_mm=content["jitter"][phase]["camera_space_mm_per_frame2"],
-        notes=tuple(notes),
-    )
 
 
 def _put(draft: Path, out: Path) -> None:

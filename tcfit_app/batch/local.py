@@ -136,9 +136,7 @@ def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
         work.waiting.append(index)
         return
     how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
-    reason = (
-        f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or fewer frames at a time."
-    )
+    reason = f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or shorter clips."
     yield Ended(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
 
 

@@ -200,7 +200,9 @@ def _fit_options(
     if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
         complaints.add(line, f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
     return FitOptions(
-        **files,
+        video=files.get("video"),
+        keypoints=files.get("keypoints"),
+        out=files["out"],
         overwrite=options.overwrite,
         overlay=options.overlay,
         clip=clip,

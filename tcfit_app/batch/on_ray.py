@@ -1,6 +1,8 @@
 """Fits clips on a Ray cluster. The only import of ray, which is an extra: pip install tcfit[ray]."""
 
+import logging
 import os
+import socket
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +17,8 @@ from tcfit_app.batch.records import Record
 
 LOCAL = "local"
 """The address that starts a Ray on this computer."""
+_PATIENCE = 5.0
+"""Seconds to wait for a cluster's answer."""
 _AHEAD = 2
 """Tasks that are handed to Ray for each of the cluster's cores."""
 
@@ -60,6 +64,25 @@ def _record(ray: Any, ready: Any, task: ClipTask) -> Record:
         return failure(fingerprint_of(task), reason, trace=str(error))
 
 
+def _check_answers(address: str | None) -> None:
+    """Ray itself tries for minutes to reach a computer that is not there."""
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if not (host and port.isdigit()):
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
+    except OSError as error:
+        raise _silent(address, error) from error
+
+
+def _silent(address: str | None, error: Exception) -> InputError:
+    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    return InputError(
+        f"--ray {address or ''}: no cluster answers ({reason}). Start one by `ray start --head`, give its address, or "
+        "--ray local to start one on this computer."
+    )
+
+
 @contextmanager
 def _connected(address: str | None, jobs: int | None) -> Iterator[Any]:
     """The module ray, connected."""
@@ -73,14 +96,12 @@ def _connected(address: str | None, jobs: int | None) -> Iterator[Any]:
             f"--ray: Ray cannot be imported ({error}). Install it with `pip install tcfit[ray]`, or leave --ray out to "
             "fit on this computer."
         ) from error
+    _check_answers(address)
     here: dict[str, Any] = {"num_cpus": jobs, "include_dashboard": False} if address == LOCAL else {}
     try:
-        ray.init(address=address or "auto", log_to_driver=False, logging_level="ERROR", **here)
+        ray.init(address=address or "auto", log_to_driver=False, logging_level=logging.ERROR, **here)
     except (ConnectionError, RuntimeError, ValueError) as error:
-        raise InputError(
-            f"--ray {address or ''}: no cluster answers ({str(error).splitlines()[0]}). Start one by `ray start "
-            "--head`, give its address, or --ray local to start one on this computer."
-        ) from error
+        raise _silent(address, error) from error
     try:
         yield ray
     finally:

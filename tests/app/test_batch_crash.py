@@ -16,6 +16,7 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import read_fit
+from tcfit_app import batch_command
 from tcfit_app.batch import clip_fit, local
 from tcfit_app.batch.outcome import FAILURES
 from tcfit_app.cli import CANCELLED, main
@@ -186,17 +187,16 @@ def test_a_clip_whose_process_dies_is_tried_again_and_then_fails(tmp_path: Path,
     monkeypatch.setattr(local, "fit_clip", dying)
     with running(forked, manifest) as group:
         assert os.waitstatus_to_exitcode(_end_of(group)) == 1
-    rows = {
-        row["clip"]: row for row in json.loads((tmp_path / "clips.batch" / "summary.json").read_text())["rows"]
-    }
+    rows = {row["clip"]: row for row in json.loads((tmp_path / "clips.batch" / "summary.json").read_text())["rows"]}
     assert rows["fits/c000"]["state"] == "done"
     assert rows["fits/c002"]["state"] == "failed" and "by signal 9, 2 times" in rows["fits/c002"]["reason"]
 
 
-def test_a_second_run_of_the_same_list_is_refused(tmp_path: Path, free_body: BodyModel, capsys):
-    manifest = write_batch(tmp_path, free_body, clips=6)
+def test_a_second_run_of_the_same_list_is_refused(tmp_path: Path, free_body: BodyModel, monkeypatch, capsys):
+    manifest = write_batch(tmp_path, free_body, clips=10)
+    monkeypatch.setattr(batch_command, "_PATIENCE", 0.1)
     with running(forked, manifest):
-        until(lambda: list(events(tmp_path, "started")) if fitted(tmp_path) else [])
+        until(lambda: fitted(tmp_path))
         assert main(_command(manifest)) == 2
         assert "another process is at work to fit this list" in capsys.readouterr().err
 
