@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from tcfit_app.batch_options import BatchOptions
+from tcfit_app.bench_options import BenchOptions
 from tcfit_app.options import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 
 INPUT_ERROR, CANCELLED = 2, 130
@@ -59,6 +60,7 @@ Options = (
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
     | Annotated[BatchOptions, subcommand("batch")]
+    | Annotated[BenchOptions, subcommand("bench")]
     | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
@@ -102,6 +104,13 @@ def _batch(options: BatchOptions, command: str) -> int:
     return run_batch(options, command=command)
 
 
+def _bench(options: BenchOptions, command: str) -> int:
+    from tcfit_app.bench_command import run_bench
+
+    run_bench(options)
+    return 0
+
+
 def _models(options: Models, command: str) -> int:
     from tcfit_app.models_command import list_models, register_models
 
@@ -133,6 +142,7 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     ReviewOptions: _review,
     DemoOptions: _demo,
     BatchOptions: _batch,
+    BenchOptions: _bench,
     Models: _models,
     Settings: _settings,
     Doctor: _doctor,

@@ -52,7 +52,7 @@ APP_LAYERS = {
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
     "commands": "options progress clip_input probes doctor fit_command models_command new_command review_command "
-    "demo_command batch batch_options batch_command cli __main__",
+    "demo_command child_processes batch batch_options batch_command bench bench_options bench_command cli __main__",
 }
 """Of the app: a module imports from its own layer and from those above."""
 APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}

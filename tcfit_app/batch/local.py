@@ -4,27 +4,23 @@ Each process fits one clip after the other and tells of it through a pipe. It en
 however that one ends.
 """
 
-import multiprocessing
-import os
-import signal
-import threading
 import time
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from fitting_core.events import FitEvent, Iteration
+from tcfit_app import child_processes
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
 from tcfit_app.batch.fingerprint import fingerprint_of
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.news import Ended, News, Underway
 from tcfit_app.batch.records import Record
 
-_CONTEXT = multiprocessing.get_context("spawn")  # A fork of a process that has used torch may hang.
 _TRIES = 2
 """Times that a clip's process may die: the first time may be anybody's fault, as when memory runs out."""
 _BETWEEN = 0.5
@@ -80,25 +76,12 @@ class LocalProcesses:
 
 
 def _started(folder: Path) -> _Worker:
-    ours, theirs = _CONTEXT.Pipe()
-    process = _CONTEXT.Process(target=_serve, args=(theirs, folder), daemon=True)
-    with _deaf_to_interrupts():
+    ours, theirs = child_processes.CONTEXT.Pipe()
+    process = child_processes.CONTEXT.Process(target=_serve, args=(theirs, folder), daemon=True)
+    with child_processes.deaf_to_interrupts():
         process.start()
     theirs.close()
     return _Worker(process=process, pipe=ours)
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes that are started meanwhile ignore Ctrl-C, which a terminal sends to all of them: their parent acts."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
@@ -142,7 +125,7 @@ def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
 
 def _serve(pipe: Connection, folder: Path) -> None:
     """The life of a process: fits what comes through the pipe until nothing comes any more."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    child_processes.end_with_parent()
     one_thread()
     with suppress(EOFError, OSError):
         while True:
@@ -160,11 +143,3 @@ def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Recor
             pipe.send(Underway(index=index, phase=event.phase, share=event.share))
 
     return fit_clip(task, folder, report)
-
-
-def _end_with_parent() -> None:
-    """Nobody is left to whom a result could be told: end now, whatever is being done."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)

@@ -12,7 +12,7 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import read_fit
-from tcfit_app.batch import local
+from tcfit_app import child_processes
 from tcfit_app.cli import INPUT_ERROR, main, parse
 from tcfit_app.edits import MarkBad
 from tcfit_app.project import Project
@@ -26,7 +26,7 @@ SETTINGS = list(CHEAP)
 @pytest.fixture(autouse=True)
 def forks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Processes that need not import torch again; how they are really started is tested in test_batch_crash.py."""
-    monkeypatch.setattr(local, "_CONTEXT", multiprocessing.get_context("fork"))
+    monkeypatch.setattr(child_processes, "CONTEXT", multiprocessing.get_context("fork"))
 
 
 def batch(folder: Path, *options: str) -> int:

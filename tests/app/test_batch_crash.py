@@ -16,7 +16,7 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import read_fit
-from tcfit_app import batch_command
+from tcfit_app import batch_command, child_processes
 from tcfit_app.batch import clip_fit, local
 from tcfit_app.batch.outcome import FAILURES
 from tcfit_app.cli import CANCELLED, main
@@ -49,7 +49,7 @@ def forked(manifest: Path, *more: str) -> int:
         os.dup2(sink, 1)
         os.dup2(sink, 2)
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-        local._CONTEXT = multiprocessing.get_context("fork")  # pyright: ignore[reportAttributeAccessIssue]
+        child_processes.CONTEXT = multiprocessing.get_context("fork")  # pyright: ignore[reportAttributeAccessIssue]
         signal.signal(signal.SIGINT, signal.default_int_handler)
         code = main(_command(manifest, *more))
         sys.stdout.flush()

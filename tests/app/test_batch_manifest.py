@@ -91,7 +91,7 @@ WRONG = {
     "keypoints,out\nk,o\nk,./x/../o\n": ["line 3, column out: ./x/../o is the folder of line 2 already"],
     "keypoints,out\nk,o/p\nk,o\n": ["line 2, column out: o/p lies inside the folder of line 3"],
     "keypoints,out,person\nk,o,one\nk,p,-1\n": [
-        "line 2, column person: is 'one'; expected a whole number",
+        "column person: is 'one'; expected a whole number",
         "0 or more",
     ],
     "keypoints,out,fov\nk,o,200\nk,p,nan\n": ["line 2, column fov: is 200", "line 3, column fov: is nan"],

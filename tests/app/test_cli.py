@@ -37,7 +37,8 @@ def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["fit"], ["new"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"]]
+    "arguments",
+    [[], ["fit"], ["new"], ["demo"], ["models"], ["models", "add"], ["settings"], ["doctor"], ["batch"], ["bench"]],
 )
 def test_help_loads_no_heavy_package(arguments: list[str]):
     code = f"""
