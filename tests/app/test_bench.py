@@ -28,7 +28,10 @@ from tcfit_app.options import fit_config
 from tests.app.processes import needs_fork
 from tests.posed_clips import clip_of, motion
 
-CHEAP = "--preset paper --pose-prior relaxed --set settings.iterations=2 --set weights.collision=0,0,0,0,0".split()
+CHEAP = (
+    "--preset paper --pose-prior relaxed --set settings.iterations=2 --set settings.rounds=1"
+    " --set weights.collision=0,0,0,0,0"
+).split()
 
 
 def figure(name: str, *values: float, unit: str = "s") -> Figure:
@@ -251,7 +254,7 @@ def test_a_comparison_of_two_values(in_this_process: None, keypoint_folder: Path
         ("--repeats 0", "--repeats is 0"),
         ("--lengths 7", "has only 6"),
         ("--threads 0", "--threads is 0"),
-        ("--compare solver=lm", "two or more"),
+        ("--lengths 3 --compare solver=lm", "two or more"),
         ("--against none.json", "none.json: cannot be read"),
     ],
 )
