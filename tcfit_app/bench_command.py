@@ -71,7 +71,7 @@ def _clip(options: BenchOptions) -> Clip:
     if options.video is None and options.keypoints is None:
         demo = cached_demo(progress=sys.stderr.isatty())
         given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
-        clip = read_clip(demo.video, demo.keypoints, **given)
+        clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
     else:
         locate(options.video, options.keypoints)
         details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
@@ -117,6 +117,7 @@ def _conditions(options: BenchOptions, setup: Setup, amount: Amount) -> dict[str
         "threads": options.threads,
         "amount": dataclasses.asdict(amount),
         "compare": list(options.compare),
+        "parts": [] if options.compare else list(options.parts),
     }
 
 

@@ -18,7 +18,7 @@ class BenchOptions:
 
     Parts: fit (each phase at growing lengths, and memory), solver (Levenberg-Marquardt against L-BFGS from one start),
     window (phase 3 by size of the sliding window), live (the latency of a correction by hand). Whatever is measured
-    takes turns, so that what slows the computer down for a while hits all of it.
+    takes turns, so that what slows the computer down for a while hits all of it. Of all figures less is better.
     """
 
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(default: the demo)")] = None
@@ -26,7 +26,7 @@ class BenchOptions:
     keypoints: Annotated[Path | None, arg(metavar="PATH", help_behavior_hint="(default: the demo's)")] = None
     """Its keypoints."""
     quick: bool = False
-    """Less of everything: a look, not a figure to keep."""
+    """Less of everything, without L-BFGS: a look, not a figure to keep."""
     parts: tuple[Part, ...] = ("fit", "solver", "window", "live")
     """What to measure."""
     compare: Annotated[
@@ -39,7 +39,7 @@ class BenchOptions:
     json: Annotated[Path | None, arg(metavar="FILE.json", help_behavior_hint="(default: not written)")] = None
     """Write machine, versions, options and every figure."""
     lengths: Annotated[
-        tuple[int, ...] | None, arg(metavar="N [N ...]", help_behavior_hint="(default: 20 40 80; quick: 6 12)")
+        tuple[int, ...] | None, arg(metavar="N [N ...]", help_behavior_hint="(default: 16 32 64; quick: 6 12)")
     ] = None
     """Frames: the clip's first ones, as many as the shortest length has, played forwards and backwards."""
     repeats: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: 3; quick: 2)")] = None

@@ -1,6 +1,6 @@
 """Figures with their repetitions: what a run of the bench comes to, as a file and compared with another one."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -11,6 +11,8 @@ from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
 
 FORMAT = "tcfit bench 1"
+_SAME, _ENOUGH = 0.01, 3
+"""Relative difference under which nothing is said about figures, and repetitions from which on something is."""
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,10 +61,20 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         return self.now.median / self.before.median if self.before.median else None
 
     @property
-    def clear(self) -> bool:
-        """Whether the ranges do not even touch: all of the repetitions say the same."""
+    def verdict(self) -> str:
+        """What the repetitions allow to say.
+
+        "clear": no repetition of one is as low as any of the other, in at least three each. Of two things that are the
+        same that happens in one of ten comparisons with three repetitions, in one of 126 with five.
+        """
+        if self.ratio is None:
+            return ""
+        if abs(self.ratio - 1) < _SAME:
+            return "same"
+        if min(len(self.before.values), len(self.now.values)) < _ENOUGH:
+            return "too few turns"
         (low, high), (now_low, now_high) = self.before.range, self.now.range
-        return now_low > high or now_high < low
+        return "clear" if now_low > high or now_high < low else "in the spread"
 
 
 def write_bench(path: Path, bench: Bench) -> None:
@@ -116,12 +128,19 @@ def compared(before: Sequence[Figure], now: Sequence[Figure]) -> list[Comparison
 
 def differences(before: Bench, now: Bench) -> list[str]:
     """What else than the code is not the same, in words."""
-    found = []
-    for what in ("machine", "versions", "conditions"):
-        old, new = getattr(before, what), getattr(now, what)
-        found += [
-            f"{what}: {name} was {old.get(name, 'not noted')}, is {new.get(name, 'not noted')}"
-            for name in dict.fromkeys([*old, *new])
-            if old.get(name) != new.get(name)
-        ]
-    return found
+    old, new = (dict(_flat({"machine": b.machine, "versions": b.versions, **b.conditions})) for b in (before, now))
+    absent = "not noted"
+    return [
+        f"{name} was {old.get(name, absent)}, is {new.get(name, absent)}"
+        for name in dict.fromkeys([*old, *new])
+        if old.get(name, absent) != new.get(name, absent)
+    ]
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Nested values by dotted names, as the file has them."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, msgspec.json.encode(value).decode()

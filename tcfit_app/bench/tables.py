@@ -57,13 +57,12 @@ def ratio_table(title: str, before: str, now: str, comparisons: Sequence[Compari
     """
     table = _table(title, "", before, now, "ratio", "", "unit")
     for c in comparisons:
-        said = "clear" if c.clear else "within the spread"
         table.add_row(
             c.name,
-            f"{number(c.before.median)} ({_range(c.before)})",
-            f"{number(c.now.median)} ({_range(c.now)})",
+            f"{number(c.before.median)} ({_range(c.before, '-')})",
+            f"{number(c.now.median)} ({_range(c.now, '-')})",
             "-" if c.ratio is None else f"{c.ratio:.2f}",
-            said if c.ratio is not None and c.before.values != c.now.values else "same",
+            c.verdict,
             c.unit,
         )
     return table
@@ -71,6 +70,7 @@ def ratio_table(title: str, before: str, now: str, comparisons: Sequence[Compari
 
 def _table(title: str, *columns: str) -> Table:
     table = Table(*columns, title=title, title_justify="left")
+    table.columns[0].no_wrap = True
     for column in table.columns[1:]:
         column.justify = "right"
     return table
@@ -84,9 +84,9 @@ def number(value: float) -> str:
     return f"{value:.{digits}f}"
 
 
-def _range(figure: Figure) -> str:
+def _range(figure: Figure, between: str = " to ") -> str:
     low, high = figure.range
-    return f"{number(low)} to {number(high)}"
+    return f"{number(low)}{between}{number(high)}"
 
 
 def _ratio(value: float, reference: float) -> str:

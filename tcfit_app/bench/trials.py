@@ -12,13 +12,14 @@ from fitting_core.config_file import preset
 from fitting_core.errors import InputError
 from fitting_core.evaluation.excerpts import mirrored, picked, spread
 from fitting_core.settings import changed, settings, unknown
-from fitting_core.solvers import SOLVERS
 from tcfit_app.bench.figures import Figure
 from tcfit_app.bench.measuring import Setup, fit_measures, live_measures, solver_measures, warm_up, window_measures
 from tcfit_app.bench.subject import Measured, Subject
 from tcfit_app.bench_options import Part
 from tcfit_app.options import SHORTCUTS
 
+_SLOW = {"lbfgs": 1}
+"""Turns of what would take most of the time."""
 GLOBAL = "global"
 """As a size of the window: all frames at once."""
 
@@ -31,17 +32,22 @@ class Amount:
     repeats: int
     windows: tuple[str, ...]
     """Frames of sliding windows, or GLOBAL."""
+    solvers: tuple[str, ...]
+    """L-BFGS takes twenty to thirty times as long as Levenberg-Marquardt."""
     solver_frames: int
-    solver_turns: int
-    """L-BFGS takes twenty times as long as all else."""
     moves: int
     """Of a drag."""
 
 
 FULL = Amount(
-    lengths=(20, 40, 80), repeats=3, windows=("5", "7", "15", GLOBAL), solver_frames=3, solver_turns=2, moves=40
+    lengths=(16, 32, 64),
+    repeats=3,
+    windows=("5", "7", "15", GLOBAL),
+    solvers=("lm", "lbfgs"),
+    solver_frames=3,
+    moves=40,
 )
-QUICK = Amount(lengths=(6, 12), repeats=2, windows=("7", GLOBAL), solver_frames=1, solver_turns=1, moves=10)
+QUICK = Amount(lengths=(6, 12), repeats=2, windows=("7", GLOBAL), solvers=("lm",), solver_frames=3, moves=10)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,13 +76,13 @@ def fit_trials(setup: Setup, amount: Amount) -> Iterator[Trial]:
 def solver_trials(setup: Setup, amount: Amount) -> Iterator[Trial]:
     """Every solver from the same start on the same cost."""
     clip = picked(setup.clip, spread(np.arange(len(setup.clip)), amount.solver_frames))
-    for solver in SOLVERS:
+    for solver in amount.solvers:
         config = replace(setup.config, solver=solver, relay_rounds=0)
         yield Trial(
             name=f"solver {solver}",
             process="steps",
             function=solver_measures,
-            turns=amount.solver_turns,
+            turns=_SLOW.get(solver),
             arguments=(replace(setup, clip=clip, config=config),),
         )
 
