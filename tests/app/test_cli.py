@@ -132,7 +132,7 @@ def test_refused(
         (["fit"], "--out"),
         (["fit", "--out", "o", "--center", "3"], "--center"),
         (["fit", "--out", "o", "--frame-rate", "fast"], "--frame-rate"),
-        (["fti"], "fit, new, review, demo, models"),
+        (["fti"], "fit, new, review, demo, batch"),
         ([], "Missing subcommand"),
     ],
 )
