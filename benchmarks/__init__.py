@@ -5,7 +5,6 @@ Run them from the repository's root. They need the development data (see clips.p
 
     real_clips   quality of the presets on real footage, phase 1 against the last one
     solvers      lm against lbfgs: objective, seconds and evaluations from the same start on the same cost
-    length       seconds per frame of each phase against the length of the clip
     profile      where the time of a fit goes
     recover_poses  whether a fit of noise-free keypoints returns hard poses
     live         what a move of a live correction costs, against a plain re-run

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,6 @@ from jaxtyping import Float
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
-from fitting_core.keypoints import Keypoints
 
 ENVIRONMENT = "TCFIT_SHARED_DATA"
 """Names the folder of the development data where it is not beside the repository."""
@@ -88,19 +87,3 @@ def read(name: str, *, default_focal: bool = False) -> Sample:
     if name not in CLIPS:
         raise InputError(f"There is no clip {name}; expected one of {', '.join(CLIPS)}.")
     return CLIPS[name](name, default_focal)
-
-
-def picked(clip: Clip, frames: list[int] | np.ndarray) -> Clip:
-    """The clip made of these frames alone, in this order."""
-    index = np.asarray(frames)
-    keypoints = Keypoints(xy=clip.keypoints.xy[index], confidence=clip.keypoints.confidence[index])
-    return replace(clip, keypoints=keypoints)
-
-
-def mirrored(clip: Clip, base: int, frames: int) -> Clip:
-    """A clip of `frames` frames that plays the first `base` frames forwards, backwards, forwards, ...
-
-    So clips of different length show the same images equally often, and differ in nothing but their length.
-    """
-    there_and_back = np.concatenate([np.arange(base), np.arange(base)[::-1]])
-    return picked(clip, np.resize(there_and_back, frames))

@@ -20,7 +20,6 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
-from benchmarks.solvers import solved
 from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
@@ -39,6 +38,7 @@ from fitting_core.solvers import make_solver
 from fitting_core.solvers.problem import IndependentFrames
 from fitting_core.stages import N_STAGES, Stages
 from fitting_core.state import Free
+from tcfit_app.bench.five_stages import solved
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
 VIEWS = {

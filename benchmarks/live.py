@@ -6,14 +6,13 @@ Needs the development data (see clips.py).
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.clips import mirrored, read
+from benchmarks.clips import read
 from benchmarks.profile import SECTIONS
 from benchmarks.report import Common, Row, progress, report, start
 from benchmarks.sections import Stopwatch
@@ -22,8 +21,10 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.config import PRESETS, FitConfig
-from fitting_core.fitting import fit, rerun_events
+from fitting_core.config import PRESETS
+from fitting_core.evaluation.excerpts import mirrored
+from fitting_core.fitting import fit
+from tcfit_app.bench.dragging import dragged, quick
 from tcfit_app.live import REACH, Correction, LiveCorrection
 
 
@@ -48,18 +49,6 @@ class Live:
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
-def quick(config: FitConfig) -> FitConfig:
-    """The same without the restarts of phase 1: what the drag starts from need not be the best."""
-    return replace(config, relay_rounds=0, limb_flips=False, yaws="side_view")
-
-
-def timed(work: Callable[[], object]) -> tuple[float, float]:
-    """Milliseconds that it takes, on the wall's clock and of the processor."""
-    wall, cpu = time.perf_counter(), time.thread_time()
-    work()
-    return 1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu)
-
-
 def _row(clip: str, reach: int, what: str, times: list[tuple[float, float]]) -> Row:
     wall, cpu = np.array(times).T
     return {
@@ -73,45 +62,20 @@ def _row(clip: str, reach: int, what: str, times: list[tuple[float, float]]) -> 
     }
 
 
-def _finished(events) -> BodyParams:
-    while True:
-        try:
-            next(events)
-        except StopIteration as stop:
-            return stop.value
-
-
 def drag_rows(name: str, correction: Correction, targets: list[np.ndarray], reruns: int) -> tuple[list[Row], Row]:
     """Times of one drag's parts, and how far apart its ways end."""
     c, reach = correction, correction.reach
-    live: list[LiveCorrection] = []
-    begins = [timed(lambda: live.append(LiveCorrection(c, targets[0]))) for _ in range(3)]
-    drag = live[-1]
-
-    def follow(xy: np.ndarray) -> None:
-        drag.move(xy)
-        drag.resolve()
-
-    moves = [timed(lambda xy=xy: follow(xy)) for xy in targets]
-    on_the_way = drag.params
-    ends: list[BodyParams] = []
-    release = [timed(lambda: ends.append(_finished(drag.release())))]
-    plain = [
-        timed(
-            lambda xy=xy: ends.append(_finished(rerun_events(c.edited(xy), c.body, c.converging, c.params, c.frames)))
-        )
-        for xy in targets[:: -max(1, len(targets) // reruns)]
-    ]
-    kinds = {"begin": begins, "move": moves, "release": release, "plain re-run": plain}
+    drag = dragged(c, targets, reruns=max(1, reruns))
+    assert drag.rerun is not None
     apart: Row = {"clip": name, "window": f"{2 * reach + 1}"} | {
         title: _millimetres(c.body, a, b)
         for title, a, b in (
-            ("moved mm", c.params, ends[0]),
-            ("last move to release mm", on_the_way, ends[0]),
-            ("release to plain re-run mm", ends[0], ends[1]),
+            ("moved mm", c.params, drag.released),
+            ("last move to release mm", drag.on_the_way, drag.released),
+            ("release to plain re-run mm", drag.released, drag.rerun),
         )
     }
-    return [_row(name, reach, what, times) for what, times in kinds.items()], apart
+    return [_row(name, reach, what, times) for what, times in drag.times.items()], apart
 
 
 def _millimetres(body: BodyModel, a: BodyParams, b: BodyParams) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 from torch.overrides import TorchFunctionMode
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.clips import mirrored, read
+from benchmarks.clips import read
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from benchmarks.sections import Section, Spent, Stopwatch
@@ -21,6 +21,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points import BodyPoints
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
+from fitting_core.evaluation.excerpts import mirrored
 from fitting_core.events import PhaseFinished
 from fitting_core.fitting import fit, fit_events
 from fitting_core.objective import FrameObjective

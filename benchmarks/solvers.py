@@ -4,16 +4,14 @@ Start is the camera step's result; 180 degree tests and relay are off. Frames ar
 does it, and all together.
 """
 
-import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Int
-from torch import Tensor
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.clips import picked, read
+from benchmarks.clips import read
 from benchmarks.measures import Figures
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
@@ -21,13 +19,10 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
-from fitting_core.initialize import guess_depth, starting_state
-from fitting_core.objective import FrameObjective
-from fitting_core.solvers import SOLVERS, Solver, make_solver
-from fitting_core.solvers.problem import IndependentFrames
-from fitting_core.solvers.solution import Solution
+from fitting_core.evaluation.excerpts import picked, spread
+from fitting_core.solvers import SOLVERS, make_solver
 from fitting_core.stages import N_STAGES, Stages
-from fitting_core.state import State
+from tcfit_app.bench.five_stages import Outcome, camera_start, five_stages, stage_objective
 
 _HAND_POINTS = 15
 """A hand counts as detected from so many of its 21 keypoints on."""
@@ -52,62 +47,11 @@ class Solvers:
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """Five stages over some frames."""
-
-    state: State
-    seconds: float
-    evaluations: int
-
-
-def spread(frames: Int[np.ndarray, "n"], count: int) -> Int[np.ndarray, "count"]:
-    """`count` of the frames, evenly spread, the first and the last among them."""
-    return frames[np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)]
-
-
 def with_hands(clip: Clip) -> Int[np.ndarray, "n"]:
     """Frames in which at least one hand and the face were detected."""
     seen = clip.keypoints.confidence > 0
     hands = np.maximum(seen[:, kp.LEFT_HAND].sum(1), seen[:, kp.RIGHT_HAND].sum(1)) >= _HAND_POINTS
     return np.flatnonzero(hands & seen[:, kp.FACE].any(1))
-
-
-def solved(solver: Solver, problem: IndependentFrames, state: State, *, final: bool) -> Solution:
-    """The solution of a minimisation, without its progress."""
-    minimisation = solver.minimise(problem, state, final=final)
-    while True:
-        try:
-            next(minimisation)
-        except StopIteration as stop:
-            return stop.value
-
-
-def camera_start(stages: Stages) -> State:
-    """What all solvers start from: the camera step, facing the camera, solved by lm."""
-    depth = guess_depth(stages).depth
-    problem = IndependentFrames(stages.camera_objective(depth), stages.all_frames)
-    solver = make_solver("lm", stages.config.settings)
-    return solved(solver, problem, starting_state(stages, depth, 0.0), final=True).state
-
-
-def five_stages(stages: Stages, solver: Solver, state: State, groups: list[Tensor]) -> Outcome:
-    """All stages in a row; frames of one group are solved together. Only the solver's own time counts."""
-    evaluations, seconds = 0, 0.0
-    for frames in groups:
-        for stage in range(1, N_STAGES + 1):
-            problem = IndependentFrames(_objective(stages, stage, state), frames)
-            begin = time.perf_counter()
-            solution = solved(solver, problem, state[frames], final=stage == N_STAGES)
-            seconds += time.perf_counter() - begin
-            state = state.put(frames, solution.state)
-            evaluations += solution.evaluations
-    return Outcome(state=state, seconds=seconds, evaluations=evaluations)
-
-
-def _objective(stages: Stages, stage: int, state: State) -> FrameObjective:
-    free = stages.free(stage, betas=True, resting=True, translation=not stages.config.camera_frozen)
-    return stages.objective(stage, state, free)
 
 
 def compared(clip: Clip, body: BodyModel, options: Solvers, config: FitConfig) -> list[Row]:
@@ -134,7 +78,7 @@ def compared(clip: Clip, body: BodyModel, options: Solvers, config: FitConfig) -
 
 def figures(stages: Stages, outcome: Outcome) -> Figures:
     """What one run came to; the objective is the last stage's, with the face contour as the result turns it."""
-    cost = _objective(stages, N_STAGES, outcome.state).cost(outcome.state, stages.all_frames)
+    cost = stage_objective(stages, N_STAGES, outcome.state).cost(outcome.state, stages.all_frames)
     count = len(stages.all_frames)
     return {
         "mean objective": float(cost.mean()),

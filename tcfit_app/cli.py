@@ -12,6 +12,8 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from tcfit_app.batch_options import BatchOptions
+from tcfit_app.bench_options import BenchOptions
 from tcfit_app.detect_options import DetectOptions
 from tcfit_app.evaluate_options import EvaluateOptions
 from tcfit_app.export_options import ExportOptions
@@ -61,13 +63,15 @@ Options = (
     | Annotated[NewOptions, subcommand("new")]
     | Annotated[ReviewOptions, subcommand("review")]
     | Annotated[DemoOptions, subcommand("demo")]
-    | Annotated[EvaluateOptions, subcommand("evaluate")]
-    | Annotated[Models, subcommand("models")]
-    | Annotated[ExportOptions, subcommand("export")]
+    | Annotated[DetectOptions, subcommand("detect")]
     | Annotated[ImportOptions, subcommand("import")]
+    | Annotated[ExportOptions, subcommand("export")]
+    | Annotated[EvaluateOptions, subcommand("evaluate")]
+    | Annotated[BatchOptions, subcommand("batch")]
+    | Annotated[BenchOptions, subcommand("bench")]
+    | Annotated[Models, subcommand("models")]
     | Annotated[Settings, subcommand("settings")]
     | Annotated[Doctor, subcommand("doctor")]
-    | Annotated[DetectOptions, subcommand("detect")]
 )
 
 
@@ -130,6 +134,19 @@ def _evaluate(options: EvaluateOptions, command: str) -> int:
     return 0
 
 
+def _batch(options: BatchOptions, command: str) -> int:
+    from tcfit_app.batch_command import run_batch
+
+    return run_batch(options, command=command)
+
+
+def _bench(options: BenchOptions, command: str) -> int:
+    from tcfit_app.bench_command import run_bench
+
+    run_bench(options)
+    return 0
+
+
 def _models(options: Models, command: str) -> int:
     from tcfit_app.models_command import list_models, register_models
 
@@ -159,11 +176,13 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     FitOptions: _fit,
     NewOptions: _new,
     ReviewOptions: _review,
-    ExportOptions: _export,
-    ImportOptions: _import,
     DemoOptions: _demo,
     DetectOptions: _detect,
+    ImportOptions: _import,
+    ExportOptions: _export,
     EvaluateOptions: _evaluate,
+    BatchOptions: _batch,
+    BenchOptions: _bench,
     Models: _models,
     Settings: _settings,
     Doctor: _doctor,
@@ -193,7 +212,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; None: those of this process.
 
     Returns:
-        The exit code: 0, 1 if `doctor` found something missing, INPUT_ERROR or CANCELLED.
+        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, INPUT_ERROR or
+        CANCELLED.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:

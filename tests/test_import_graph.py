@@ -57,7 +57,8 @@ APP_LAYERS = {
     "commands": "options detect_options import_options export_options evaluate_options reference_options "
     "body_pictures worst_frames evaluation_files evaluated_fits suite_runs ablations suite_command evaluate_command "
     "progress clip_input probes doctor fit_command detect_command models_command new_command review_command "
-    "demo_command import_command export_command cli __main__",
+    "demo_command import_command export_command child_processes batch "
+    "batch_options batch_command bench bench_options bench_command cli __main__",
 }
 """Of the app: a module imports from its own layer and from those above."""
 APP_BESIDE = {"view": ["view"], "server": ["server", "gate", "gated_viser", "address"], "panels.html": ["actions"]}

@@ -1,0 +1,31 @@
+"""Clips made of the frames of another one."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Int
+
+from fitting_core.clip import Clip
+from fitting_core.keypoints import Keypoints
+
+
+def picked(clip: Clip, frames: Sequence[int] | Int[np.ndarray, "n"]) -> Clip:
+    """The clip made of these frames alone, in this order."""
+    index = np.asarray(frames)
+    keypoints = Keypoints(xy=clip.keypoints.xy[index], confidence=clip.keypoints.confidence[index])
+    return replace(clip, keypoints=keypoints)
+
+
+def mirrored(clip: Clip, base: int, frames: int) -> Clip:
+    """A clip of `frames` frames that plays the first `base` frames forwards, backwards, forwards, ...
+
+    So clips of different length show the same images equally often, and differ in nothing but their length.
+    """
+    there_and_back = np.concatenate([np.arange(base), np.arange(base)[::-1]])
+    return picked(clip, np.resize(there_and_back, frames))
+
+
+def spread(frames: Int[np.ndarray, "n"], count: int) -> Int[np.ndarray, "count"]:
+    """`count` of the frames, evenly spread, the first and the last among them."""
+    return frames[np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)]

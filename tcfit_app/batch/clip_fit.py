@@ -1,0 +1,169 @@
+"""One clip of a batch: fitted into a draft, which then becomes its result in one step.
+
+A process may die at any moment. Before the draft has its record, the clip counts as not begun; from then on as fitted,
+and whoever comes next only puts the draft into its place.
+"""
+
+import dataclasses
+import os
+import shutil
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+
+import torch
+
+from fitting_core.body.files import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.result_files import OVERLAY_NAME
+from tcfit_app.batch.fingerprint import Fingerprint, fingerprint_of, unchanged
+from tcfit_app.batch.locking import patient_lock
+from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.batch.records import RECORD_NAME, Record, done_record, read_record, write_log, write_record
+from tcfit_app.batch.writing import Report, Work, write_files, write_project
+from tcfit_app.fit_command import body_file, prepare_torch
+from tcfit_app.storage.durable import accessing, sync
+
+DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
+"""Of the hidden folders beside a result while it is made."""
+_PATIENCE = 30.0
+"""Seconds to wait for another process that fits the same clip: one whose batch was killed ends in less."""
+
+
+def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
+    """Fit a clip and write its result; what goes wrong is in the record, and nothing of the result is there then.
+
+    Args:
+        task: The clip.
+        folder: The batch's.
+        report: Takes the fit's events.
+    """
+    begin, fingerprint = time.time(), Fingerprint(settings="", stamp="", content="")
+    try:
+        with _drafting(task) as draft:
+            if record := _left_behind(task, draft, folder):
+                return record
+            write_log(folder, "started", task)
+            fingerprint = fingerprint_of(task)
+            return _fitted(task, fingerprint, draft, folder, report)
+    except Exception as error:  # A clip's failure is an outcome like another; the batch goes on.
+        foreseen = isinstance(error, InputError)
+        return failure(
+            fingerprint,
+            str(error) if foreseen else f"{type(error).__name__}: {error}",
+            trace="" if foreseen else traceback.format_exc(),
+            seconds=time.time() - begin,
+        )
+
+
+def failure(fingerprint: Fingerprint, reason: str, *, trace: str = "", seconds: float = 0.0) -> Record:
+    """The record of a clip that failed now."""
+    return Record(
+        state="failed", fingerprint=fingerprint, finished=time.time(), seconds=seconds, reason=reason, trace=trace
+    )
+
+
+def tidy(task: ClipTask) -> None:
+    """Remove what a process left beside a clip's result that died just after it had made it.
+
+    Raises:
+        InputError: Another process is at work there.
+    """
+    if any(path.exists() for path in _beside(task)):
+        with _drafting(task):
+            pass
+
+
+def _beside(task: ClipTask) -> tuple[Path, Path]:
+    """The draft's folder and the lock's."""
+    out = task.out.absolute()
+    return out.with_name(f".{out.name}{DRAFT_SUFFIX}"), out.with_name(f".{out.name}{LOCK_SUFFIX}")
+
+
+@contextmanager
+def _drafting(task: ClipTask) -> Iterator[Path]:
+    """The folder that is to become the result, for this process alone; gone at the end.
+
+    It lies beside the result: one step must move it, and a project's link to its video must stay right.
+    """
+    draft, place = _beside(task)
+    held = patient_lock(place, seconds=_PATIENCE, wanted=f"fit into {task.out}")
+    try:
+        yield draft
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+        shutil.rmtree(place, ignore_errors=True)
+        held.release()
+
+
+def _left_behind(task: ClipTask, draft: Path, folder: Path) -> Record | None:
+    """What a process had fitted before it died, put into its place."""
+    if record := done_record(task):
+        return record
+    record = read_record(draft / RECORD_NAME)
+    if record and unchanged(record.fingerprint, task):
+        write_log(folder, "recovered", task)
+        _put(draft, task.out)
+        return record
+    shutil.rmtree(draft, ignore_errors=True)
+    return None
+
+
+def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path, report: Report) -> Record:
+    begin = time.time()
+    body = _body(body_file(task.fit.body))
+    prepare_torch(task.config, 1)
+    clip = read_clip(
+        task.fit.video,
+        task.fit.keypoints,
+        **(dataclasses.asdict(task.fit.camera) | dataclasses.asdict(task.fit.clip)),
+    )
+    work = Work(task=task, clip=clip, body=body, draft=draft, settings=fingerprint.settings, report=report)
+    figures = write_project(work) if task.project else write_files(work)
+    record = Record(
+        state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
+    )
+    (task.out / OVERLAY_NAME).unlink(missing_ok=True)  # That of the result which is replaced.
+    write_record(draft / RECORD_NAME, record)
+    write_log(folder, "fitted", task, seconds=record.seconds)
+    _put(draft, task.out)
+    return record
+
+
+@lru_cache(maxsize=3)  # One for each gender; tens of megabytes each.
+def _body(path: Path) -> BodyModel:
+    return load_body(path)
+
+
+def _put(draft: Path, out: Path) -> None:
+    """Make a draft the result.
+
+    In one step where nothing is there. Else file by file, the record last: a process that dies in between leaves the
+    rest in the draft, and what is not a result's stays.
+    """
+    with accessing(out):
+        if not out.exists() or not any(out.iterdir()):
+            if out.exists():
+                out.rmdir()  # Windows replaces no folder.
+            draft.rename(out)
+        else:
+            _put_among(draft, out)
+        sync(out.parent)
+
+
+def _put_among(draft: Path, out: Path) -> None:
+    (out / RECORD_NAME).unlink(missing_ok=True)
+    files = sorted(draft.iterdir(), key=lambda file: file.name == RECORD_NAME)
+    for file in files:
+        os.replace(file, out / file.name)
+    sync(out)
+
+
+def one_thread() -> None:
+    """Before the first fit of a process: many clips at a time share the cores."""
+    torch.set_num_threads(1)

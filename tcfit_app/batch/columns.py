@@ -1,0 +1,125 @@
+"""The columns that a list of clips may have, and how the text in a cell becomes a value."""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from fitting_core.config import PRESETS
+from fitting_core.settings import Range, nearest, settings
+from tcfit_app.options import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
+
+Group = Literal["files", "clip", "camera", "body", "preset", "setting"]
+"""Which part of a clip's options a column belongs to."""
+FILES = ("video", "keypoints", "out")
+FOCAL = ("focal_length", "fov", "focal_length_35mm")
+"""A clip has at most one of them."""
+_OPTIONS: dict[Group, type] = {"clip": ClipOptions, "camera": CameraOptions, "body": BodyOptions}
+_CHOICES = {
+    "gender": ("neutral", "male", "female"),
+    "keypoint_scale": ("auto", "pixels", "0..1", "-1..1"),
+    "preset": tuple(PRESETS),
+}
+_NUMBERS = {
+    "person": Range(0),
+    "first_frame": Range(0),
+    "last_frame": Range(0),
+    "frame_rate": Range(open=True),
+    "image_size": Range(1),
+    "focal_length": Range(open=True),
+    "fov": Range(0, 180, open=True),
+    "focal_length_35mm": Range(open=True),
+}
+_NAME_OR_PATH = ("body_model", "pose_prior")
+_SEPARATORS = re.compile(r"\s*[x×,;\s]\s*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """A column by its name in the first line."""
+
+    name: str
+    group: Group
+    type: Any = str
+    """Of a cell's value."""
+    setting: str = ""
+    """The dotted name, in the group "setting"."""
+
+    def value(self, text: str, folder: Path) -> Any:
+        """What a cell says.
+
+        Args:
+            text: Not empty.
+            folder: What paths are relative to.
+
+        Raises:
+            ValueError: It says nothing that this column can hold; the message says what it can.
+        """
+        if self.type is Path:
+            return folder / Path(text).expanduser()
+        if self.name in _NAME_OR_PATH and (folder / Path(text).expanduser()).exists():
+            return str(folder / Path(text).expanduser())
+        if self.group == "setting":
+            return text
+        value = _converted(text, self.type)
+        if self.name in _CHOICES and value not in _CHOICES[self.name]:
+            raise ValueError(f"{text!r}; expected one of {', '.join(_CHOICES[self.name])}")
+        allowed = _NUMBERS.get(self.name)
+        if allowed and any(n not in allowed for n in (value if isinstance(value, tuple) else (value,))):
+            raise ValueError(f"{text}; expected {_WORDS[self.type]}, {allowed}")
+        return value
+
+
+@cache
+def columns() -> dict[str, Column]:
+    """All columns by name, but the settings' dotted names, which `find` knows too."""
+    named = [Column(name=name, group="files", type=Path) for name in FILES]
+    for group, kind in _OPTIONS.items():
+        hints = get_type_hints(kind)
+        named += [Column(name=name, group=group, type=_plain(hint)) for name, hint in hints.items()]
+    named.append(Column(name="preset", group="preset"))
+    named += [Column(name=option, group="setting", setting=name) for option, name in SHORTCUTS.items()]
+    return {column.name: column for column in named}
+
+
+def find(header: str) -> Column | None:
+    """The column that a cell of the first line names; capitals, hyphens and spaces do not matter."""
+    name = re.sub(r"[-\s]+", "_", header.strip().lower())
+    if name in settings():
+        return Column(name=name, group="setting", setting=name)
+    return columns().get(name)
+
+
+def suggestion(header: str) -> str:
+    """What an unknown name of a column may have meant."""
+    near = nearest(header, [*columns(), *settings()])
+    known = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(columns())}, or a setting's name"
+    return f"there is no column {header!r}; {known}"
+
+
+def _plain(hint: Any) -> Any:
+    """A type without "or None"."""
+    if isinstance(hint, UnionType):
+        return next(kind for kind in get_args(hint) if kind is not NoneType)
+    return hint
+
+
+def _converted(text: str, kind: Any) -> Any:
+    parts: Any = _SEPARATORS.split(text.strip("()[] ")) if get_origin(kind) is tuple else text
+    try:
+        return msgspec.convert(parts, kind, strict=False)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{text!r}; expected {_WORDS[kind]}") from error
+
+
+_WORDS: dict[Any, str] = {
+    str: "a text",
+    int: "a whole number",
+    float: "a number",
+    tuple[int, int]: "two whole numbers such as 640x480",
+    tuple[float, float]: "two numbers such as 320 240",
+}

@@ -1,0 +1,132 @@
+"""What a clip's result depends on, as hashes: the same ones mean that it need not be fitted again."""
+
+import dataclasses
+import hashlib
+import os
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import msgspec
+
+from fitting_core.config import POSE_PRIORS
+from fitting_core.config_file import as_plain
+from fitting_core.errors import InputError
+from fitting_core.io.clip_reader import locate
+from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.fit_command import body_file
+
+_ENDS = 1 << 20
+"""Bytes at both ends of a video that stand for all of it: a fit takes its length, size and frame rate from it."""
+_BLOCK = 1 << 20
+
+
+class Fingerprint(msgspec.Struct, frozen=True, kw_only=True):
+    """Of a clip: of its settings, and of its input files twice."""
+
+    settings: str
+    """Options, configuration, body model and pose prior."""
+    stamp: str
+    """Names, sizes and times of the input files: a look at the folders, however long the clip."""
+    content: str
+    """What is in them: copied files have another time and the same content."""
+
+
+def fingerprint_of(task: ClipTask) -> Fingerprint:
+    """The fingerprint of a clip as its files are now.
+
+    Raises:
+        InputError: The body model is missing.
+        OSError: A file cannot be read.
+    """
+    return Fingerprint(settings=settings_of(task), stamp=stamp_of(task), content=content_of(task))
+
+
+def unchanged(then: Fingerprint, task: ClipTask) -> bool:
+    """Whether a clip is still what it was. One whose input is gone is, if its settings are the same."""
+    if then.settings != settings_of(task):
+        return False
+    if missing_input(task):
+        return True
+    return then.stamp == stamp_of(task) or then.content == content_of(task)
+
+
+def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
+    """Column and path of each input file that does not exist."""
+    named = {"video": task.fit.video, "keypoints": task.fit.keypoints}
+    return [(column, path) for column, path in named.items() if path is not None and not path.exists()]
+
+
+def settings_of(task: ClipTask) -> str:
+    """Everything but the input files. What only says how fast or where is left out."""
+    config = as_plain(task.config)
+    plain = {
+        "clip": dataclasses.asdict(task.fit.clip),
+        "camera": dataclasses.asdict(task.fit.camera),
+        "body": _file_hash(body_file(task.fit.body)),
+        "config": {name: value for name, value in config.items() if name != "device"},
+        "prior": "" if task.config.pose_prior in POSE_PRIORS else _file_hash(Path(task.config.pose_prior)),
+        "project": task.project,
+        "overlay": task.fit.overlay and not task.project,
+    }
+    return _hashed([msgspec.json.encode(plain, order="sorted")])
+
+
+def stamp_of(task: ClipTask) -> str:
+    """Of names, sizes and times of modification."""
+    lines = []
+    for kind, file in _inputs(task):
+        status = file.stat()
+        lines.append(f"{kind} {file.name} {status.st_size} {status.st_mtime_ns}\n".encode())
+    return _hashed(lines)
+
+
+def content_of(task: ClipTask) -> str:
+    """Of all keypoints, and of what a video is recognised by."""
+    return _hashed(
+        part
+        for kind, file in _inputs(task)
+        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind == "keypoints"))
+    )
+
+
+def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
+    """Every input file with what it is for, in a fixed order."""
+    try:
+        images, keypoints = locate(task.fit.video, task.fit.keypoints)
+    except InputError:
+        return  # The fit will say so: there is nothing that the clip depends on.
+    for kind, path in (("video", images), ("keypoints", keypoints)):
+        if path is not None and path.is_dir():
+            for folder, folders, names in os.walk(path):
+                folders.sort()
+                yield from ((kind, Path(folder, name)) for name in sorted(names))
+        elif path is not None:
+            yield kind, path
+
+
+def _parts(file: Path, *, whole: bool) -> Iterator[bytes]:
+    with file.open("rb") as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if whole or size <= 2 * _ENDS:
+            while block := stream.read(_BLOCK):
+                yield block
+            return
+        yield f"{size}\n".encode()
+        yield stream.read(_ENDS)
+        stream.seek(-_ENDS, os.SEEK_END)
+        yield stream.read(_ENDS)
+
+
+def _hashed(parts: Iterator[bytes] | list[bytes]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part)
+    return digest.hexdigest()[:32]
+
+
+@cache
+def _file_hash(path: Path) -> str:
+    """Of a model's file, once for a run; of a folder, of all its files."""
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path.expanduser()]
+    return _hashed([part for file in files for part in _parts(file, whole=True)])

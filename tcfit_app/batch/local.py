@@ -1,0 +1,145 @@
+"""Fits clips in processes of this computer.
+
+Each process fits one clip after the other and tells of it through a pipe. It ends with the process that started it,
+however that one ends.
+"""
+
+import time
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from fitting_core.events import FitEvent, Iteration
+from tcfit_app import child_processes
+from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
+from tcfit_app.batch.fingerprint import fingerprint_of
+from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.batch.news import Ended, News, Underway
+from tcfit_app.batch.records import Record
+
+_TRIES = 2
+"""Times that a clip's process may die: the first time may be anybody's fault, as when memory runs out."""
+_BETWEEN = 0.5
+"""Seconds between two words on how far a clip is."""
+
+
+@dataclass
+class _Worker:
+    """A process, this end of its pipe, and what it fits."""
+
+    process: BaseProcess
+    pipe: Connection
+    index: int | None = None
+
+
+@dataclass
+class _Work:
+    """What is to be done, and how often each clip was tried."""
+
+    tasks: Sequence[ClipTask]
+    folder: Path
+    waiting: deque[int] = field(default_factory=deque)
+    deaths: dict[int, int] = field(default_factory=dict)
+
+
+class LocalProcesses:
+    """Processes of this computer.
+
+    Args:
+        jobs: How many.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+
+    def run(self, tasks: Sequence[ClipTask], folder: Path) -> Generator[News, None, None]:
+        """See `Crew.run`."""
+        work = _Work(tasks=tasks, folder=folder, waiting=deque(range(len(tasks))))
+        workers: list[_Worker] = []
+        try:
+            for _ in range(min(self.jobs, len(tasks))):
+                workers.append(_started(folder))
+            while work.waiting or any(worker.index is not None for worker in workers):
+                yield from _hand_out(work, workers)
+                ready = wait([end for w in workers for end in (w.pipe, w.process.sentinel)])
+                for worker in [w for w in workers if w.pipe in ready or w.process.sentinel in ready]:
+                    yield from _heard(worker, workers, work)
+        finally:
+            for worker in workers:
+                worker.process.kill()
+            for worker in workers:
+                worker.process.join()
+
+
+def _started(folder: Path) -> _Worker:
+    ours, theirs = child_processes.CONTEXT.Pipe()
+    process = child_processes.CONTEXT.Process(target=_serve, args=(theirs, folder), daemon=True)
+    with child_processes.deaf_to_interrupts():
+        process.start()
+    theirs.close()
+    return _Worker(process=process, pipe=ours)
+
+
+def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
+    for worker in workers:
+        if worker.index is None and work.waiting:
+            index = work.waiting.popleft()
+            with suppress(OSError):  # A process that has just died is found out by its sentinel.
+                worker.pipe.send((index, work.tasks[index]))
+            worker.index = index
+            yield Underway(index=index)
+
+
+def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[News]:
+    """What a process says; another one takes the place of one that has died."""
+    try:
+        news = worker.pipe.recv()
+    except (EOFError, OSError):
+        worker.process.join()
+        worker.pipe.close()
+        workers.remove(worker)
+        if worker.index is not None:
+            yield from _died(worker.index, worker.process.exitcode, work)
+        if work.waiting:
+            workers.append(_started(work.folder))
+        return
+    if isinstance(news, Ended):
+        worker.index = None
+    yield news
+
+
+def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
+    """Once more, at the end of the queue; or its failure."""
+    work.deaths[index] = work.deaths.get(index, 0) + 1
+    if work.deaths[index] < _TRIES:
+        work.waiting.append(index)
+        return
+    how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
+    reason = f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or shorter clips."
+    yield Ended(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
+
+
+def _serve(pipe: Connection, folder: Path) -> None:
+    """The life of a process: fits what comes through the pipe until nothing comes any more."""
+    child_processes.end_with_parent()
+    one_thread()
+    with suppress(EOFError, OSError):
+        while True:
+            index, task = pipe.recv()
+            pipe.send(Ended(index=index, record=_fitted(index, task, folder, pipe)))
+
+
+def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Record:
+    told = time.monotonic()
+
+    def report(event: FitEvent) -> None:
+        nonlocal told
+        if isinstance(event, Iteration) and time.monotonic() > told + _BETWEEN:
+            told = time.monotonic()
+            pipe.send(Underway(index=index, phase=event.phase, share=event.share))
+
+    return fit_clip(task, folder, report)

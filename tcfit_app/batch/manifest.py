@@ -1,0 +1,224 @@
+"""The list of clips: a CSV file, read and checked as a whole before the first clip is touched."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from fitting_core.config import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.settings import changed
+from tcfit_app.batch.columns import FOCAL, Column, find, suggestion
+from tcfit_app.batch_options import BatchOptions
+from tcfit_app.options import FitOptions, fit_config
+
+_SHOWN = 30
+"""Errors that a message lists; of more than these, the number is told."""
+_DELIMITERS = ",;\t"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipTask:
+    """A clip to be fitted, with all that this takes."""
+
+    line: int
+    """Where it stands in the list, from 1."""
+    name: str
+    """Its `out` as the list has it."""
+    fit: FitOptions
+    config: FitConfig
+    project: bool = False
+    """Make a project instead of a folder of files."""
+    command: str = ""
+    """For the record."""
+
+    @property
+    def out(self) -> Path:
+        """The result's folder."""
+        return self.fit.out
+
+
+class Complaints:
+    """Collects what is wrong with a list, so that a user learns of everything at once."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.found: list[tuple[int, str]] = []
+
+    def add(self, line: int, text: str, column: str = "") -> None:
+        """Something is wrong in a line, from 1; in a column."""
+        self.found.append((line, f"line {line}, column {column}: {text}" if column else f"line {line}: {text}"))
+
+    def raise_any(self) -> None:
+        """Raises one InputError with everything, by line."""
+        if not self.found:
+            return
+        lines = [text for _, text in sorted(self.found, key=lambda complaint: complaint[0])]
+        more = [f"... and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
+        count = "an error" if len(lines) == 1 else f"{len(lines)} errors"
+        listed = "\n  ".join([*lines[:_SHOWN], *more])
+        raise InputError(f"{self.path} has {count}; nothing was started.\n  {listed}")
+
+
+def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str = "") -> tuple[ClipTask, ...]:
+    """The clips of a list that have no error; what is wrong with the others goes to `complaints`.
+
+    Whether videos and keypoints exist is not looked at: of clips that are done they may be gone.
+
+    Args:
+        options: The command line, which says what empty cells mean.
+        complaints: Takes every error that is in the list.
+        command: The command line as text, for the record.
+
+    Raises:
+        InputError: There is no list at all, or the command line is wrong.
+    """
+    fit_config(options.method)  # What is wrong there is not the list's fault.
+    header, lines = _table(options.manifest)
+    found = _columns(header, complaints)
+    tasks = [task for line, cells in lines if (task := _task(line, cells, found, options, command, complaints))]
+    _refuse_shared_folders(tasks, complaints)
+    return tuple(tasks)
+
+
+def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """First line, and the others with their numbers; empty ones are left out."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            first = file.readline()
+            file.seek(0)
+            rows = list(_numbered(file, max(_DELIMITERS, key=first.count)))
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror or error}); expected a CSV file with a line for each clip."
+        ) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: is no CSV file in UTF-8 ({error}). Save it as CSV, encoded in UTF-8.") from error
+    if len(rows) < 2:
+        raise InputError(
+            f"{path}: lists no clip; expected a first line with the names of the columns (video,keypoints,out) and a "
+            "line for each clip."
+        )
+    return rows[0][1], rows[1:]
+
+
+def _numbered(file: Any, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    reader = csv.reader(file, delimiter=delimiter, strict=True)
+    line = 1
+    for cells in reader:
+        if any(cell.strip() for cell in cells):
+            yield line, [cell.strip() for cell in cells]
+        line = reader.line_num + 1
+
+
+def _columns(header: list[str], complaints: Complaints) -> list[Column | None]:
+    """What each column is; None for those that cannot be used."""
+    found = [find(cell) for cell in header]
+    for cell, column in zip(header, found, strict=True):
+        if column is None:
+            complaints.add(1, f"{suggestion(cell)}." if cell else "a column has no name.")
+    names = [column.name for column in found if column]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        complaints.add(1, f"the column {name} is there {names.count(name)} times.")
+    if "out" not in names:
+        complaints.add(1, "there is no column out; expected one with the folder for each clip's result.")
+    if not {"video", "keypoints"} & set(names):
+        complaints.add(1, "there is neither a column video nor keypoints; expected at least one of them.")
+    return found
+
+
+def _task(
+    line: int,
+    cells: list[str],
+    columns: list[Column | None],
+    options: BatchOptions,
+    command: str,
+    complaints: Complaints,
+) -> ClipTask | None:
+    """A clip, or None and complaints."""
+    before = len(complaints.found)
+    if len(cells) != len(columns):
+        complaints.add(line, f"has {len(cells)} cells; expected {len(columns)}, as many as there are columns.")
+        return None
+    given = _values(line, cells, columns, options.manifest.absolute().parent, complaints)
+    files = {column.name: value for column, value in given.items() if column.group == "files"}
+    if "out" not in files and any(column and column.name == "out" for column in columns):
+        complaints.add(line, "is empty; expected the folder for the clip's result.", "out")
+    if not {"video", "keypoints"} & files.keys():
+        complaints.add(line, "names neither a video nor keypoints; expected at least one of them.")
+    config = _config(line, given, options, complaints)
+    fit = _fit_options(line, files, given, options, complaints) if "out" in files else None
+    if config is None or fit is None or len(complaints.found) > before:
+        return None
+    name = next(cell for cell, column in zip(cells, columns, strict=True) if column and column.name == "out")
+    return ClipTask(line=line, name=name, fit=fit, config=config, project=options.projects, command=command)
+
+
+def _values(
+    line: int, cells: list[str], columns: list[Column | None], folder: Path, complaints: Complaints
+) -> dict[Column, Any]:
+    values: dict[Column, Any] = {}
+    for column, text in zip(columns, cells, strict=True):
+        if column is None or not text:
+            continue
+        try:
+            values[column] = column.value(text, folder)
+        except ValueError as error:
+            complaints.add(line, f"is {error}.", column.name)
+    return values
+
+
+def _config(line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints) -> FitConfig | None:
+    """The command line's configuration with what the list says of this clip."""
+    preset = next((value for column, value in given.items() if column.group == "preset"), options.method.preset)
+    config = fit_config(replace(options.method, preset=preset))
+    for column, text in given.items():
+        if column.group != "setting":
+            continue
+        try:
+            config = changed(config, {column.setting: text}, origin=column.name, texts=True)
+        except InputError as error:
+            complaints.add(line, str(error))
+    return config
+
+
+def _fit_options(
+    line: int, files: dict[str, Path], given: dict[Column, Any], options: BatchOptions, complaints: Complaints
+) -> FitOptions | None:
+    """What `tcfit fit` would be told."""
+    of: dict[str, dict[str, Any]] = {"clip": {}, "camera": {}, "body": {}}
+    for column, value in given.items():
+        if column.group in of:
+            of[column.group][column.name] = value
+    focal = [name for name in FOCAL if name in of["camera"]]
+    if len(focal) > 1:
+        complaints.add(line, f"the focal length is given {len(focal)} times, by {', '.join(focal)}; give one of them.")
+    if focal:  # It stands in the place of whichever of them the command line has.
+        of["camera"] = dict.fromkeys(FOCAL) | of["camera"]
+    clip = replace(options.clip, **of["clip"])
+    if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
+        complaints.add(line, f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
+    return FitOptions(
+        video=files.get("video"),
+        keypoints=files.get("keypoints"),
+        out=files["out"],
+        overwrite=options.overwrite,
+        overlay=options.overlay,
+        clip=clip,
+        camera=replace(options.camera, **of["camera"]),
+        body=replace(options.body, **of["body"]),
+    )
+
+
+def _refuse_shared_folders(tasks: list[ClipTask], complaints: Complaints) -> None:
+    """No clip may write where another one does, nor into another one's folder."""
+    owner: dict[Path, ClipTask] = {}
+    for task in tasks:
+        first = owner.setdefault(task.out.resolve(), task)
+        if first is not task:
+            complaints.add(task.line, f"{task.name} is the folder of line {first.line} already.", "out")
+    for folder, task in owner.items():
+        around = next((owner[parent] for parent in folder.parents if parent in owner), None)
+        if around:
+            complaints.add(task.line, f"{task.name} lies inside the folder of line {around.line}.", "out")

@@ -1,0 +1,132 @@
+"""How a batch went: a row for each clip, as files and as tables on the terminal."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from fitting_core.io.atomic import replacing
+from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.batch.records import Record
+
+SUMMARY_CSV, SUMMARY_JSON = "summary.csv", "summary.json"
+State = Literal["done", "done before", "failed", "failed before", "left"]
+STATES: dict[State, str] = {
+    "done": "fitted now",
+    "done before": "were there already, from the same files and settings",
+    "failed": "failed now",
+    "failed before": "failed before and were left out (--retry fits them again)",
+    "left": "not reached",
+}
+"""In words, for the table."""
+FAILURES: tuple[State, ...] = ("failed", "failed before")
+_LISTED = 40
+"""Failures that the terminal shows; the files have all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One clip."""
+
+    line: int
+    clip: str
+    state: State
+    seconds: float | None = None
+    frames: int | None = None
+    reprojection_px: float | None = None
+    """Median of the last phase."""
+    jitter_mm_per_frame2: float | None = None
+    """Of the joints in camera space."""
+    reason: str = ""
+    notes: str = ""
+
+
+def row_of(task: ClipTask, record: Record | None, *, before: bool) -> Row:
+    """The row of a clip.
+
+    Args:
+        task: The clip.
+        record: How it went; None: it was not reached.
+        before: Whether that was in an earlier run.
+    """
+    if record is None:
+        return Row(line=task.line, clip=task.name, state="left")
+    state: State = record.state
+    if before:
+        state = "done before" if state == "done" else "failed before"
+    figures = record.figures
+    return Row(
+        line=task.line,
+        clip=task.name,
+        state=state,
+        seconds=round(record.seconds, 3),
+        frames=figures.frames if figures else None,
+        reprojection_px=figures.reprojection_px if figures else None,
+        jitter_mm_per_frame2=figures.jitter_mm if figures else None,
+        reason=record.reason,
+        notes=" | ".join(figures.notes) if figures else "",
+    )
+
+
+def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
+    """Write summary.csv and summary.json.
+
+    Args:
+        folder: The batch's.
+        rows: In the order of the list.
+        seconds: That this run took.
+
+    Raises:
+        OSError: They cannot be written.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, fieldnames=list(Row.__dataclass_fields__))
+    writer.writeheader()
+    writer.writerows(asdict(row) for row in rows)
+    with replacing(folder / SUMMARY_CSV) as draft:
+        draft.write_text(text.getvalue(), encoding="utf-8")
+    content = {"seconds": round(seconds, 3), "clips": counts(rows), "rows": [asdict(row) for row in rows]}
+    with replacing(folder / SUMMARY_JSON) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+
+
+def counts(rows: Sequence[Row]) -> dict[State, int]:
+    """Clips in each state."""
+    return {state: sum(row.state == state for row in rows) for state in STATES}
+
+
+def show_summary(rows: Sequence[Row], *, seconds: float, console: Console) -> None:
+    """Print how many clips ended how, with times, and which have failed for which reason."""
+    table = Table("clips", "", "seconds each", title=f"{len(rows)} clips, {_duration(seconds)}", title_justify="left")
+    table.columns[0].justify = table.columns[2].justify = "right"
+    for state, count in counts(rows).items():
+        if count:
+            times = sorted(row.seconds for row in rows if row.state == state and row.seconds is not None)
+            table.add_row(str(count), STATES[state], f"{times[0]:.1f} to {times[-1]:.1f}" if times else "")
+    console.print(table)
+    failures = [row for row in rows if row.state in FAILURES]
+    if failures:
+        console.print(_failures(failures))
+    if len(failures) > _LISTED:
+        console.print(f"... and {len(failures) - _LISTED} more")
+
+
+def _failures(rows: Sequence[Row]) -> Table:
+    table = Table("line", "clip", "reason", title="Failed", title_justify="left", show_lines=True)
+    table.columns[2].overflow = "fold"  # Paths are not to be cut off.
+    for row in rows[:_LISTED]:
+        table.add_row(str(row.line), escape(row.clip), escape(row.reason))
+    return table
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{seconds:.1f} s"

@@ -1,0 +1,117 @@
+"""What is known about each clip between two runs of a batch, and where that lies.
+
+A clip that is done has its record in its result's folder, with which it appears: there is no moment at which one is
+there without the other. Failures lie in the batch's own folder, beside the list:
+
+| file | |
+|---|---|
+| failed/<clip>.json | why a clip failed; gone when it is done |
+| log.jsonl | a line whenever a clip is started, fitted, recovered or fails |
+| summary.csv, summary.json | the last run's outcome, a row for each clip of the list |
+| batch.lock | held by the one process that runs this batch |
+"""
+
+import hashlib
+import os
+import re
+import time
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from fitting_core.io.result_files import is_result
+from tcfit_app.batch.fingerprint import Fingerprint, unchanged
+from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.storage.database import is_project
+from tcfit_app.storage.durable import durable
+
+RECORD_NAME = "batch.json"
+"""In a result's folder."""
+FOLDER_SUFFIX = ".batch"
+LOG_NAME, FAILED = "log.jsonl", "failed"
+LogEvent = Literal["started", "fitted", "recovered", "failed"]
+
+
+class Figures(msgspec.Struct, frozen=True, kw_only=True):
+    """Of a result, for the summary."""
+
+    frames: int
+    reprojection_px: float | None = None
+    """Median of the last phase."""
+    jitter_mm: float | None = None
+    """Per frame squared, in camera space."""
+    notes: tuple[str, ...] = ()
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True):
+    """How a clip went."""
+
+    state: Literal["done", "failed"]
+    fingerprint: Fingerprint
+    finished: float
+    """Seconds since 1970."""
+    seconds: float
+    """That it took."""
+    figures: Figures | None = None
+    reason: str = ""
+    """Why it failed, for the user."""
+    trace: str = ""
+    """Where in the code, if that was not foreseen."""
+
+
+def batch_folder(manifest: Path) -> Path:
+    """Where the state of a list of clips lies."""
+    return manifest.with_name(manifest.stem + FOLDER_SUFFIX)
+
+
+def key_of(task: ClipTask) -> str:
+    """A name for a clip that can be a file's, and that no other folder's clip has."""
+    plain = re.sub(r"[^\w.-]", "_", task.out.name)[:60]
+    return f"{plain}-{hashlib.sha256(str(task.out.resolve()).encode()).hexdigest()[:8]}"
+
+
+def read_record(path: Path) -> Record | None:
+    """A record, or None where there is none that can be read: its clip is fitted again then."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Record)
+    except (OSError, msgspec.DecodeError):
+        return None
+
+
+def write_record(path: Path, record: Record) -> None:
+    """Write it, whole or not at all; when this returns, it is on the disk.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    with durable(path) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(record), indent=2) + b"\n")
+
+
+def done_record(task: ClipTask) -> Record | None:
+    """The record of a clip whose result is there, whole, and what would come out again."""
+    record = read_record(task.out / RECORD_NAME)
+    there = is_project(task.out) if task.project else is_result(task.out)
+    return record if record and there and unchanged(record.fingerprint, task) else None
+
+
+def failed_path(folder: Path, task: ClipTask) -> Path:
+    """Where a clip's failure is noted."""
+    return folder / FAILED / f"{key_of(task)}.json"
+
+
+def failed_record(folder: Path, task: ClipTask) -> Record | None:
+    """The record of a clip that failed, and would fail again."""
+    record = read_record(failed_path(folder, task))
+    return record if record and unchanged(record.fingerprint, task) else None
+
+
+def write_log(folder: Path, event: LogEvent, task: ClipTask, **details: Any) -> None:
+    """Add a line to the batch's log."""
+    entry = {"time": time.time(), "event": event, "clip": task.name, "process": os.getpid(), **details}
+    descriptor = os.open(folder / LOG_NAME, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+    try:
+        os.write(descriptor, msgspec.json.encode(entry) + b"\n")  # One call, so that lines of processes do not mix.
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,1 @@
+"""How fast a fit is: what is measured, by whom, and how two measurements compare."""

@@ -1,0 +1,146 @@
+"""Figures with their repetitions: what a run of the bench comes to, as a file and compared with another one."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import msgspec
+
+from fitting_core.errors import InputError
+from fitting_core.io.atomic import replacing
+
+FORMAT = "tcfit bench 1"
+_SAME, _ENOUGH = 0.01, 3
+"""Relative difference under which nothing is said about figures, and repetitions from which on something is."""
+
+
+class Figure(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing that was measured several times. Of all figures less is better."""
+
+    name: str
+    """"fit 40 frames, phase 1": the part, what of it, and what is measured."""
+    unit: str
+    values: tuple[float, ...]
+    """In the order in which they were measured."""
+
+    @property
+    def median(self) -> float:
+        """Of the repetitions."""
+        return median(self.values)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """From the least to the most."""
+        return min(self.values), max(self.values)
+
+
+class Bench(msgspec.Struct, frozen=True, kw_only=True):
+    """A run of the bench, as its file holds it."""
+
+    format: str
+    machine: dict[str, str | int | float]
+    """What the computer is; not which one."""
+    versions: dict[str, str]
+    conditions: dict[str, Any]
+    """What was fitted and how: two runs with other ones than each other's do not compare."""
+    figures: tuple[Figure, ...]
+
+
+class Comparison(msgspec.Struct, frozen=True, kw_only=True):
+    """One figure twice."""
+
+    name: str
+    unit: str
+    before: Figure
+    now: Figure
+
+    @property
+    def ratio(self) -> float | None:
+        """Of the medians, now to before; None where that was 0."""
+        return self.now.median / self.before.median if self.before.median else None
+
+    @property
+    def verdict(self) -> str:
+        """What the repetitions allow to say.
+
+        "clear": no repetition of one is as low as any of the other, in at least three each. Of two things that are the
+        same that happens in one of ten comparisons with three repetitions, in one of 126 with five.
+        """
+        if self.ratio is None:
+            return ""
+        if abs(self.ratio - 1) < _SAME:
+            return "same"
+        if min(len(self.before.values), len(self.now.values)) < _ENOUGH:
+            return "too few turns"
+        (low, high), (now_low, now_high) = self.before.range, self.now.range
+        return "clear" if now_low > high or now_high < low else "in the spread"
+
+
+def write_bench(path: Path, bench: Bench) -> None:
+    """Write a run's file, whole or not at all.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as draft:
+            draft.write_bytes(msgspec.json.format(msgspec.json.encode(bench), indent=2) + b"\n")
+    except OSError as error:
+        raise InputError(
+            f"--json {path}: cannot be written ({error.strerror or error}). Choose another file."
+        ) from error
+
+
+def read_bench(path: Path) -> Bench:
+    """Read the file of an earlier run.
+
+    Raises:
+        InputError: It is missing, damaged, or no such file.
+    """
+    try:
+        bench = msgspec.json.decode(path.read_bytes(), type=Bench)
+    except OSError as error:
+        raise InputError(
+            f"--against {path}: cannot be read ({error.strerror or error}). Name a file of `tcfit bench --json`."
+        ) from error
+    except msgspec.DecodeError as error:
+        raise InputError(
+            f"--against {path}: is no file of `tcfit bench --json` ({error}). Name one, or measure again."
+        ) from error
+    if bench.format != FORMAT:
+        raise InputError(f"--against {path}: is {bench.format!r}; expected {FORMAT!r}. Measure again.")
+    if wrong := [f.name for f in bench.figures if not f.values]:
+        raise InputError(f"--against {path}: has no value for {wrong[0]}; it is damaged. Measure again.")
+    return bench
+
+
+def compared(before: Sequence[Figure], now: Sequence[Figure]) -> list[Comparison]:
+    """Figures that both have, in the order of `now`."""
+    earlier = {(f.name, f.unit): f for f in before}
+    return [
+        Comparison(name=f.name, unit=f.unit, before=earlier[f.name, f.unit], now=f)
+        for f in now
+        if (f.name, f.unit) in earlier
+    ]
+
+
+def differences(before: Bench, now: Bench) -> list[str]:
+    """What else than the code is not the same, in words."""
+    old, new = (dict(_flat({"machine": b.machine, "versions": b.versions, **b.conditions})) for b in (before, now))
+    absent = "not noted"
+    return [
+        f"{name} was {old.get(name, absent)}, is {new.get(name, absent)}"
+        for name in dict.fromkeys([*old, *new])
+        if old.get(name, absent) != new.get(name, absent)
+    ]
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Nested values by dotted names, as the file has them."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, msgspec.json.encode(value).decode()

@@ -1,0 +1,144 @@
+"""What is measured, as functions that a measuring process runs."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core import keypoints as kp
+from fitting_core.body.files import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.config import FitConfig
+from fitting_core.evaluation.excerpts import picked
+from fitting_core.events import PhaseFinished, PhaseStarted
+from fitting_core.fitting import fit, fit_events, shape_events
+from fitting_core.io.summary import CONFIDENT
+from fitting_core.result import FitResult
+from fitting_core.solvers import make_solver
+from fitting_core.stages import N_STAGES, Stages
+from tcfit_app.bench.dragging import dragged, quick
+from tcfit_app.bench.five_stages import camera_start, five_stages, stage_objective
+from tcfit_app.bench.machine import peak_memory
+from tcfit_app.bench.subject import Measured
+from tcfit_app.bench_options import Clock
+from tcfit_app.live import Correction
+
+CLOCKS: dict[Clock, Callable[[], float]] = {"wall": time.perf_counter, "cpu": time.process_time}
+_DRAG_PIXELS = np.array([[40.0, 20.0]])
+"""How far a keypoint is dragged, at an image height of 1000 pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What is fitted, and how it is timed."""
+
+    clip: Clip
+    body: Path
+    config: FitConfig
+    clock: Clock
+
+    def load_body(self) -> BodyModel:
+        """The body model, read once in a process."""
+        return _body(self.body)
+
+
+@cache
+def _body(path: Path) -> BodyModel:
+    return load_body(path)
+
+
+def warm_up(setup: Setup) -> Measured:
+    """What only the first fit of a process has to do, done; measures nothing."""
+    config = replace(setup.config, last_phase=1, relay_rounds=0, yaws="side_view", solver="lm")
+    config = replace(config, settings=replace(config.settings, iterations=2))
+    fit(picked(setup.clip, range(min(3, len(setup.clip)))), setup.load_body(), config)
+    return {}
+
+
+def fit_measures(setup: Setup) -> Measured:
+    """Milliseconds per frame of each phase of a fit, and the memory that the process has ever held."""
+    clock, found, total = CLOCKS[setup.clock], {}, 0.0
+    body, begin = setup.load_body(), CLOCKS[setup.clock]()
+    objective = 0.0
+    for event in fit_events(setup.clip, body, setup.config):
+        if isinstance(event, PhaseFinished):
+            each = 1e3 * (clock() - begin) / len(setup.clip)
+            found[f"phase {event.phase}"] = (each, "ms/frame")
+            total += each
+            objective = event.result.objective["total"]
+            begin = clock()
+    found["all phases"] = (total, "ms/frame")
+    found["objective"] = (objective, "cost/frame")
+    if (peak := peak_memory()) is not None:
+        found["peak memory"] = (peak, "MiB")
+    return found
+
+
+def solver_measures(setup: Setup) -> Measured:
+    """The five stages of phase 1, all frames together, from the camera step on."""
+    stages = Stages(
+        setup.clip.keypoints, setup.clip.camera, setup.load_body(), setup.config, frame_rate=setup.clip.frame_rate
+    )
+    solver = make_solver(setup.config.solver, setup.config.settings)
+    found = five_stages(stages, solver, camera_start(stages), [stages.all_frames], clock=CLOCKS[setup.clock])
+    cost = stage_objective(stages, N_STAGES, found.state).cost(found.state, stages.all_frames)
+    frames = len(setup.clip)
+    return {
+        "five stages": (1e3 * found.seconds / frames, "ms/frame"),
+        "evaluations": (found.evaluations / frames, "per frame"),
+        "objective": (float(cost.mean()), "cost/frame"),
+    }
+
+
+def window_measures(setup: Setup) -> Measured:
+    """Phase 3 alone, from poses of a quick first phase on."""
+    start = _started(setup).phases[0].params
+    clock, begin = CLOCKS[setup.clock], 0.0
+    events = shape_events(setup.clip, setup.load_body(), setup.config, start)
+    for event in events:
+        if isinstance(event, PhaseStarted) and event.phase == 3:
+            begin = clock()
+    return {"phase 3": (1e3 * (clock() - begin) / len(setup.clip), "ms/frame")}
+
+
+def live_measures(setup: Setup, moves: int) -> Measured:
+    """A drag of the elbow that was seen best, in the middle of the clip."""
+    clip, frame = setup.clip, len(setup.clip) // 2
+    keypoint = max(kp.INDEX["right_elbow"], kp.INDEX["left_elbow"], key=lambda k: clip.keypoints.confidence[frame, k])
+    result = _started(setup)
+    correction = Correction(
+        clip=clip,
+        body=setup.load_body(),
+        config=setup.config,
+        params=result.last.params,
+        frame=frame,
+        keypoints=(keypoint,),
+        sharpness=result.sharpness,
+    )
+    origin = clip.keypoints.xy[frame, [keypoint]]
+    if clip.keypoints.confidence[frame, keypoint] < CONFIDENT:
+        origin = np.array([clip.camera.center])
+    way = _DRAG_PIXELS * clip.camera.size[1] / 1000
+    targets = [origin + share * way for share in np.linspace(0, 1, moves)]
+    times = dragged(correction, targets, reruns=0).times
+    column = 0 if setup.clock == "wall" else 1
+    taken = {what: np.array(pairs)[:, column] for what, pairs in times.items() if pairs}
+    found = {what: (float(np.median(values)), "ms") for what, values in taken.items()}
+    return found | {"move, 95 %": (float(np.percentile(taken["move"], 95)), "ms")}
+
+
+_STARTS: dict[tuple[int, str], FitResult] = {}
+
+
+def _started(setup: Setup) -> FitResult:
+    """A fit to start from, made once in a process: phase 3 and drags need not start from the best."""
+    config = quick(replace(setup.config, solver="lm"))
+    config = replace(config, temporal=replace(config.temporal, mode="global"))
+    key = (len(setup.clip), repr(config))
+    if key not in _STARTS:
+        _STARTS[key] = fit(setup.clip, setup.load_body(), config)
+    return _STARTS[key]
