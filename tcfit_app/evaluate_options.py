@@ -33,6 +33,9 @@ class EvaluateOptions:
     """How hard the suite's detections are."""
     presets: Annotated[tuple[str, ...], arg(metavar="PRESET")] = ("smplifyx", "paper", "tcfit")
     """What is compared on the suite; of smplifyx phase 1 alone, which is all that SMPLify-X does."""
+    collisions: bool = True
+    """Of the presets that have the term of self-collision (smplifyx, paper). It takes 6/7 of their time, and the report
+    says when it was left out."""
     sequences: Annotated[tuple[str, ...], arg(metavar="NAME", help_behavior_hint="(default: all)")] = ()
     """Of the suite: names like complex_1, or motions like simple."""
     jobs: Annotated[int, arg(metavar="N")] = 1

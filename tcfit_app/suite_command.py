@@ -32,14 +32,16 @@ def run_suite(options: EvaluateOptions, *, command: str = "") -> Path:
     """
     folder = options.out or Path("tcfit-suite")
     names = sequences_named(options.sequences)
-    tasks = preset_tasks(folder, options.presets, names, level=options.level, every=options.every)
+    tasks = preset_tasks(
+        folder, options.presets, names, level=options.level, every=options.every, collisions=options.collisions
+    )
     found = _done(tasks, options.jobs)
     records = tuple(record for task in tasks for record in found[task.sequence, task.variant])
     evaluation = Evaluation(
         title=f"Synthetic suite, level {options.level}",
         records=records,
         settings={"Command": command, "Sequences": ", ".join(names), "Date": date.today().isoformat()},
-        notes=(_NOTE,),
+        notes=(_NOTE,) if options.collisions else (_NOTE, "All fits are without the term of self-collision."),
     )
     worst = worst_frames(evaluation.records, lambda name: _drawable(tasks, name), count=options.pictures)
     ablations = ()

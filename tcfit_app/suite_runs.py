@@ -75,9 +75,11 @@ def sequences_named(names: Sequence[str]) -> list[str]:
 
 
 def preset_tasks(
-    folder: Path, presets: Sequence[str], sequences: Sequence[str], *, level: str, every: int
+    folder: Path, presets: Sequence[str], sequences: Sequence[str], *, level: str, every: int, collisions: bool = True
 ) -> list[SuiteTask]:
     """A task for each sequence and preset; of SMPLify-X only phase 1, as it fits single images.
+
+    Without `collisions` no preset has the term of self-collision.
 
     Raises:
         InputError: There is no such level or preset.
@@ -91,13 +93,21 @@ def preset_tasks(
             sequence=sequence,
             level=level,
             variant=preset,
-            config=replace(PRESETS[preset], last_phase=1) if preset == "smplifyx" else PRESETS[preset],
+            config=_config(preset, collisions=collisions),
             folder=folder / "fits" / level / preset / sequence,
             every=every,
         )
         for sequence in sequences
         for preset in presets
     ]
+
+
+def _config(preset: str, *, collisions: bool) -> FitConfig:
+    config = PRESETS[preset]
+    weights = (
+        config.weights if collisions else replace(config.weights, collision=(0.0,) * len(config.weights.collision))
+    )
+    return replace(config, weights=weights, last_phase=1 if preset == "smplifyx" else config.last_phase)
 
 
 def run_tasks(tasks: Sequence[SuiteTask], *, jobs: int = 1) -> Iterator[tuple[SuiteTask, tuple[Record, ...]]]:
