@@ -4,7 +4,7 @@
 |---|---|
 | tcfit-project.json | what the file is, and its version |
 | project.sqlite | the database as it was at one moment (SQLite's backup), in one piece |
-| detections.npz, runs/*.npz | as in the project |
+| detections.npz, reference.npz, runs/*.npz | as in the project |
 | media/... | the video or images, if they lie in the project or were asked for |
 
 Unpacking trusts nothing: names, kinds and sizes of all entries are checked before a byte is written, and the project is
@@ -32,6 +32,7 @@ from tcfit_app.storage.clip import DETECTIONS
 from tcfit_app.storage.durable import accessing, sync
 from tcfit_app.storage.lock import Lock
 from tcfit_app.storage.media import MediaLink
+from tcfit_app.storage.reference import NAME as REFERENCE
 
 SUFFIX = ".tcfit.zip"
 ABOUT = "tcfit-project.json"
@@ -40,7 +41,9 @@ MOST_ENTRIES = 500_000
 MOST_BYTES = 1 << 40
 MOST_RATIO = 1100
 """Deflate packs nothing tighter than 1 : 1032: what claims to be is no zip of ours."""
-_NAMES = re.compile(r"tcfit-project\.json|project\.sqlite|detections\.npz|runs/\d{6,}\.npz|media(/[^/\\:\0]+){1,2}")
+_NAMES = re.compile(
+    r"tcfit-project\.json|project\.sqlite|(detections|reference|runs/\d{6,})\.npz|media(/[^/\\:\0]+){1,2}"
+)
 _BLOCK = 1 << 20
 
 
@@ -83,7 +86,7 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
         _back_up(folder / database.NAME, copy)
         files = [
             (copy, database.NAME),
-            (folder / DETECTIONS, DETECTIONS),
+            *((folder / name, name) for name in (DETECTIONS, REFERENCE) if (folder / name).is_file()),
             *_run_files(folder, copy),
             *_media_files(folder, copy, with_media=with_media),
         ]

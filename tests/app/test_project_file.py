@@ -8,14 +8,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
+from fitting_core.evaluation.reference_files import read_reference
 from tcfit_app import project_file
 from tcfit_app.cli import main, parse
 from tcfit_app.project import Project
 from tcfit_app.project_file import ABOUT, is_packed, pack, unpack
 from tcfit_app.review_command import opened
+from tcfit_app.storage.reference import NAME
 from tests.app.project_samples import (
     BODY,
     CONFIG,
@@ -62,6 +65,18 @@ def test_round_trip(project: Path, packed: Path, tmp_path: Path):
     unpack(packed, tmp_path / "elsewhere" / "copy.tcfit")
     assert_same_projects(project, tmp_path / "elsewhere" / "copy.tcfit")
     assert [p.name for p in (tmp_path / "elsewhere").iterdir()] == ["copy.tcfit"]
+
+
+def test_a_reference_goes_along(project: Path, tmp_path: Path):
+    points = np.random.default_rng(0).normal(0, 1, (len(sample_clip()), 4, 3))
+    np.savez(tmp_path / "points.npz", points=points, names=np.array(["LShoulder", "RShoulder", "LHip", "RHip"]))
+    with Project.open(project) as made:
+        made.set_reference(read_reference(tmp_path / "points.npz"))
+    pack(project, tmp_path / "with.tcfit.zip")
+    unpack(tmp_path / "with.tcfit.zip", tmp_path / "with.tcfit")
+    with Project.open(tmp_path / "with.tcfit") as found:
+        assert found.reference is not None
+    assert (tmp_path / "with.tcfit" / NAME).read_bytes() == (project / NAME).read_bytes()
 
 
 def test_an_open_project_is_packed_as_it_stands(project: Path, tmp_path: Path):
