@@ -1,5 +1,6 @@
 """What a fit is compared with: points in space, and the body that they belong to where one is known."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
@@ -84,6 +85,18 @@ class Reference:
                 f"frames {first_frame} to {last}; expected a reference of the same clip. Give that."
             )
         return found
+
+
+def stated_rate(path: Path, arrays: Mapping[str, np.ndarray], keys: Sequence[str]) -> float | None:
+    """Frames per second by the first of these keys that a file has; None: it does not say.
+
+    Raises:
+        InputError: It says something impossible.
+    """
+    rate = next((float(arrays[key]) for key in keys if key in arrays), None)
+    if rate is not None and not 0 < rate < np.inf:
+        raise InputError(f"{path}: has {rate:g} frames per second; expected a number above 0.")
+    return rate
 
 
 def write_reference(path: Path, reference: Reference) -> None:

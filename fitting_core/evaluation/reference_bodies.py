@@ -14,7 +14,7 @@ from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from fitting_core.body.registry import FREE_FOLDER, find_body, list_bodies
 from fitting_core.errors import InputError
 from fitting_core.evaluation.performance import in_camera
-from fitting_core.evaluation.reference import BodyOf, Reference, of_body
+from fitting_core.evaluation.reference import BodyOf, Reference, of_body, stated_rate
 from fitting_core.evaluation.truth import read_truth
 from fitting_core.evaluation.world_camera import WorldCamera
 from fitting_core.io.result_files import read_fit
@@ -109,12 +109,14 @@ def read_amass(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | 
             f"{path}: has poses {poses.shape}, trans {trans.shape} and betas {betas.shape}; expected (frames, 165) for "
             f"SMPL-X or (frames, 156) for SMPL-H, (frames, 3), and at least {N_BETAS} betas."
         )
+    if not all(np.isfinite(array).all() for array in (poses, trans, betas)):
+        raise InputError(f"{path}: has numbers in poses, trans or betas that are not finite; expected a whole motion.")
+    rate = stated_rate(path, arrays, _RATES)
     body = _amass_body(path, arrays, _WIDTHS[width], search)
     params = _amass_params(body, poses, trans, betas, arrays.get("expressions"))
     if camera is not None:
         rest = body.joint_regressor @ (body.template + body.shape_directions @ betas.reshape(-1)[:N_BETAS])
         params = in_camera(params, rest[0], camera.rotation, camera.translation)
-    rate = next((float(arrays[key]) for key in _RATES if key in arrays), None)
     kind = f"AMASS-style npz of {body.kind.upper()}"
     placed = camera is not None or "axes" in arrays
     found = reference_of(path.name, kind, body, params, frame_rate=rate, in_camera=placed)

@@ -1,6 +1,5 @@
 """Reading a reference, of whatever form: the form is told by what is in the file."""
 
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from fitting_core.evaluation import reference, reference_bodies, reference_point
 from fitting_core.evaluation.reference import Reference
 from fitting_core.evaluation.world_camera import WorldCamera, read_world_camera
 from fitting_core.io.result_files import FIT_NAME
+from fitting_core.npz import read_npz
 
 TRUTH_NAME = "truth.npz"
 
@@ -110,9 +110,8 @@ def _file(path: Path) -> Path:
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        return read_npz(file)
+    except (OSError, ValueError) as error:
         raise InputError(
             f"{file}: is no npz archive of plain arrays ({error}); expected one, or a .trc file. Save it again with "
             "numpy.savez, without objects in it."

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.errors import InputError
-from fitting_core.evaluation.reference import Reference
+from fitting_core.evaluation.reference import Reference, stated_rate
 from fitting_core.evaluation.world_camera import WorldCamera
 
 FEWEST = 4
@@ -68,7 +68,7 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
         raise InputError(
             f"{path}: has points of the shape {points.shape} and {len(names)} names; expected (frames, names, 3)."
         )
-    rate = next((float(arrays[key]) for key in ("fps", "frame_rate") if key in arrays), None)
+    rate = stated_rate(path, arrays, ("fps", "frame_rate"))
     return _reference(path, "3D points", points, names, camera, rate, 0)
 
 
@@ -91,7 +91,7 @@ def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
         rate, declared = float(header["DataRate"]), int(header["NumMarkers"])
     except (KeyError, ValueError) as error:
         raise InputError(f"{path}: its second and third line give no {error}; expected {_TRC}.") from error
-    if unit not in _UNITS or rate <= 0 or declared != len(names):
+    if unit not in _UNITS or not 0 < rate < np.inf or declared != len(names):
         raise InputError(
             f"{path}: says {declared} markers in {unit or 'no unit'} at {rate:g} per second, and names {len(names)}; "
             "expected as many names, mm, cm or m, and a rate above 0."
@@ -109,6 +109,8 @@ def _rows(path: Path, rows: list[tuple[int, list[str]]], markers: int) -> tuple[
         try:
             times.append(float(cells[1]))
             points[i, : len(values)] = [float(value) if value else np.nan for value in values]
+            if not np.isfinite(times[-1]) or np.isinf(points[i]).any():
+                raise ValueError("a time or place is infinite or no number")
         except (ValueError, IndexError) as error:
             raise InputError(f"{path}: line {number} cannot be read ({error}); expected {_TRC}.") from error
     if not rows:
@@ -126,6 +128,8 @@ def _reference(
     first_frame: int,
 ) -> Reference:
     placed, notes = in_places(path, points, names)
+    if not np.isfinite(placed).any():
+        raise InputError(f"{path}: has no finite point in any frame; expected places in metres, NaN where unknown.")
     if camera is not None:
         placed = camera(placed)
         if np.nanmedian(placed[..., 2]) <= 0:

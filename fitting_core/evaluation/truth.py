@@ -1,6 +1,5 @@
 """What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; and its file (npz)."""
 
-import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.npz import read_npz
 
 _PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
 _CAMERA = ("focal", "center", "size", "source")
@@ -53,8 +53,7 @@ def read_truth(path: Path) -> Truth:
         InputError: It is no such file.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            values = {name: file[name] for name in file.files}
+        values = read_npz(path)
         (fx, fy), (cx, cy), (width, height), source = (values[f"camera_{name}"].tolist() for name in _CAMERA)
         return Truth(
             params=BodyParams(**{f.name: torch.as_tensor(values[f.name]) for f in fields(BodyParams)}),
@@ -63,7 +62,7 @@ def read_truth(path: Path) -> Truth:
             body_hash=str(values["body_hash"]),
             **{name: values[name] for name in ("joints", "keypoints", "visible", "exists")},
         )
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, ValueError) as error:
         raise InputError(
             f"{path} holds no truth of a generated clip ({error}): delete its folder and make it anew."
         ) from error

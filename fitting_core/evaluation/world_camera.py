@@ -1,6 +1,5 @@
 """A calibrated camera in a world: where a reference's points get into the camera's space."""
 
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.npz import read_npz
 
 _EXPECTED = "R (3, 3) and t (3,), with x_camera = R x_world + t in metres"
 
@@ -31,11 +31,11 @@ def read_world_camera(path: Path) -> WorldCamera:
         InputError: There is no such file, or what it holds is no rotation and translation.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            rotation, translation = (np.asarray(archive[name], np.float64) for name in ("R", "t"))
+        archive = read_npz(path, ("R", "t"))
+        rotation, translation = (np.asarray(archive[name], np.float64) for name in ("R", "t"))
     except FileNotFoundError as error:
         raise InputError(f"{path}: does not exist; expected an npz with {_EXPECTED}. Correct --camera.") from error
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, ValueError) as error:
         raise InputError(f"{path}: is no camera ({error}); expected an npz with {_EXPECTED}.") from error
     if rotation.shape != (3, 3) or translation.size != 3:
         raise InputError(f"{path}: has R {rotation.shape} and t {translation.shape}; expected {_EXPECTED}.")

@@ -9,9 +9,10 @@ from fitting_core.errors import InputError
 from tcfit_app.cli import main
 from tests.io.malformed import KEYPOINTS, Case
 from tests.io.malformed_models import MODELS
+from tests.io.malformed_references import REFERENCES
 from tests.io.malformed_results import RESULTS
 
-CASES = {**KEYPOINTS, **RESULTS, **MODELS}
+CASES = {**KEYPOINTS, **RESULTS, **MODELS, **REFERENCES}
 
 
 def files_in(folder: Path) -> dict[str, bytes | None]:
@@ -30,7 +31,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_there_are_as_many_cases_as_were_asked_for():
-    assert len(CASES) == len(KEYPOINTS) + len(RESULTS) + len(MODELS) >= 60
+    assert len(CASES) == len(KEYPOINTS) + len(RESULTS) + len(MODELS) + len(REFERENCES) >= 60
 
 
 @pytest.mark.parametrize("name", CASES)
