@@ -5,14 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting_core.config import PRESETS, FitConfig
+from fitting_core.config import FitConfig
 from fitting_core.evaluation.records import Record, pooled
 from fitting_core.evaluation.report.ablations import Ablation, Trial
 from fitting_core.io.result_files import SUMMARY_NAME
 from tcfit_app.suite_runs import SuiteTask, phase_seconds, run_tasks
 
-BASE = "paper"
-"""The preset that is varied."""
 _STRATEGIES = ("random", "confident", "coverage")
 _ERRORS = {"Vertex-to-surface error, cm": "vertex_to_surface", "Volume error, dm³": "volume_error"}
 
@@ -50,7 +48,7 @@ def _weights(base: FitConfig) -> Iterator[tuple[str, float | None, str, FitConfi
         yield f"{weight:g}", weight, "", replace(base, temporal=replace(base.temporal, weight=weight))
 
 
-def variations(base: FitConfig = PRESETS[BASE]) -> tuple[Variation, ...]:
+def variations(base: FitConfig) -> tuple[Variation, ...]:
     """All that is varied, from one configuration."""
     return (
         Variation(
@@ -78,12 +76,49 @@ def variations(base: FitConfig = PRESETS[BASE]) -> tuple[Variation, ...]:
     )
 
 
-def run_ablations(folder: Path, sequences: Sequence[str], *, level: str, every: int, jobs: int) -> tuple[Ablation, ...]:
-    """Fit and measure all variations; what was done before with the same settings is taken as it is."""
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """Where all variations are fitted."""
+
+    folder: Path
+    preset: str
+    """That is varied."""
+    config: FitConfig
+    """Its configuration."""
+    sequences: Sequence[str]
+    level: str
+    every: int
+
+    def task(self, name: str, sequence: str, config: FitConfig, start: Path | None = None) -> SuiteTask:
+        """A way of fitting one sequence."""
+        return SuiteTask(
+            sequence=sequence,
+            level=self.level,
+            variant=name,
+            config=config,
+            folder=self.folder / "ablations" / self.level / self.preset / name / sequence,
+            every=self.every,
+            surfaces_of_phase1=False,
+            start=start,
+        )
+
+
+def run_ablations(setting: Setting, *, jobs: int) -> tuple[Ablation, ...]:
+    """Fit and measure all variations; what was done before with the same settings is taken as it is.
+
+    What is varied belongs to phases 2 and 3, so phase 1 is fitted once for each sequence.
+    """
+    alone = replace(setting.config, last_phase=1)
+    first = {name: setting.task("phase-1", name, alone) for name in setting.sequences}
+    for done, _ in enumerate(run_tasks(list(first.values()), jobs=jobs), 1):
+        print(f"Phase 1: {done} of {len(first)}", file=sys.stderr, flush=True)
     found = []
-    for variation in variations():
+    for variation in variations(setting.config):
         tasks = {
-            (label, variant): _tasks(folder, variation, label, variant, config, sequences, level, every)
+            (label, variant): [
+                setting.task(_name(variation, variant, label), name, config, task.folder)
+                for name, task in first.items()
+            ]
             for label, _, variant, config in variation.values
         }
         records: dict[Path, tuple[Record, ...]] = {}
@@ -91,36 +126,16 @@ def run_ablations(folder: Path, sequences: Sequence[str], *, level: str, every: 
         for task, done in run_tasks(every_task, jobs=jobs):
             records[task.folder] = done
             print(f"{variation.title}: {len(records)} of {len(every_task)}", file=sys.stderr, flush=True)
-        found.append(_ablation(variation, tasks, records))
+        found.append(_ablation(setting.preset, variation, tasks, records))
     return tuple(found)
 
 
-def _tasks(
-    folder: Path,
-    variation: Variation,
-    label: str,
-    variant: str,
-    config: FitConfig,
-    sequences: Sequence[str],
-    level: str,
-    every: int,
-) -> list[SuiteTask]:
-    name = "-".join(part for part in (variation.title.lower().replace(" ", "-"), variant, label) if part)
-    return [
-        SuiteTask(
-            sequence=sequence,
-            level=level,
-            variant=name,
-            config=config,
-            folder=folder / "ablations" / level / name / sequence,
-            every=every,
-            surfaces_of_phase1=False,
-        )
-        for sequence in sequences
-    ]
+def _name(variation: Variation, variant: str, label: str) -> str:
+    return "-".join(part for part in (variation.title.lower().replace(" ", "-"), variant, label) if part)
 
 
 def _ablation(
+    preset: str,
     variation: Variation,
     tasks: dict[tuple[str, str], list[SuiteTask]],
     records: dict[Path, tuple[Record, ...]],
@@ -138,7 +153,7 @@ def _ablation(
     return Ablation(
         title=variation.title,
         x_title=variation.x_title,
-        note=f"{variation.note} Preset {BASE}, all else as it is there; on {names}.",
+        note=f"{variation.note} Preset {preset}, all else as it is there; on {names}.",
         logarithmic=variation.logarithmic,
         trials=tuple(trials),
     )

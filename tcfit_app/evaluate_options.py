@@ -28,7 +28,7 @@ class EvaluateOptions:
     """Fit the sequences of the synthetic suite, whose truth is known, and measure these. What is done is kept in
     --out, and not repeated with the same settings."""
     ablations: bool = False
-    """With --suite: vary window size, shape sample and temporal weight, one at a time, from preset paper."""
+    """With --suite: vary window size, shape sample and temporal weight of the last of --presets, one at a time."""
     level: Annotated[str, arg(metavar="{clean,normal,hard}")] = "normal"
     """How hard the suite's detections are."""
     presets: Annotated[tuple[str, ...], arg(metavar="PRESET")] = ("smplifyx", "paper", "tcfit")

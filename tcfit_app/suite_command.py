@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -46,9 +47,17 @@ def run_suite(options: EvaluateOptions, *, command: str = "") -> Path:
     worst = worst_frames(evaluation.records, lambda name: _drawable(tasks, name), count=options.pictures)
     ablations = ()
     if options.ablations:
-        from tcfit_app.ablations import run_ablations
+        from tcfit_app.ablations import Setting, run_ablations
 
-        ablations = run_ablations(folder, names, level=options.level, every=options.every, jobs=options.jobs)
+        setting = Setting(
+            folder=folder,
+            preset=options.presets[-1],
+            config=replace(tasks[-1].config, last_phase=3),
+            sequences=names,
+            level=options.level,
+            every=options.every,
+        )
+        ablations = run_ablations(setting, jobs=options.jobs)
     write_evaluation(folder, evaluation, worst=worst, ablations=ablations)
     print_table(evaluation.records)
     print(f"Wrote metrics.csv, metrics.json and {REPORT_NAME} into {folder}")

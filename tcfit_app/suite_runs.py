@@ -1,6 +1,7 @@
 """Sequences of the suite, fitted and measured; what is done stays in a folder and is not done again."""
 
 import hashlib
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields, replace
@@ -25,10 +26,13 @@ from fitting_core.evaluation.records import BASELINE, PHASE_1, Record
 from fitting_core.evaluation.reference import Reference
 from fitting_core.evaluation.reference_bodies import reference_of
 from fitting_core.evaluation.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
-from fitting_core.fitting import fit
+from fitting_core.events import PhaseStarted
+from fitting_core.fitting import evaluated, fit
 from fitting_core.io.atomic import replacing
 from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit, write_result
 from fitting_core.io.summary import versions
+from fitting_core.result import FitResult
+from tcfit_app.jobs import FitShape
 
 MEASURES = 1
 """Changes whenever figures are taken in another way: then stored fits are measured again."""
@@ -49,6 +53,8 @@ class SuiteTask:
     """Where the fit and its measures stay."""
     every: int = 1
     surfaces_of_phase1: bool = True
+    start: Path | None = None
+    """Folder of a fit of this sequence whose phase 1 is taken; None: all phases are fitted."""
 
 
 class _Stored(msgspec.Struct, frozen=True, kw_only=True):
@@ -157,6 +163,8 @@ def fit_key(task: SuiteTask, made: SuiteClip, body: BodyModel) -> str:
         digest.update(np.ascontiguousarray(array).tobytes())
     for f in fields(BodyParams):
         digest.update(getattr(made.truth.params, f.name).numpy().tobytes())
+    if task.start is not None:
+        digest.update((_read(task.start / _FIT_KEY) or "").encode())
     return digest.hexdigest()
 
 
@@ -179,9 +187,30 @@ def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
 
 
 def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:
-    write_result(task.folder, fit(made.clip, body, task.config), made.clip, body)
+    found = fit(made.clip, body, task.config) if task.start is None else _later_phases(task, made, body, task.start)
+    write_result(task.folder, found, made.clip, body)
     with replacing(task.folder / _FIT_KEY) as draft:
         draft.write_text(key)
+
+
+def _later_phases(task: SuiteTask, made: SuiteClip, body: BodyModel, start: Path) -> FitResult:
+    """Phases 2 and 3 from another fit's phase 1, with the seconds of each."""
+    stored, clip = read_fit(start), made.clip
+    first = evaluated(clip, body, task.config, stored.phase1, phase=1)
+    begun = FitResult(phases=(first,), camera=clip.camera, config=task.config, observed=stored.observed)
+    events, marks = FitShape(clip=clip, body=body, config=task.config, start=begun).run(), dict[int, float]()
+    while True:
+        try:
+            event = next(events)
+        except StopIteration as stop:
+            found: FitResult = stop.value
+            break
+        if isinstance(event, PhaseStarted):
+            marks[event.phase] = time.perf_counter()
+        last = time.perf_counter()
+    ends = {2: marks.get(3, last), 3: last}
+    timed = (p if p.phase == 1 else replace(p, seconds=ends[p.phase] - marks[p.phase]) for p in found.phases)
+    return replace(found, phases=tuple(timed))
 
 
 def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record, ...]:
