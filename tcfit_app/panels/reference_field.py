@@ -3,6 +3,7 @@
 import tempfile
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from fitting_core.evaluation.reference import Reference
 from fitting_core.evaluation.reference_files import read_reference
 from tcfit_app.notices import Notice
 from tcfit_app.panels.html import Board, Html, button, paragraph, row
+from tcfit_app.storage.names import name_of_file
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
@@ -29,7 +31,7 @@ class ReferenceField:
         gui = page.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(page)
-            self._path = gui.add_text("Path", "", hint=_HINT)
+            self._path = gui.add_text("Reference", "", hint=_HINT)
             self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
             self._buttons = Board(page)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
@@ -59,14 +61,17 @@ class ReferenceField:
         self._read(lambda: read_reference(Path(given).expanduser(), camera=camera))
 
     def _uploaded(self, file) -> None:
-        name = Path(file.name.replace("\\", "/")).name or "reference"
-        camera = self._camera_given()
+        shown, camera = name_of_file(file.name), self._camera_given()
 
         def read() -> Reference:
             with tempfile.TemporaryDirectory(prefix="tcfit-") as folder:
-                path = Path(folder) / name
+                # Its name never becomes part of a path; of it only the form counts that its end tells.
+                path = Path(folder) / ("upload.trc" if shown.lower().endswith(".trc") else "upload.npz")
                 path.write_bytes(file.content)
-                return read_reference(path, camera=camera)
+                try:
+                    return replace(read_reference(path, camera=camera), name=shown)
+                except InputError as error:
+                    raise InputError(str(error).replace(str(path), shown).replace(path.name, shown)) from error
 
         self._read(read)
 

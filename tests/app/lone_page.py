@@ -88,7 +88,8 @@ class LonePage:
 
     def field(self, label: str) -> Any:
         """viser's input with this label."""
-        return next(h for h in self._children() if getattr(h, "label", None) == label)
+        (found,) = (h for h in self._children() if getattr(h, "label", None) == label and hasattr(h, "on_update"))
+        return found
 
     def button(self, label: str) -> Button:
         """The button whose label begins so."""

@@ -134,7 +134,7 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytes
     assert "only be compared with each other" in tested.html()
     tested.click("Compare with it")
     assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
-    tested.enter("Path", str(tmp_path / "reference.npz"))
+    tested.enter("Reference", str(tmp_path / "reference.npz"))
     tested.click("Compare with it")
     tested.until(lambda: "a world of its own" in tested.html())
     tested.fit()
