@@ -12,6 +12,7 @@ from fitting_core.evaluation.pairing import Estimate
 from fitting_core.evaluation.reference import BodyOf, Reference
 from fitting_core.evaluation.reference_bodies import body_of
 from fitting_core.io.result_files import FIT_NAME, read_fit
+from fitting_core.result import FitResult
 from tcfit_app.bodies import Bodies
 from tcfit_app.project import Project
 from tcfit_app.storage.database import is_project
@@ -98,19 +99,26 @@ def _chosen(project: Project, wanted: str | None) -> Run:
 
 
 def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit:
-    fit, clip = project.runs.load(run.id), project.clip
+    fit, body = project.runs.load(run.id), Bodies(models).of(run.body)
+    return of_run(fit, project.clip, body, name=run.name, folder=project.folder, reference=project.reference)
+
+
+def of_run(
+    fit: FitResult, clip: Clip, body: BodyModel, *, name: str, folder: Path, reference: Reference | None
+) -> EvaluatedFit:
+    """A run of a project, with its first and its last phase."""
     seconds = [sum(p.seconds for p in fit.phases if p.phase <= phase.phase) for phase in fit.phases]
     phases = {FIRST: (fit.phases[0].params, seconds[0])} if fit.phases[0].phase == 1 else {}
     if fit.last.phase > 1:
         phases[FINAL] = (fit.last.params, seconds[-1])
     return EvaluatedFit(
-        name=f"{clip.name}, {run.name}",
-        source=f"{project.folder}, {run.name}",
-        body=Bodies(models).of(run.body),
+        name=f"{clip.name}, {name}",
+        source=f"{folder}, {name}",
+        body=body,
         phases=phases,
         camera=fit.camera,
         frame_rate=clip.frame_rate,
         first_frame=clip.first_frame,
         clip=clip,
-        reference=project.reference,
+        reference=reference,
     )

@@ -17,6 +17,7 @@ from fitting_core.io.pose_file import write_pose
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.io.smplifyx import write_smplifyx
 from tcfit_app.export_figures import as_json, clip_stated, write_figures_csv, write_figures_json, write_summary
+from tcfit_app.export_report import write_report
 from tcfit_app.export_source import ExportSource
 from tcfit_app.overlay_video import write_side_by_side
 from tcfit_app.project_file import pack
@@ -259,6 +260,14 @@ EXPORTS: dict[str, Export] = {
         suffix=".figures.json",
         hint="All curves of the timeline by frame, of A and B",
         write=write_figures_json,
+        needs="run",
+    ),
+    "report": Export(
+        title="Report (HTML)",
+        group="Figures",
+        suffix=".report.html",
+        hint="The chosen run's errors and curves, against the project's reference if it has one, with its worst frames",
+        write=write_report,
         needs="run",
     ),
     "summary": Export(

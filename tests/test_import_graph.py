@@ -50,12 +50,13 @@ APP_LAYERS = {
     "run_metrics reference_metrics between_runs video_frames",
     "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads "
     "importing uploads keypoint_jobs keypoint_source session",
-    "what all tabs draw from": "desk overlay_video export_source export_figures exports exporting",
+    "what all tabs draw from": "desk overlay_video export_source export_figures body_pictures worst_frames "
+    "evaluated_fits evaluating export_report exports exporting",
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
     "commands": "options detect_options import_options export_options evaluate_options reference_options "
-    "body_pictures worst_frames evaluation_files evaluated_fits suite_runs ablations suite_command evaluate_command "
+    "evaluation_files suite_runs ablations suite_command evaluate_command "
     "progress clip_input probes doctor fit_command detect_command models_command new_command review_command "
     "demo_command import_command export_command child_processes batch "
     "batch_options batch_command bench bench_options bench_command cli __main__",

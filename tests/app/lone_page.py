@@ -88,8 +88,7 @@ class LonePage:
 
     def field(self, label: str) -> Any:
         """viser's input with this label."""
-        (found,) = (h for h in self._children() if getattr(h, "label", None) == label and hasattr(h, "on_update"))
-        return found
+        return next(h for h in self._children() if getattr(h, "label", None) == label)
 
     def button(self, label: str) -> Button:
         """The button whose label begins so."""

@@ -1,6 +1,8 @@
 """`tcfit export`: of a project and of a result, chosen runs, phases and frames, and what a cancelled one leaves."""
 
 import pickle
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +19,7 @@ import trimesh
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.config import FitConfig
+from fitting_core.evaluation.reference_bodies import reference_of
 from fitting_core.io.motion import AXES
 from fitting_core.io.result_files import read_fit
 from fitting_core.priors.pose import make_prior
@@ -113,6 +116,25 @@ def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: Bo
             assert read["pose_embedding"].shape == (1, 32)
             # The prior cannot express every pose; what it encodes lies near.
             np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
+
+
+def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel):
+    """With the project's reference, it tells the errors against it; every file is whole in itself."""
+    exported(project, tmp_path / "alone", "--formats", "report", "--frames", "7:9")
+    alone = (tmp_path / "alone" / "walk.report.html").read_text(encoding="utf-8")
+    assert "There is no reference" in alone and "Vertex-to-surface" not in alone
+    copy = shutil.copytree(project, tmp_path / "copy.tcfit")
+    truth = waving_fit(2.0).last.params
+    with Project.open(copy) as opened:
+        known = reference_of("truth.npz", "truth", free_body, truth, frame_rate=25.0, in_camera=True)
+        opened.set_reference(replace(known, first_frame=7, frame_rate=None))
+    exported(copy, tmp_path / "measured", "--formats", "report", "--frames", "7:9")
+    page = (tmp_path / "measured" / "walk.report.html").read_text(encoding="utf-8")
+    assert (
+        "Vertex-to-surface error" in page
+        and "far" in page
+        and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
+    )
 
 
 def test_side_by_side_from_the_command_line(project: Path, tmp_path: Path):
