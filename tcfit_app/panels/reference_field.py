@@ -31,7 +31,7 @@ class ReferenceField:
         gui = page.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(page)
-            self._path = gui.add_text("Reference", "", hint=_HINT)
+            self._path = gui.add_text("File", "", hint=_HINT)
             self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
             self._buttons = Board(page)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")

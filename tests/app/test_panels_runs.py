@@ -134,7 +134,7 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytes
     assert "only be compared with each other" in tested.html()
     tested.click("Compare with it")
     assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
-    tested.enter("Reference", str(tmp_path / "reference.npz"))
+    tested.enter("File", str(tmp_path / "reference.npz"))
     tested.click("Compare with it")
     tested.until(lambda: "a world of its own" in tested.html())
     tested.fit()
@@ -166,6 +166,7 @@ _MADE = (
     "figures",
     "figures-json",
     "summary",
+    "report",
 )
 """Exports that need neither OpenGL nor a video."""
 
@@ -194,6 +195,7 @@ def test_files_are_downloaded(panel_of: Opener):
     assert len(rows) == FRAMES + 1 and rows[0].startswith("frame,A Reprojection") and rows[1].startswith("0,")
     figures = json.loads(got["figures-json"])
     assert list(figures["figures"]) == next(csv.reader(rows)) and figures["frame_rate"] == 25.0
+    assert got["report"].startswith(b"<!") and b"Reprojection" in got["report"]
     assert got["glb"].startswith(b"glTF") and json.loads(got["coco"])["images"]
     for name, suffix, count in (("bvh", ".bvh", 1), ("ply", ".ply", FRAMES), ("smplifyx", ".pkl", FRAMES)):
         with ZipFile(io.BytesIO(got[name])) as archive:
