@@ -29,7 +29,8 @@ from fitting_core.camera import Camera, default_focal, project
 from fitting_core.errors import InputError
 from fitting_core.evaluation.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
-from fitting_core.evaluation.performance import in_camera, standing_root
+from fitting_core.evaluation.performance import standing_root
+from fitting_core.evaluation.world_camera import in_camera
 from fitting_core.io.atomic import replacing
 from fitting_core.keypoints import Keypoints
 from fitting_core.phases.independent import fit_frames

@@ -65,7 +65,7 @@ class ReviewApp:
 
     def run(self) -> None:
         """Draw until `stop` is called."""
-        self.desk.background.get("warm", self.desk.warm_up)  # while the browser loads the page
+        self.desk.warm_up()  # while the browser loads the page
         while not self._stop.is_set():
             self._obey(TICK if self._moving() else REST)
             self._attempt("take the worker's news", self.session.take_news)

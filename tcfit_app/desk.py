@@ -48,6 +48,8 @@ class Desk:
         self.length, self.size = len(clip), clip.camera.size
         self.background, self._wake = Background(wake), wake
         self._meshes: dict[str, Meshes] = {}
+        self.warming = False
+        """Whether the first body is still being read (a second): nothing on the drawing thread waits for it."""
         self.video = self._opened()
 
     def _opened(self) -> VideoFrames:
@@ -57,14 +59,20 @@ class Desk:
         )
 
     def warm_up(self) -> None:
-        """Read what the first picture of a fitted project needs (a second), before anybody asks for it."""
+        """Read what the first picture of a fitted project needs, before anybody asks for it."""
+        self.warming = True
         self.video.get(0)
+        self.background.get("warm", self._first_body)
+
+    def _first_body(self) -> None:
         try:
             shown = self.session.fits.show(FitChoice())
             if shown is not None:
                 self.body(shown, 0)
         except InputError as error:  # who looks at it is told then
             _log.info("Nothing to show yet: %s", error)
+        finally:
+            self.warming = False
 
     def reopen_video(self) -> None:
         """The project's media lie elsewhere now."""
@@ -109,9 +117,8 @@ class Desk:
 
     def between(self, a: Shown, b: Shown) -> Curve | None:
         """How far two runs lie apart along the clip; None while it is made."""
-        try:
-            one, other = self.posed(a), self.posed(b)
-        except InputError:
+        one, other = self._posed(a), self._posed(b)
+        if one is None or other is None:
             return None
         return self.background.get(("between", self.key(a), self.key(b)), lambda: between_runs(one, other))
 
@@ -134,11 +141,7 @@ class Desk:
 
     def metrics_problem(self, shown: Shown) -> str:
         """Why a run cannot be measured; empty if that is not so."""
-        try:
-            self.meshes(shown)
-        except InputError as error:
-            return str(error)
-        return self.background.problem(("metrics", self.key(shown)))
+        return self._body_problem(shown) or self.background.problem(("metrics", self.key(shown)))
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run against the project's reference, empty without one; None while they are taken."""
@@ -160,9 +163,8 @@ class Desk:
 
     def distances(self, a: Shown, b: Shown) -> Curve | None:
         """How far two runs lie apart, by frame; None while that is made."""
-        try:
-            one = self.posed(a)
-        except InputError:
+        one = self._posed(a)
+        if one is None:
             return None
         key = ("distances", a.run.id, a.phase, a.revision, b.run.id, b.phase, b.revision)
         return self._made(key, b, lambda other: between_runs(one, other))
@@ -175,18 +177,27 @@ class Desk:
 
     def suspects_problem(self, shown: Shown) -> str:
         """Why there will be no review queue of a run; empty if nothing is wrong."""
-        try:
-            self.meshes(shown)
-        except InputError as error:
-            return str(error)
-        return self.background.problem(self._suspects_key(shown))
+        return self._body_problem(shown) or self.background.problem(self._suspects_key(shown))
 
     def _suspects_key(self, shown: Shown) -> Hashable:
         return "suspects", self.key(shown), self.session.marked
 
     def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
+        posed = self._posed(shown)
+        return None if posed is None else self.background.get(key, lambda: make(posed))
+
+    def _posed(self, shown: Shown) -> PosedFit | None:
+        """A run beside the keypoints as they are now, if its body model is there by now."""
         try:
-            posed = self.posed(shown)
+            return None if self.warming else self.posed(shown)
         except InputError:
             return None
-        return self.background.get(key, lambda: make(posed))
+
+    def _body_problem(self, shown: Shown) -> str:
+        """Why a run's body model is not there; empty if that is not so."""
+        try:
+            if not self.warming:
+                self.meshes(shown)
+            return ""
+        except InputError as error:
+            return str(error)

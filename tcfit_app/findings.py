@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import median_filter
-from scipy.optimize import nnls
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
@@ -190,6 +189,8 @@ def _costs(fit: PosedFit) -> Iterator[Finding]:
     The cost of the data term depends on how many keypoints there are (with hands it is five times as large), so what
     the squared errors of body, hands and face explain is taken off first, by least squares.
     """
+    from scipy.optimize import nnls  # 0.15 s, which no app needs to start with
+
     if fit.frame_cost is None:
         return
     finite = np.isfinite(fit.frame_cost)

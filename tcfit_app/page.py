@@ -304,6 +304,8 @@ class Page:
             self.channel.send("cursor", Cursor(frame=self.state.frame, playing=self.state.playing))
         if self.changes.of("selection", self.state.selection):
             self.channel.send("selection", Selection(joints=self.state.selection))
+        if self.desk.warming:
+            return  # the first body comes half a second sooner if the browser has nothing else to draw
         self.strip.draw()
         self.status.draw(now)
         for panel in self.panels:

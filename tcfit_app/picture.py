@@ -65,7 +65,7 @@ class Picture:
             return False
         a, b = page.fit(state.a), page.fit(state.b)
         try:
-            bodies = self._bodies(a, b)
+            bodies = [] if self._desk.warming else self._bodies(a, b)
         except InputError as error:
             page.status.problem = str(error)
             bodies = []

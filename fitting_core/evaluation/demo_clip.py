@@ -28,10 +28,11 @@ from fitting_core.encode import video_writer
 from fitting_core.errors import InputError
 from fitting_core.evaluation import demo_script
 from fitting_core.evaluation.clothing import Outfit
-from fitting_core.evaluation.performance import in_camera, perform, standing_root
+from fitting_core.evaluation.performance import perform, standing_root
 from fitting_core.evaluation.simulated_detector import detect, visible
 from fitting_core.evaluation.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio, vertex_normals
 from fitting_core.evaluation.truth import Truth, write_truth
+from fitting_core.evaluation.world_camera import in_camera
 from fitting_core.io.openpose import write_openpose
 
 NAME = "demo"

@@ -4,7 +4,7 @@ World: x to the person's left, y up, z forward, metres, seconds; the origin lies
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -65,7 +65,7 @@ def perform(
     *,
     betas: Sequence[float],
 ) -> BodyParams:
-    """The performance at some times (seconds, evenly spaced) in the WORLD: `in_camera` turns it into a camera's."""
+    """The performance at some times (seconds, evenly spaced) in the WORLD; `in_camera` takes it into a camera's."""
     actor = _Actor(body, script, times, _Unrest.draw(rng, times), betas)
     on_floor = through(script.on_floor, times)[:, 0]
     root = actor.scripted_root()
@@ -78,25 +78,6 @@ def perform(
         gap = seat_gap(body, mesh(params[near.tolist()]).numpy())
         root[near, 1] -= gaussian_filter1d(np.minimum(on_floor[near] * gap, gap), 0.04 / step, mode="nearest")
     return actor.params(actor.pose(root))
-
-
-def in_camera(
-    params: BodyParams,
-    rest_root: Float[np.ndarray, "3"],
-    rotation: Float[np.ndarray, "3 3"],
-    translation: Float[np.ndarray, "3"],
-) -> BodyParams:
-    """The same bodies in camera space, where x_camera = rotation @ x_world + translation.
-
-    A body turns about its root joint, which rests at `rest_root` and not at the origin.
-    """
-    orient = Rotation.from_matrix(rotation) * Rotation.from_rotvec(params.global_orient.numpy())
-    root = (params.camera_translation.numpy() + rest_root) @ rotation.T + translation
-    return replace(
-        params,
-        global_orient=torch.as_tensor(orient.as_rotvec()),
-        camera_translation=torch.as_tensor(root - rest_root),
-    )
 
 
 class _Actor:

@@ -13,10 +13,9 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from fitting_core.body.registry import FREE_FOLDER, find_body, list_bodies
 from fitting_core.errors import InputError
-from fitting_core.evaluation.performance import in_camera
 from fitting_core.evaluation.reference import BodyOf, Reference, of_body, stated_rate
 from fitting_core.evaluation.truth import read_truth
-from fitting_core.evaluation.world_camera import WorldCamera
+from fitting_core.evaluation.world_camera import WorldCamera, in_camera
 from fitting_core.io.result_files import read_fit
 
 _WIDTHS = {156: "smplh", 165: "smplx"}

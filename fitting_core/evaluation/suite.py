@@ -29,7 +29,7 @@ from fitting_core.evaluation.build import Build
 from fitting_core.evaluation.clothing import Outfit
 from fitting_core.evaluation.cross_legged import cross_legged
 from fitting_core.evaluation.hazards import Hazard, Mishaps, failures
-from fitting_core.evaluation.performance import in_camera, perform, standing_root
+from fitting_core.evaluation.performance import perform, standing_root
 from fitting_core.evaluation.rasterize import rasterize
 from fitting_core.evaluation.script import Script
 from fitting_core.evaluation.signing import signing
@@ -39,6 +39,7 @@ from fitting_core.evaluation.suite_table import SEQUENCES, Subject, SuiteSequenc
 from fitting_core.evaluation.truth import Truth, read_truth, write_truth
 from fitting_core.evaluation.view import View
 from fitting_core.evaluation.waving import waving
+from fitting_core.evaluation.world_camera import in_camera
 
 __all__ = [
     "LEVELS", "MOTIONS", "SEQUENCES", "Level", "Subject", "SuiteClip", "SuiteSequence", "make_sequence", "make_truth",

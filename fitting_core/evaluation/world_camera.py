@@ -1,11 +1,14 @@
 """A calibrated camera in a world: where a reference's points get into the camera's space."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
+from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.npz import read_npz
 
@@ -22,6 +25,25 @@ class WorldCamera:
     def __call__(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Points of the world in the camera's space."""
         return points @ self.rotation.T + self.translation
+
+
+def in_camera(
+    params: BodyParams,
+    rest_root: Float[np.ndarray, "3"],
+    rotation: Float[np.ndarray, "3 3"],
+    translation: Float[np.ndarray, "3"],
+) -> BodyParams:
+    """The same bodies in camera space, where x_camera = rotation @ x_world + translation.
+
+    A body turns about its root joint, which rests at `rest_root` and not at the origin.
+    """
+    orient = Rotation.from_matrix(rotation) * Rotation.from_rotvec(params.global_orient.numpy())
+    root = (params.camera_translation.numpy() + rest_root) @ rotation.T + translation
+    return replace(
+        params,
+        global_orient=torch.as_tensor(orient.as_rotvec()),
+        camera_translation=torch.as_tensor(root - rest_root),
+    )
 
 
 def read_world_camera(path: Path) -> WorldCamera:
