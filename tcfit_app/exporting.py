@@ -1,29 +1,21 @@
 """Exports from their start to their end: files that appear whole or not at all, and a thread for the app's."""
 
-import logging
 import os
 import shutil
 import tempfile
-import threading
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
 
-from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Progress
 from tcfit_app.export_source import ExportSource
 from tcfit_app.exports import Export
+from tcfit_app.job_thread import JobThread
 
 _ZIPPING = 0.15
 """Share of the whole time that packing takes."""
-_log = logging.getLogger(__name__)
-
-
-class _Cancelled(Exception):
-    """Ends a writer from within its progress."""
 
 
 def file_name(export: Export, name: str, *, zipped: bool) -> str:
@@ -88,8 +80,8 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
             progress(done / len(files))
 
 
-class Exporting:
-    """An export for a browser, on a thread of its own. Begins at once.
+class Exporting(JobThread):
+    """An export for a browser; cancelled, it leaves nothing. Begins at once.
 
     Args:
         export: what is written.
@@ -98,49 +90,22 @@ class Exporting:
     """
 
     def __init__(self, export: Export, source: ExportSource, done: Callable[[bytes], None]) -> None:
+        super().__init__(f"The export {export.title}")
         self.export, self.name = export, file_name(export, source.name, zipped=True)
         self.share = 0.0
-        self.state: Literal["running", "finished", "cancelled", "failed"] = "running"
-        self.reason = ""
-        """Why it failed."""
         self.size = 0
         """Bytes."""
         self._source, self._done = source, done
-        self._cancelled = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="tcfit exports", daemon=True)
-        self._thread.start()
-
-    def cancel(self) -> None:
-        """Stop, at the writer's next step; nothing is kept."""
-        self._cancelled.set()
-
-    @property
-    def stopping(self) -> bool:
-        """Whether it was cancelled and has not ended yet."""
-        return self._cancelled.is_set() and self.state == "running"
-
-    def join(self, timeout: float | None = None) -> None:
-        """Wait until it has ended."""
-        self._thread.join(timeout)
+        self.start()
 
     def _progress(self, share: float) -> None:
-        if self._cancelled.is_set():
-            raise _Cancelled
+        self._go_on()
         self.share = share
 
-    def _run(self) -> None:
-        try:
-            with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
-                path = Path(folder) / f"export{self.export.suffix}"
-                write_export(self.export, self._source, path, self._progress, zipped=True)
-                content = path.read_bytes()
-            self.size = len(content)
-            self._done(content)
-            self.state = "finished"
-        except _Cancelled:
-            self.state = "cancelled"
-        except InputError as error:
-            self.reason, self.state = str(error), "failed"
-        except Exception as error:  # whatever it was: the user is told
-            _log.exception("The export %s failed", self.export.title)
-            self.reason, self.state = f"{type(error).__name__}: {error}", "failed"
+    def _work(self) -> None:
+        with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
+            path = Path(folder) / f"export{self.export.suffix}"
+            write_export(self.export, self._source, path, self._progress, zipped=True)
+            content = path.read_bytes()
+        self.size = len(content)
+        self._done(content)

@@ -1,12 +1,10 @@
 """Keypoints for a project that was made without: one job at a time, on a thread, for all browsers."""
 
-import logging
 import shutil
-import threading
 from pathlib import Path
-from typing import Literal
 
 from fitting_core.errors import InputError
+from tcfit_app.job_thread import JobThread
 from tcfit_app.keypoint_jobs import Detect, Download, FoundKeypoints, ImportFiles, ImportUpload, KeypointJob
 from tcfit_app.project import Project
 
@@ -14,58 +12,26 @@ PARTS = "detection"
 """The project's folder of what a detection has found so far."""
 _PATIENCE = 10.0
 """Seconds for which a closing app waits for a job to notice that it was cancelled."""
-_log = logging.getLogger(__name__)
 
 
-class _Cancelled(Exception):
-    """Ends a job from within its report."""
-
-
-class Going:
+class Going(JobThread):
     """A job from its start to its end. Begins at once."""
 
     def __init__(self, job: KeypointJob, project: Project) -> None:
+        super().__init__(job.title)
         self.job = job
         self.text, self.share = "", None
-        self.state: Literal["running", "finished", "cancelled", "failed"] = "running"
-        self.reason = ""
-        """Why it failed."""
         self.found: FoundKeypoints | None = None
         self._clip = project.clip
-        self._cancelled = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="tcfit gets keypoints", daemon=True)
-        self._thread.start()
-
-    def cancel(self) -> None:
-        """Stop at the job's next step."""
-        self._cancelled.set()
-
-    @property
-    def stopping(self) -> bool:
-        """Whether it was cancelled and has not ended yet."""
-        return self._cancelled.is_set() and self.state == "running"
-
-    def join(self, timeout: float | None = None) -> None:
-        """Wait until it has ended."""
-        self._thread.join(timeout)
+        self.start()
 
     def _report(self, text: str, share: float | None) -> None:
-        if self._cancelled.is_set():
-            raise _Cancelled
+        self._go_on()
         self.text, self.share = text, share
 
-    def _run(self) -> None:
-        try:
-            self.found = self.job.run(self._clip, self._report)
-            self._report(self.text, 1.0)
-            self.state = "finished"
-        except _Cancelled:
-            self.state = "cancelled"
-        except InputError as error:
-            self.reason, self.state = str(error), "failed"
-        except Exception as error:  # whatever it was: the user is told
-            _log.exception("%s failed", self.job.title)
-            self.reason, self.state = f"{type(error).__name__}: {error}", "failed"
+    def _work(self) -> None:
+        self.found = self.job.run(self._clip, self._report)
+        self._report(self.text, 1.0)
 
 
 class KeypointSource:
