@@ -58,7 +58,7 @@ def settle(review: Reviewing, *, busy: bool = False) -> None:
     """Wait until everything is drawn; `busy`: a fit is running and will not come to an end."""
     review.tab.wait_for_timeout(REST_MS)
     if not busy:
-        until(lambda: not review.session.jobs and not review.session.dragging, "the fits")
+        until(lambda: not review.session.jobs and not review.session.following.busy, "the fits")
     if review.page.state.mode != "space":
         until(lambda: review.tab.evaluate(DRAWN), "the picture")
     review.tab.wait_for_timeout(REST_MS)
@@ -134,7 +134,7 @@ def correcting(review: Reviewing) -> Iterator[str]:
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
     review.tab.mouse.move(x + 14, y + 30, steps=8)
-    until(lambda: review.session.live is not None, "the live correction")
+    until(lambda: review.session.following.live is not None, "the live correction")
     settle(review, busy=True)
     yield "edit-dragged"
     review.tab.mouse.up()

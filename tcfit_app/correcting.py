@@ -86,7 +86,7 @@ class Correcting:
         start = corrected.xy[event.frame, list(joints)]
         self._dragging = _Dragging(event.frame, joints, start, shown)
         if shown is not None:
-            self._dragging.follower = page.session.begin_drag(shown, event.frame, joints, xy)
+            self._dragging.follower = page.session.following.begin_drag(shown, event.frame, joints, xy)
 
     def _release(self, dragging: _Dragging) -> None:
         self._dragging = None

@@ -93,7 +93,7 @@ class Desk:
 
     def body(self, shown: Shown, frame: int) -> Drawn:
         """A run's body, in a live correction if there is one. Raises InputError if the body model is not there."""
-        meshes, live = self.meshes(shown), self.session.live
+        meshes, live = self.meshes(shown), self.session.following.live
         if live is not None and shown.phase == 3 and live.run == shown.run.id and frame in live.frames:
             version, place = ("live", live.revision), frame - live.frames.start
             return Drawn(vertices=meshes.vertices(version, live.params, place), version=(version, frame))

@@ -292,7 +292,8 @@ class Page:
             return
         if self.state.playing and not self._advance(now):
             return
-        live = self.session.live and self.session.live.revision
+        window = self.session.following.live
+        live = None if window is None else window.revision
         following = live is not None and live != self._followed
         if following and self.playback.waits(now):
             return  # bodies that pile up in a busy browser would come later and later

@@ -72,7 +72,9 @@ class Picture:
         with page.client.atomic():
             self._draw_scene(image, bodies, a, b)
             self._draw_keypoints()
-        if page.changes.of("flushed", state.frame, page.session.live and page.session.live.revision):
+        if page.changes.of(
+            "flushed", state.frame, page.session.following.live and page.session.following.live.revision
+        ):
             page.client.flush()  # viser would wait 16 ms for more
         self._draw_legend()
         return True

@@ -1,17 +1,11 @@
 """An open project with everything that works on it: what all browsers share."""
 
 import logging
-import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from itertools import count
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-from jaxtyping import Float
-
-from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
@@ -21,19 +15,17 @@ from fitting_core.events import PhaseStarted, WindowFinished
 from fitting_core.result import FitResult
 from tcfit_app.bodies import Bodies, record_of
 from tcfit_app.edit_log import LogEntry, Redo, Undo
-from tcfit_app.edit_windows import around
 from tcfit_app.edits import Edit, MoveKeypoint
 from tcfit_app.fits import Fits, Shown
+from tcfit_app.following import Following
 from tcfit_app.importing import ImportChoices, import_run
 from tcfit_app.jobs import FitEverything, FitShape, Job, RerunFrames
 from tcfit_app.keypoint_source import KeypointSource
-from tcfit_app.live import REACH, Correction
 from tcfit_app.notices import Notice
 from tcfit_app.outbox import (
     DragAbandoned,
     DragFailed,
     DragFinished,
-    DragMoved,
     JobCancelled,
     JobFailed,
     JobFinished,
@@ -43,43 +35,18 @@ from tcfit_app.outbox import (
 )
 from tcfit_app.project import Project
 from tcfit_app.result_uploads import upload
-from tcfit_app.run_jobs import CorrectionJob, RunJob
+from tcfit_app.run_jobs import RunJob
 from tcfit_app.running_job import RunningJob
 from tcfit_app.storage.names import name_of_file
 from tcfit_app.storage.runs import Run, RunKind
 from tcfit_app.worker import Drag, Worker
 
-MOST_FOLLOWED = 60
-"""Frames that follow an edit by themselves; more are fitted again when the user says so."""
-SETTLING = 0.4
-"""Seconds without a further edit after which the fit follows: a key held down makes one job."""
 _OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
     JobFinished: "finished",
     JobCancelled: "cancelled",
     JobFailed: "failed",
 }
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LiveWindow:
-    """The frames around a keypoint that is being dragged."""
-
-    run: int
-    frames: range
-    params: BodyParams
-    """Of these frames."""
-    revision: int
-    """Another number for every window, also of later drags: meshes are kept by it."""
-
-
-@dataclass(kw_only=True)
-class _Following:
-    """Edits that the fit is going to follow."""
-
-    shown: Shown
-    frames: set[int]
-    since: float
 
 
 class Session:
@@ -94,14 +61,14 @@ class Session:
         self.project, self.bodies = project, bodies
         self.fits = Fits(project)
         self.worker = Worker(self.fits)
+        self.following = Following(project, bodies, self.fits, self.worker)
+        """Lets the fit follow drags and edits."""
         self.source = KeypointSource(project)
         """Gets keypoints for a project that has none."""
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
         self.ended: RunningJob | None = None
         """The run's job that ended last."""
-        self.live: LiveWindow | None = None
-        self.follow_edits = True
         self.edits = 0
         """Another number whenever the keypoints are others."""
         self.marked = 0
@@ -111,9 +78,6 @@ class Session:
         self.changes = 0
         """Another number whenever anything about jobs is another."""
         self.tell: Callable[[Notice], None] = lambda notice: None
-        self._drags: dict[int, tuple[Drag, int]] = {}
-        self._revisions = count(1)
-        self._following: _Following | None = None
 
     def close(self) -> None:
         """End all work; what had finished is on the disk."""
@@ -157,11 +121,8 @@ class Session:
         if entry is None:
             return None
         self.edits += 1
-        frames: set[int] = set(getattr(entry.action, "frames", ()))
-        if shown is not None and self.follow_edits and shown.phase == 3 and shown.result is not None:
-            if self._following is not None and self._following.shown.run.id == shown.run.id:
-                frames |= self._following.frames
-            self._following = _Following(shown=shown, frames=frames, since=time.monotonic())
+        if shown is not None:
+            self.following.edited(entry, shown)
         return entry
 
     def mark(
@@ -307,30 +268,6 @@ class Session:
 
     # --- live correction ---
 
-    def begin_drag(
-        self, shown: Shown, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]
-    ) -> Drag | None:
-        """Let the fit follow a drag; None if this fit cannot, for it has no temporal phase.
-
-        Raises:
-            InputError: The run's body is not there.
-        """
-        if shown.phase != 3 or shown.result is None or self.project.read_only:
-            return None
-        correction = Correction(
-            clip=self.clip_of(shown.camera),
-            body=self.bodies.of(shown.run.body),
-            config=shown.run.config,
-            params=shown.params,
-            sharpness=self.fits.fit(shown.run).sharpness,
-            frame=frame,
-            keypoints=joints,
-            origin=shown.run.id,
-        )
-        drag = self.worker.drag(correction, xy)
-        self._drags[drag.number] = (drag, shown.run.id)
-        return drag
-
     def release(self, drag: Drag | None, edit: MoveKeypoint, *, author: str, shown: Shown | None) -> None:
         """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
         try:
@@ -342,11 +279,6 @@ class Session:
         if drag:
             drag.release()
 
-    @property
-    def dragging(self) -> bool:
-        """Whether the fit follows a drag."""
-        return bool(self._drags) or self._following is not None
-
     # --- news from the worker ---
 
     def take_news(self) -> None:
@@ -357,10 +289,12 @@ class Session:
         if news.progress is not None and (job := self.jobs.get(news.progress.job)):
             job.take(news.progress)
             self.changes += 1
-        if news.moved is not None and news.moved.drag in self._drags:
-            self._show_live(news.moved)
+        if news.moved is not None:
+            self.following.take_move(news.moved)
         self._take_keypoints()
-        self._follow()
+        correction = self.following.due(self.tell)
+        if correction is not None:
+            self._enqueue(correction, None)
 
     def _take_keypoints(self) -> None:
         """Take up what has ended of getting keypoints."""
@@ -374,15 +308,10 @@ class Session:
             self.edits += 1
             self.tell(Notice(title="This project has its keypoints", text="\n".join(ended.found.notes), kind="done"))
 
-    def _show_live(self, moved: DragMoved) -> None:
-        run = self._drags[moved.drag][1]
-        self.live = LiveWindow(run=run, frames=moved.frames, params=moved.params, revision=next(self._revisions))
-
     def _take(self, report: Report) -> None:
         self.changes += 1
         if isinstance(report, DragFinished | DragAbandoned | DragFailed):
-            self._drags.pop(report.drag, None)
-            self.live = None
+            self.following.take_end(report)
             if isinstance(report, DragFailed):
                 self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
             return
@@ -421,26 +350,6 @@ class Session:
         except InputError as error:  # e.g. a full disk: the next opening calls the run interrupted
             _log.exception("Run %d could not be ended", job.run)
             self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
-
-    # --- the fit follows edits ---
-
-    def _follow(self) -> None:
-        """Fit the surroundings of recent edits again, once these have settled."""
-        waiting = self._following
-        if waiting is None or time.monotonic() - waiting.since < SETTLING:
-            return
-        self._following = None
-        windows = around(waiting.frames, REACH, len(self.project.detections))
-        if sum(map(len, windows)) > MOST_FOLLOWED:
-            text = f"{len(waiting.frames)} frames were edited: re-run them when you are done."
-            self.tell(Notice(title="The fit does not follow by itself", text=text))
-            return
-        start = self.fits.fit(waiting.shown.run)
-        config = waiting.shown.run.config
-        config = replace(config, solver="lm", temporal=replace(config.temporal, stages=(5,)))
-        body = self.bodies.of(waiting.shown.run.body)
-        job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
-        self._enqueue(CorrectionJob(origin=waiting.shown.run.id, job=job), None)
 
     def _refuse_read_only(self, what: str) -> None:
         if self.project.read_only:

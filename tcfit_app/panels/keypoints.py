@@ -82,7 +82,7 @@ class KeypointsPanel:
 
     def _follow_or_not(self) -> None:
         session = self._page.session
-        session.follow_edits = not session.follow_edits
+        session.following.after_edits = not session.following.after_edits
 
     def _visit(self, number: str) -> None:
         page = self._page
@@ -103,7 +103,7 @@ class KeypointsPanel:
             self._draw_buttons(where, bad)
         if page.changes.of("groups", where):
             self._groups.show(heading("Whole groups", where), self._group_table())
-        if page.changes.of("history", session.edits, session.follow_edits, page.author):
+        if page.changes.of("history", session.edits, session.following.after_edits, page.author):
             self._draw_history()
 
     def _where(self) -> str:
@@ -164,7 +164,7 @@ class KeypointsPanel:
 
     def _draw_history(self) -> None:
         page, project = self._page, self._page.session.project
-        follow = page.session.follow_edits
+        follow = page.session.following.after_edits
         hint = "After an edit, the fit of its frame and the frames around is made again"
         self._history.show(
             heading("Corrections"),

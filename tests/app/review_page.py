@@ -88,7 +88,7 @@ class Reviewing:
 
     def rest(self) -> None:
         """Until the camera stands still and nothing is being fitted."""
-        until(lambda: not self.session.jobs and not self.session.dragging, "the fits")
+        until(lambda: not self.session.jobs and not self.session.following.busy, "the fits")
         before = None
         while (now := self.tab.evaluate("() => tcfit.place(0, 0).concat(tcfit.place(100, 100))")) != before:
             before = now

@@ -88,7 +88,7 @@ def until(session: Session, condition: Callable[[], Any]) -> None:
 
 
 def idle(session: Session) -> None:
-    until(session, lambda: not session.jobs and not session.dragging)
+    until(session, lambda: not session.jobs and not session.following.busy)
 
 
 def newest(session: Session) -> Shown:

@@ -157,7 +157,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     tested.click("Show as B")
     with pytest.raises(InputError, match="theirs was imported, to compare with: nothing can be fitted on from it"):
         session.rerun_shape(imported, own.config)
-    assert session.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
+    assert session.following.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
 
 
 def test_what_cannot_be_imported_is_told(tested: LonePage, tmp_path: Path):

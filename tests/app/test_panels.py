@@ -213,7 +213,7 @@ def test_history(tested: LonePage):
     tested.press("keypoints.visit", str(page.session.project.log[0].id))
     assert page.state.frame == 0 and page.state.selection == (4,)
     tested.press("keypoints.follow")
-    assert not page.session.follow_edits
+    assert not page.session.following.after_edits
 
 
 def test_the_review_queue(tested: LonePage):

@@ -135,7 +135,7 @@ def _let_loose(folder: Path, browser: "Browser", actions: int, warm: int, log: p
             user = users[int(rng.integers(2))]
             DEEDS[int(rng.choice(len(DEEDS), p=shares / shares.sum()))][1](user, rng)
         first.app.post(first.session.cancel)
-        until(lambda: not first.session.jobs and not first.session.dragging, "the worker")
+        until(lambda: not first.session.jobs and not first.session.following.busy, "the worker")
         grown = _memory() - before
         for user in users:
             assert not user.complaints

@@ -70,7 +70,7 @@ def test_a_keypoint_is_dragged_and_the_body_follows(review: Reviewing):
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
     review.tab.mouse.move(x - 30, y - 24, steps=6)
-    until(lambda: review.session.live is not None, "the live correction")
+    until(lambda: review.session.following.live is not None, "the live correction")
     review.tab.mouse.move(x - 60, y - 48, steps=6)
     review.tab.mouse.up()
     until(lambda: review.session.project.last_edit > 0, "the edit")

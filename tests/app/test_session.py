@@ -12,7 +12,7 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from tcfit_app import session as session_module
+from tcfit_app import following
 from tcfit_app.edit_windows import around
 from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.fits import FitChoice, Shown
@@ -55,7 +55,7 @@ def moved(session: Session, by: float, frame: int = 4) -> tuple[MoveKeypoint, np
 
 def drag(session: Session, shown: Shown, by: float, frame: int = 4) -> None:
     edit, xy = moved(session, by, frame)
-    follower = session.begin_drag(shown, frame, (WRIST,), xy)
+    follower = session.following.begin_drag(shown, frame, (WRIST,), xy)
     session.release(follower, edit, author="me", shown=shown)
 
 
@@ -134,15 +134,16 @@ def test_the_shape_again(session: Session):
 def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(session: Session, folder: Path):
     before = newest(session)
     edit, xy = moved(session, 25.0)
-    follower = session.begin_drag(before, 4, (WRIST,), xy)
+    follower = session.following.begin_drag(before, 4, (WRIST,), xy)
     assert follower is not None
-    until(session, lambda: session.live)
-    assert session.live is not None and session.live.frames == range(1, FRAMES) and session.live.run == before.run.id
+    until(session, lambda: session.following.live)
+    live = session.following.live
+    assert live is not None and live.frames == range(1, FRAMES) and live.run == before.run.id
     session.release(follower, edit, author="me", shown=before)
     assert session.project.last_edit == 1, "saved at release, before the fit has converged"
     idle(session)
     after = newest(session)
-    assert session.live is None and after.run.kind == "corrections" and after.run.parent == before.run.id
+    assert session.following.live is None and after.run.kind == "corrections" and after.run.parent == before.run.id
     assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
     assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
     assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
@@ -164,13 +165,13 @@ def test_windows_of_a_later_drag_are_no_earlier_ones(session: Session):
     for frame in (1, 6):
         shown = newest(session)
         edit, xy = moved(session, 25.0, frame)
-        follower = session.begin_drag(shown, frame, (WRIST,), xy)
-        until(session, lambda: session.live)
-        assert session.live is not None
-        seen.append(session.live.revision)
+        follower = session.following.begin_drag(shown, frame, (WRIST,), xy)
+        until(session, lambda: session.following.live)
+        assert session.following.live is not None
+        seen.append(session.following.live.revision)
         session.release(follower, edit, author="me", shown=shown)
         idle(session)
-        assert session.live is None
+        assert session.following.live is None
     assert seen[1] > seen[0]
 
 
@@ -198,13 +199,13 @@ def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: p
     session.undo(author="me", shown=after)
     idle(session)
     assert newest(session).revision > after.revision, "undo is followed too"
-    session.follow_edits = False
+    session.following.after_edits = False
     session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(8.0, 0.0)), author="me", shown=after)
-    assert not session.dragging
-    session.follow_edits = True
-    monkeypatch.setattr(session_module, "MOST_FOLLOWED", 3)
+    assert not session.following.busy
+    session.following.after_edits = True
+    monkeypatch.setattr(following, "MOST_FOLLOWED", 3)
     session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me", shown=after)
-    until(session, lambda: not session.dragging)
+    until(session, lambda: not session.following.busy)
     assert not session.jobs and "re-run them" in told(session)[-1].text
 
 
@@ -256,7 +257,7 @@ def test_read_only(folder: Path, tiny_body: BodyModel):
     with session_of(folder, tiny_body, read_only=True) as session:
         shown = newest(session)
         edit, xy = moved(session, 25.0)
-        assert session.begin_drag(shown, 4, (WRIST,), xy) is None
+        assert session.following.begin_drag(shown, 4, (WRIST,), xy) is None
         for command in (
             lambda: session.edit(edit, author="me"),
             lambda: session.mark([1], "flag", author="me"),

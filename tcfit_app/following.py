@@ -1,0 +1,145 @@
+"""The fit follows the hand: while a keypoint is dragged, and after edits."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import count
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from tcfit_app.bodies import Bodies
+from tcfit_app.edit_log import LogEntry
+from tcfit_app.edit_windows import around
+from tcfit_app.fits import Fits, Shown
+from tcfit_app.jobs import RerunFrames
+from tcfit_app.live import REACH, Correction
+from tcfit_app.notices import Notice
+from tcfit_app.outbox import DragAbandoned, DragFailed, DragFinished, DragMoved
+from tcfit_app.project import Project
+from tcfit_app.run_jobs import CorrectionJob
+from tcfit_app.worker import Drag, Worker
+
+MOST_FOLLOWED = 60
+"""Frames that follow an edit by themselves; more are fitted again when the user says so."""
+SETTLING = 0.4
+"""Seconds without a further edit after which the fit follows: a key held down makes one job."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveWindow:
+    """The frames around a keypoint that is being dragged."""
+
+    run: int
+    frames: range
+    params: BodyParams
+    """Of these frames."""
+    revision: int
+    """Another number for every window, also of later drags: meshes are kept by it."""
+
+
+@dataclass(kw_only=True)
+class _Recent:
+    """Edits that the fit is going to follow."""
+
+    shown: Shown
+    frames: set[int]
+    since: float
+
+
+class Following:
+    """For the one thread that draws.
+
+    Args:
+        project: whose keypoints are corrected.
+        bodies: where body models come from.
+        fits: of the project.
+        worker: does it.
+    """
+
+    def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
+        self.live: LiveWindow | None = None
+        """What a drag has led to so far."""
+        self.after_edits = True
+        """Whether the fit follows edits by itself."""
+        self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
+        self._drags: dict[int, tuple[Drag, int]] = {}
+        self._revisions = count(1)
+        self._recent: _Recent | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether the fit follows a drag, or is about to follow an edit."""
+        return bool(self._drags) or self._recent is not None
+
+    def begin_drag(
+        self, shown: Shown, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]
+    ) -> Drag | None:
+        """Let the fit follow a drag; None if this fit cannot, for it has no temporal phase.
+
+        Raises:
+            InputError: The run's body is not there.
+        """
+        if shown.phase != 3 or shown.result is None or self._project.read_only:
+            return None
+        correction = Correction(
+            clip=self._clip(shown.camera),
+            body=self._bodies.of(shown.run.body),
+            config=shown.run.config,
+            params=shown.params,
+            sharpness=self._fits.fit(shown.run).sharpness,
+            frame=frame,
+            keypoints=joints,
+            origin=shown.run.id,
+        )
+        drag = self._worker.drag(correction, xy)
+        self._drags[drag.number] = (drag, shown.run.id)
+        return drag
+
+    def take_move(self, moved: DragMoved) -> None:
+        """A drag has led to another fit."""
+        if moved.drag in self._drags:
+            run = self._drags[moved.drag][1]
+            self.live = LiveWindow(run=run, frames=moved.frames, params=moved.params, revision=next(self._revisions))
+
+    def take_end(self, report: DragFinished | DragAbandoned | DragFailed) -> None:
+        """A drag has ended."""
+        self._drags.pop(report.drag, None)
+        self.live = None
+
+    def edited(self, entry: LogEntry, shown: Shown) -> None:
+        """An edit was made while this fit was on show."""
+        if not self.after_edits or shown.phase != 3 or shown.result is None:
+            return
+        frames: set[int] = set(getattr(entry.action, "frames", ()))
+        if self._recent is not None and self._recent.shown.run.id == shown.run.id:
+            frames |= self._recent.frames
+        self._recent = _Recent(shown=shown, frames=frames, since=time.monotonic())
+
+    def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
+        """Fits the surroundings of recent edits again, once these have settled.
+
+        Args:
+            tell: gets to know of edits to so many frames that the fit does not follow by itself.
+        """
+        recent = self._recent
+        if recent is None or time.monotonic() - recent.since < SETTLING:
+            return None
+        self._recent = None
+        windows = around(recent.frames, REACH, len(self._project.detections))
+        if sum(map(len, windows)) > MOST_FOLLOWED:
+            text = f"{len(recent.frames)} frames were edited: re-run them when you are done."
+            tell(Notice(title="The fit does not follow by itself", text=text))
+            return None
+        start = self._fits.fit(recent.shown.run)
+        config = recent.shown.run.config
+        config = replace(config, solver="lm", temporal=replace(config.temporal, stages=(5,)))
+        body = self._bodies.of(recent.shown.run.body)
+        job = RerunFrames(clip=self._clip(start.camera), body=body, config=config, start=start, windows=windows)
+        return CorrectionJob(origin=recent.shown.run.id, job=job)
+
+    def _clip(self, camera: Camera) -> Clip:
+        return replace(self._project.clip, camera=camera)
