@@ -1,4 +1,4 @@
-"""Which detections to take at their word: what detectors make up where a person is cut off by the image."""
+"""Which detections to take at their word: what detectors make up at the image's border, and sides that they swap."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
