@@ -49,7 +49,7 @@ APP_LAYERS = {
     "what is computed to be drawn": "background meshes posed_fit body_regions curves findings suspicion "
     "run_metrics reference_metrics between_runs video_frames",
     "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads "
-    "importing uploads keypoint_jobs keypoint_source session",
+    "importing uploads keypoint_jobs job_thread keypoint_source following session",
     "what all tabs draw from": "desk overlay_video export_source export_figures body_pictures worst_frames "
     "evaluated_fits evaluating export_report exports exporting",
     "scene, script and messages of viser's page": "view",
