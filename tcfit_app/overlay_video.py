@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import Mesh, shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
@@ -31,7 +31,7 @@ def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
     Raises:
         InputError: No off-screen OpenGL or encoder works here (the message says what to install), or a frame is broken.
     """
-    mesh = Mesh(body)
+    mesh = shared_mesh(body)
     shown = [("phase 1: frame by frame", fit.phases[0].params)]
     if len(fit.phases) > 1:
         shown.append((f"phase {fit.last.phase}: final", fit.last.params))
@@ -77,7 +77,7 @@ def write_side_by_side(
         kinds = " and ".join(body.kind for body in bodies)
         raise InputError(f"The fits have bodies of different meshes ({kinds}): choose runs of one body model.")
     panels = [
-        Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(Mesh(body), params)), color=color)
+        Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(shared_mesh(body), params)), color=color)
         for (label, params, body, camera), color in zip(fits, _SIDE_BY_SIDE, strict=False)
     ]
     with _frames(clip) as frames:

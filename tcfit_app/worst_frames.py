@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
@@ -112,16 +111,10 @@ def _placed(frame: int, shown: Drawable, names: list[str]) -> Iterable[tuple[str
 
 
 def _body(body: BodyModel, params: BodyParams, frame: int, color: tuple[float, float, float]) -> PlacedBody:
-    mesh, one = _mesh(body), params[frame : frame + 1]
+    mesh, one = shared_mesh(body), params[frame : frame + 1]
     vertices = mesh(one)[0].numpy().astype(np.float64)
     pelvis = mesh.joints(one)[0, JOINT["pelvis"]].numpy().astype(np.float64)
     return PlacedBody(vertices=vertices, faces=body.faces, pelvis=pelvis, color=color)
-
-
-@lru_cache(maxsize=4)
-def _mesh(body: BodyModel) -> Mesh:
-    """Half a second for each body."""
-    return Mesh(body)
 
 
 def _rows(placed: dict[str, PlacedBody], camera: Camera) -> tuple[tuple[View, ...], ...]:

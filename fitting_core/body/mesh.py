@@ -1,7 +1,7 @@
 """The whole mesh: every vertex of a posed body."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -101,3 +101,9 @@ class Mesh:
 
 def _coefficients(params: BodyParams) -> Float[Tensor, "T 20"]:
     return torch.cat([params.betas, params.expression], 1)
+
+
+@lru_cache(maxsize=2)
+def shared_mesh(body: BodyModel) -> Mesh:
+    """A body's mesh in float32, of the two that were asked for last: its table of correctives takes half a second."""
+    return Mesh(body)

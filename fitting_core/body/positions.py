@@ -32,12 +32,12 @@ def keypoints_in_space(
     return found, exists
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=2)
 def _joints(body: BodyModel) -> BodyPoints:
     return BodyPoints(body, [Joint(i) for i in range(N_JOINTS)])
 
 
-@lru_cache(maxsize=1)  # the face contour's 79 tables take 0.5 s to compile
+@lru_cache(maxsize=2)  # the face contour's 79 tables take 0.5 s to compile; two: a fit beside its truth
 def _keypoints(body: BodyModel) -> tuple[BodyPoints, Bool[np.ndarray, "137"]]:
     wanted = keypoint_points(body)
     exists = np.array([point is not None for point in wanted])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import Mesh, shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.evaluation.closest_point import SurfaceTree
@@ -29,7 +29,7 @@ class PosedBody:
 
     def volumes(self) -> Float[np.ndarray, "T"]:
         """Volume of the closed mesh of each frame, dm^3."""
-        enclosed, mesh = Enclosed.of(self.body), Mesh(self.body)
+        enclosed, mesh = Enclosed.of(self.body), shared_mesh(self.body)
         parts = _parts(len(self.params))
         return np.concatenate([np.zeros(0), *(enclosed(mesh(self.params[part]).numpy()) for part in parts)])
 
@@ -58,7 +58,7 @@ def mesh_errors(
     frames = np.arange(0, len(estimate.params), every)
     same = np.array_equal(estimate.body.faces, truth.body.faces)
     surface, vertex = np.full((2, len(estimate.params)), np.nan)
-    ours, theirs = Mesh(estimate.body), Mesh(truth.body)
+    ours, theirs = shared_mesh(estimate.body), shared_mesh(truth.body)
     tree = SurfaceTree.of(truth.body.template, truth.body.faces)
     for part in np.split(frames, range(_TOGETHER, len(frames), _TOGETHER)):
         one, other = _posed(ours, estimate.params, part), _posed(theirs, truth.params, part)
