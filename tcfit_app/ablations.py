@@ -147,7 +147,7 @@ def _ablation(
         errors = {title: pooled(last, curve) for title, curve in _ERRORS.items()}
         errors["Acceleration error, m/s²"] = pooled(last, "acceleration_error")
         spent = sum(phase_seconds(task.folder / SUMMARY_NAME, variation.phase) for task in group)
-        errors[f"Phase {variation.phase}, s a frame"] = spent / sum(record.frames for record in last)
+        errors[f"Phase {variation.phase}, CPU s a frame"] = spent / sum(record.frames for record in last)
         trials.append(Trial(label=label, place=place, variant=variant, errors=errors))
     names = ", ".join(dict.fromkeys(task.sequence for group in tasks.values() for task in group))
     return Ablation(

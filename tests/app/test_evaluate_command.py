@@ -186,7 +186,7 @@ def test_ablations_vary_one_setting_at_a_time(short_suite: list[str], tmp_path: 
     found = json.loads((tmp_path / "metrics.json").read_bytes())["ablations"]
     assert [len(a["trials"]) for a in found] == [1, 2]
     assert len(short_suite) == 2, "the preset, and one phase 1 for all variations"
-    seconds = found[1]["trials"][0]["errors"]["Phase 3, s a frame"]
+    seconds = found[1]["trials"][0]["errors"]["Phase 3, CPU s a frame"]
     assert seconds > 0
     assert found[1]["trials"][0]["errors"]["Vertex-to-surface error, cm"] is not None
     assert "Settings varied one at a time" in (tmp_path / "report.html").read_text()
