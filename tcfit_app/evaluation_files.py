@@ -12,7 +12,7 @@ from rich.table import Table
 
 from fitting_core.errors import InputError
 from fitting_core.evaluation.comparison import figure_titles
-from fitting_core.evaluation.records import Evaluation, Record, methods, motions, of
+from fitting_core.evaluation.records import Evaluation, Record, methods, motions, of, overall
 from fitting_core.evaluation.report.ablations import Ablation
 from fitting_core.evaluation.report.markup import number
 from fitting_core.evaluation.report.page import report_page
@@ -77,7 +77,7 @@ def as_csv(records: Sequence[Record]) -> str:
 
 
 def print_table(records: Sequence[Record], console: Console | None = None) -> None:
-    """The main figures, a column for each method, by motion: means over its sequences."""
+    """The main figures, a column for each method, by motion, over all its frames."""
     titles, console = figure_titles(), console or Console()
     for motion in motions(records):
         some = of(records, motion=motion)
@@ -87,13 +87,8 @@ def print_table(records: Sequence[Record], console: Console | None = None) -> No
         for name in names:
             table.add_column(name.replace(", ", "\n"), justify="right", no_wrap=True)
         for figure in _PRINTED:
-            values = [_mean([r.comparison.figures.get(figure) for r in of(some, method=name)]) for name in names]
+            values = [overall(of(some, method=name), figure) for name in names]
             if any(value is not None for value in values):
                 title, unit, _ = titles[figure]
                 table.add_row(f"{title.replace('standard deviation', 'std')}, {unit}", *map(number, values))
         console.print(table)
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None

@@ -81,6 +81,15 @@ def pooled(records: Sequence[Record], curve: str, statistic: str = "mean") -> fl
     return statistic_of(np.concatenate(found), statistic) if found else None
 
 
+def overall(records: Sequence[Record], figure: str) -> float | None:
+    """A figure of several sequences: over all frames if it is a statistic of a curve, else the mean of theirs."""
+    curve, _, statistic = figure.rpartition("_")
+    if any(curve in r.comparison.curves for r in records):
+        return pooled(records, curve, statistic)
+    values = [v for r in records if (v := r.comparison.figures.get(figure)) is not None]
+    return float(np.mean(values)) if values else None
+
+
 def wins(records: Sequence[Record], method: str, against: str, figure: str) -> tuple[int, int] | None:
     """On how many sequences a method has the lower figure than another one, and of how many.
 

@@ -1,12 +1,13 @@
 """The report: whole, escaped, without a network; its plots show what they were given."""
 
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import pytest
 
 from fitting_core.evaluation.comparison import Comparison, figure_titles
-from fitting_core.evaluation.records import BASELINE, Evaluation, Record, pooled, wins
+from fitting_core.evaluation.records import BASELINE, Evaluation, Record, overall, pooled, wins
 from fitting_core.evaluation.report.ablations import Ablation, Trial
 from fitting_core.evaluation.report.axes import label, scale_of, ticks
 from fitting_core.evaluation.report.page import report_page
@@ -32,9 +33,17 @@ RECORDS = (
 )
 
 
+def fitted(sequence: str, jitter: float) -> Record:
+    made = record(sequence, "tcfit", [1.0])
+    return replace(made, comparison=replace(made.comparison, figures={"jitter": jitter}))
+
+
 def test_figures_over_all_frames():
     assert pooled(RECORDS[::2], "vertex_to_surface") == pytest.approx(11 / 3)
     assert pooled(RECORDS[1::2], "vertex_to_surface", "std") == pytest.approx(1.5**0.5)
+    assert overall(RECORDS[::2], "vertex_to_surface_mean") == pytest.approx(11 / 3), "not 3, the mean of 5 and 1"
+    assert overall([fitted("a", 1.0), fitted("b", 3.0)], "jitter") == pytest.approx(2.0)
+    assert overall(RECORDS, "unknown") is None
     assert wins(RECORDS, "tcfit", BASELINE, "vertex_to_surface_mean") == (1, 2)
     assert wins(RECORDS, "tcfit", "paper", "vertex_to_surface_mean") is None
 

@@ -55,7 +55,7 @@ def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), abl
     if ablations:
         parts.append(section("Settings varied one at a time", ablation_plots(ablations)))
     if evaluation.records:
-        parts.append(section("All figures", all_figures(evaluation), note="Means over the sequences of a motion."))
+        parts.append(section("All figures", all_figures(evaluation), note="Over all frames of a motion."))
     parts.append(section("How this was measured", provenance(evaluation)))
     head = joined([Markup(_HEAD), Markup(_VIEWPORT), tag("title", evaluation.title), Markup(f"<style>{CSS}</style>")])
     return f"{head}</head><body>{tag('main', *parts)}</body></html>\n"

@@ -3,11 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from fitting_core.evaluation.comparison import figure_titles
 from fitting_core.evaluation.curves import CURVES
-from fitting_core.evaluation.records import BASELINE, PHASE_1, Evaluation, Record, methods, motions, of, sequences
+from fitting_core.evaluation.records import (
+    BASELINE,
+    PHASE_1,
+    Evaluation,
+    Record,
+    methods,
+    motions,
+    of,
+    overall,
+    sequences,
+)
 from fitting_core.evaluation.report.markup import Markup, joined, markup, number, table, tag
 from fitting_core.evaluation.report.plots import Series, bar_plot, legend, line_plot
 from fitting_core.evaluation.report.style import style_of
@@ -156,7 +164,7 @@ def all_figures(evaluation: Evaluation) -> Markup:
         names = methods(some)
         rows = []
         for figure, (title, unit, better) in titles.items():
-            values = [_over(of(some, method=name), figure) for name in names]
+            values = [overall(of(some, method=name), figure) for name in names]
             if any(value is not None for value in values):
                 known = [v for v in values if v is not None]
                 best = number(min(known)) if better and len(known) > 1 else ""
@@ -164,12 +172,6 @@ def all_figures(evaluation: Evaluation) -> Markup:
                 rows.append([joined([markup(title), tag("span", f" {unit}", class_="dim")]), *cells])
         parts += [tag("h3", MOTION_TITLES.get(motion, motion)), table(("", *names), rows)]
     return joined(parts)
-
-
-def _over(records: Sequence[Record], figure: str) -> float | None:
-    """The mean of a figure over sequences."""
-    values = [v for r in records if (v := r.comparison.figures.get(figure)) is not None]
-    return float(np.mean(values)) if values else None
 
 
 def provenance(evaluation: Evaluation) -> Markup:
