@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from datetime import datetime
 
 import numpy as np
 from jaxtyping import Float32
@@ -17,6 +18,7 @@ from tcfit_app.posed_fit import PosedFit
 from tcfit_app.reference_metrics import reference_metrics
 from tcfit_app.run_metrics import MeasuredRun, Metric, run_metrics
 from tcfit_app.session import Session
+from tcfit_app.storage.runs import Run
 from tcfit_app.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.video_frames import VideoFrames
 
@@ -102,10 +104,13 @@ class Desk:
 
     def posed(self, shown: Shown) -> PosedFit:
         """A run beside the keypoints as they are now. Raises InputError if its body model is not there."""
-        fit, clip = self.session.fits.fit(shown.run), self.session.project.clip
+        project, meshes = self.session.project, self.meshes(shown)
+        fit, bad = self.session.fits.fit(shown.run), project.corrected.bad
         if shown.result is None:
-            return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, self.meshes(shown))
-        return PosedFit.of(clip, fit, self.meshes(shown), phase=shown.result)
+            return PosedFit.posed(replace(project.clip, camera=fit.camera), shown.params, meshes, bad=bad)
+        posed = PosedFit.of(project.clip, fit, meshes, phase=shown.result, bad=bad)
+        # What another program found has no costs here.
+        return replace(posed, frame_cost=None) if shown.run.kind == "imported" else posed
 
     def key(self, shown: Shown) -> Hashable:
         """Stands for everything that `posed` is made of."""
@@ -172,8 +177,14 @@ class Desk:
     def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
         """The review queue of a run; None while it is made."""
         project = self.session.project
-        checked = still_checked(project.marks.all(), project.log)
+        checked = still_checked(project.marks.all(), project.log, refitted=self._refitted(shown.run))
         return self._made(self._suspects_key(shown), shown, lambda posed: review_queue(posed, checked=checked))
+
+    def _refitted(self, run: Run) -> list[tuple[datetime, range]]:
+        """When which frames were fitted again. Of corrections the edits tell that."""
+        if run.kind in ("imported", "corrections"):
+            return []
+        return [(run.ended or run.started, run.frames or range(self.length))]
 
     def suspects_problem(self, shown: Shown) -> str:
         """Why there will be no review queue of a run; empty if nothing is wrong."""

@@ -55,6 +55,15 @@ class LogEntry:
     action: Action
 
 
+def frames_of(log: Iterable[LogEntry]) -> dict[int, tuple[int, ...]]:
+    """The frames that each entry changes, by its id: Undo and Redo those of their edit."""
+    found: dict[int, tuple[int, ...]] = {}
+    for entry in log:
+        action = entry.action
+        found[entry.id] = found.get(action.edit, ()) if isinstance(action, Undo | Redo) else action.frames
+    return found
+
+
 def encode(action: Action) -> str:
     """The action as JSON."""
     return msgspec.json.encode(action).decode()

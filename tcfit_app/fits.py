@@ -2,8 +2,10 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Container
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import count, islice
+from queue import SimpleQueue
 
 import numpy as np
 from jaxtyping import Float
@@ -12,10 +14,11 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig
 from fitting_core.events import PhaseFinished, WindowFinished
 from fitting_core.fitting import evaluated
 from fitting_core.result import FitResult, PhaseResult
+from tcfit_app.edit_log import frames_of
+from tcfit_app.edits import MoveKeypoint
 from tcfit_app.jobs import Job, with_phases
 from tcfit_app.live import Correction
 from tcfit_app.project import Project
@@ -71,6 +74,14 @@ class _Version:
     revision: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Late:
+    """Edited frames whose fit was overtaken by further edits."""
+
+    run: Run
+    frames: frozenset[int]
+
+
 class Fits:
     """Results by run. Thread-safe; the worker's sink.
 
@@ -83,6 +94,8 @@ class Fits:
         self._versions: OrderedDict[int, _Version] = OrderedDict()
         self._revisions = count(1)
         self._runs: tuple[Run, ...] | None = None
+        self.late: SimpleQueue[Late] = SimpleQueue()
+        """What came too late to be kept, and is to be followed again."""
         self.changes = 0
         """Another number whenever a run appeared, changed or went."""
 
@@ -171,13 +184,14 @@ class Fits:
                 del self._versions[old]
             return version
 
-    def begin(self, run: Run, start: FitResult | None) -> None:
-        """A run was submitted that goes on from a fit, or from nothing."""
+    def begin(self, run: Run, start: Shown | None) -> None:
+        """A run was submitted that goes on from another one's fit, or from nothing. Raises InputError as `fit`."""
         if start is not None:
-            kept = tuple(p for p in start.phases if p.phase < 3)
+            fit = self.fit(start.run)
+            kept = tuple(p for p in fit.phases if p.phase < 3)
             # Frames that are fitted again stand as they were until they come in, and all others for good.
-            partial = start.last.params if run.kind == "frames" else None
-            self._publish(run.id, replace(start, phases=kept, config=run.config), partial)
+            partial = start.params if run.kind == "frames" else None
+            self._publish(run.id, replace(fit, phases=kept, config=run.config), partial)
         self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
@@ -228,39 +242,65 @@ class Fits:
     def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
         """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
         assert correction.origin is not None
-        clip, body, config = correction.edited(xy), correction.body, correction.config
-        self._correct(correction.origin, (correction.frames,), params, clip, body, config)
+        log = self._project.log
+        own = (
+            entry.id
+            for entry in log
+            if entry.id > correction.edits_seen
+            and isinstance(entry.action, MoveKeypoint)
+            and (entry.action.frames, entry.action.joints) == ((correction.frame,), correction.keypoints)
+        )
+        seen = {entry.id for entry in log if entry.id <= correction.edits_seen} | {*islice(own, 1)}
+        clip = correction.edited(xy)
+        self._correct(correction.origin, (correction.frames,), params, clip, correction.body, seen)
 
     def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
-        inner = job.job
-        self._correct(
-            job.origin,
-            inner.windows,
-            fit.last.params,
-            inner.clip,
-            inner.body,
-            self._project.runs.get(job.origin).config,
-        )
+        """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
+        log, inner = self._project.log, job.job
+        later = {f for number, frames in frames_of(log).items() if number > job.edits_seen for f in frames}
+        windows = tuple(window for window in inner.windows if later.isdisjoint(window))
+        if late := {f for window in inner.windows if window not in windows for f in job.frames.intersection(window)}:
+            self.late.put(Late(run=self._project.runs.get(job.origin), frames=frozenset(late)))
+        if windows:
+            seen = {entry.id for entry in log if entry.id <= job.edits_seen}
+            self._correct(job.origin, windows, fit.last.params, inner.clip, inner.body, seen)
 
     def _correct(
-        self, run: int, windows: tuple[range, ...], params: BodyParams, clip: Clip, body: BodyModel, config: FitConfig
+        self, run: int, windows: tuple[range, ...], params: BodyParams, clip: Clip, body: BodyModel, seen: set[int]
     ) -> None:
         """Put windows of a fit into a run's corrections: that run may have changed since they were begun."""
-        base = self._corrections_of(run)
+        base = self.corrections_of(run)
         fit = self.fit(base)
         whole = fit.last.params
         for window in windows:
             whole = with_frames(whole, window, params[slice(window.start, window.stop)])
         phase = _corrected(fit, whole, windows, clip, body)
-        self._store_corrections(base, with_phases(fit, (phase,), config))
+        config = self._project.runs.get(run).config
+        self._store_corrections(base, with_phases(fit, (phase,), config), self.edits_seen(base, windows, seen))
 
-    def _corrections_of(self, run: int) -> Run:
+    def corrections_of(self, run: int) -> Run:
         """The run in which corrections of a run are collected, or the run itself if there is none yet."""
         children = [r for r in self.runs if r.parent == run and r.kind == "corrections" and r.state == "finished"]
         return children[-1] if children else self._project.runs.get(run)
 
-    def _store_corrections(self, base: Run, fit: FitResult) -> None:
-        runs, seen = self._project.runs, self._project.last_edit
+    def edits_seen(self, base: Run, windows: tuple[range, ...], seen: Container[int]) -> int:
+        """Up to which log entry a run has seen all edits once windows of it are fitted again.
+
+        Args:
+            base: The run before.
+            windows: Fitted again.
+            seen: The log entries that this took into account.
+        """
+        fitted, last = {frame for window in windows for frame in window}, base.edits_seen
+        for number, frames in frames_of(self._project.log).items():
+            if number > last:
+                if number not in seen or not fitted.issuperset(frames):
+                    break
+                last = number
+        return last
+
+    def _store_corrections(self, base: Run, fit: FitResult, seen: int) -> None:
+        runs = self._project.runs
         if base.kind == "corrections":
             run = runs.amend(base.id, fit, edits_seen=seen)
         else:

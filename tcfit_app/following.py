@@ -1,7 +1,7 @@
 """The fit follows the hand: while a keypoint is dragged, and after edits."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
+from fitting_core.errors import InputError
 from tcfit_app.bodies import Bodies
 from tcfit_app.edit_log import LogEntry
 from tcfit_app.edit_windows import around
@@ -21,6 +22,7 @@ from tcfit_app.notices import Notice
 from tcfit_app.outbox import DragAbandoned, DragFailed, DragFinished, DragMoved
 from tcfit_app.project import Project
 from tcfit_app.run_jobs import CorrectionJob
+from tcfit_app.storage.runs import Run
 from tcfit_app.worker import Drag, Worker
 
 MOST_FOLLOWED = 60
@@ -45,7 +47,7 @@ class LiveWindow:
 class _Recent:
     """Edits that the fit is going to follow."""
 
-    shown: Shown
+    run: Run
     frames: set[int]
     since: float
 
@@ -78,22 +80,24 @@ class Following:
     def begin_drag(
         self, shown: Shown, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]
     ) -> Drag | None:
-        """Let the fit follow a drag; None if this fit cannot, for it has no temporal phase.
-
-        Raises:
-            InputError: The run's body is not there.
-        """
+        """Let the fit follow a drag; None if this fit cannot: it has no temporal phase, or its body is not there."""
         if shown.phase != 3 or shown.result is None or self._project.read_only:
             return None
+        try:
+            body = self._bodies.of(shown.run.body)
+        except InputError:
+            return None  # the picture says so
+        seen = self._project.last_edit
         correction = Correction(
             clip=self._clip(shown.camera),
-            body=self._bodies.of(shown.run.body),
+            body=body,
             config=shown.run.config,
             params=shown.params,
             sharpness=self._fits.fit(shown.run).sharpness,
             frame=frame,
             keypoints=joints,
             origin=shown.run.id,
+            edits_seen=seen,
         )
         drag = self._worker.drag(correction, xy)
         self._drags[drag.number] = (drag, shown.run.id)
@@ -114,16 +118,20 @@ class Following:
         """An edit was made while this fit was on show."""
         if not self.after_edits or shown.phase != 3 or shown.result is None:
             return
-        frames: set[int] = set(getattr(entry.action, "frames", ()))
-        if self._recent is not None and self._recent.shown.run.id == shown.run.id:
-            frames |= self._recent.frames
-        self._recent = _Recent(shown=shown, frames=frames, since=time.monotonic())
+        self.follow(shown.run, getattr(entry.action, "frames", ()))
+
+    def follow(self, run: Run, frames: Iterable[int]) -> None:
+        """Fit the surroundings of frames of a run again, soon."""
+        found = set(frames)
+        if self._recent is not None and self._recent.run.id == run.id:
+            found |= self._recent.frames
+        self._recent = _Recent(run=run, frames=found, since=time.monotonic())
 
     def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
         """Fits the surroundings of recent edits again, once these have settled.
 
         Args:
-            tell: gets to know of edits to so many frames that the fit does not follow by itself.
+            tell: gets to know of edits that the fit does not follow by itself: too many, or without the body model.
         """
         recent = self._recent
         if recent is None or time.monotonic() - recent.since < SETTLING:
@@ -134,12 +142,24 @@ class Following:
             text = f"{len(recent.frames)} frames were edited: re-run them when you are done."
             tell(Notice(title="The fit does not follow by itself", text=text))
             return None
-        start = self._fits.fit(recent.shown.run)
-        config = recent.shown.run.config
-        config = replace(config, solver="lm", temporal=replace(config.temporal, stages=(5,)))
-        body = self._bodies.of(recent.shown.run.body)
-        job = RerunFrames(clip=self._clip(start.camera), body=body, config=config, start=start, windows=windows)
-        return CorrectionJob(origin=recent.shown.run.id, job=job)
+        try:
+            return self._job(recent.run, frozenset(recent.frames), windows)
+        except InputError as error:
+            tell(Notice(title="The fit cannot follow", text=str(error), kind="error"))
+            return None
+
+    def _job(self, run: Run, frames: frozenset[int], windows: tuple[range, ...]) -> CorrectionJob:
+        body = self._bodies.of(run.body)
+        config = replace(run.config, solver="lm", temporal=replace(run.config.temporal, stages=(5,)))
+
+        def renewed() -> tuple[RerunFrames, int]:
+            seen = self._project.last_edit
+            start = self._fits.fit(self._fits.corrections_of(run.id))
+            clip = self._clip(start.camera)
+            return RerunFrames(clip=clip, body=body, config=config, start=start, windows=windows), seen
+
+        job, seen = renewed()
+        return CorrectionJob(origin=run.id, frames=frames, job=job, edits_seen=seen, renewed=renewed)
 
     def _clip(self, camera: Camera) -> Clip:
         return replace(self._project.clip, camera=camera)

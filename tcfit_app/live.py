@@ -68,6 +68,8 @@ class Correction:
     """`FitResult.sharpness` of the present result; None finds it, at a cost that grows with the clip."""
     origin: int | None = None
     """The run that `params` are of, for whoever keeps the correction."""
+    edits_seen: int = 0
+    """Id of the last log entry that `clip` holds, for whoever keeps the correction."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame < len(self.clip):

@@ -14,7 +14,7 @@ from fitting_core.evaluation.reference import Reference
 from fitting_core.events import PhaseStarted, WindowFinished
 from fitting_core.result import FitResult
 from tcfit_app.bodies import Bodies, record_of
-from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.edit_log import LogEntry, frames_of
 from tcfit_app.edits import Edit, MoveKeypoint
 from tcfit_app.fits import Fits, Shown
 from tcfit_app.following import Following
@@ -180,12 +180,15 @@ class Session:
         return run
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
-        """Submit phase 3 of some frames again, as a new run. Raises InputError as `fit_everything`."""
+        """Submit phase 3 of some frames again, as a new run; of one that is not finished, once it is.
+
+        Raises:
+            InputError: As `fit_everything`.
+        """
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
-        frames = range(min(w.start for w in windows), max(w.stop for w in windows))
-        return self._submit(job, kind="frames", start=shown, frames=frames)
+        return self._submit(job, kind="frames", start=shown, windows=windows)
 
     def rerun_shape(self, shown: Shown, config: FitConfig) -> Run:
         """Submit phases 2 and 3 again, as a new run. Raises InputError as `fit_everything`."""
@@ -208,20 +211,31 @@ class Session:
         *,
         kind: RunKind,
         start: Shown | None,
-        frames: range | None = None,
+        windows: tuple[range, ...] = (),
     ) -> Run:
         self._refuse_read_only("fitted")
+        seen = self.project.last_edit
+        if start is not None and windows:
+            seen = self.fits.edits_seen(start.run, windows, range(seen + 1))
         run = self.project.runs.start(
             job.config,
             body=record_of(job.body),
-            edits_seen=self.project.last_edit,
+            edits_seen=seen,
             kind=kind,
             parent=start.run.id if start else None,
-            frames=frames,
+            frames=range(min(w.start for w in windows), max(w.stop for w in windows)) if windows else None,
         )
-        self.fits.begin(run, self.fits.fit(start.run) if start else None)
-        self._enqueue(RunJob(run_id=run.id, job=job), run.id)
+        self.fits.begin(run, start)
+        parent = start.run.id if start and windows and start.run.state == "running" else None
+        latest = None if parent is None else lambda: self._finished(parent)
+        self._enqueue(RunJob(run_id=run.id, job=job, start=latest), run.id)
         return run
+
+    def _finished(self, number: int) -> FitResult:
+        run = self.project.runs.get(number)
+        if run.state != "finished":
+            raise InputError(f"{run.name}, in which frames were to be fitted again, did not finish: take another run.")
+        return self.fits.fit(run)
 
     def _enqueue(self, job: Job, run: int | None) -> None:
         number = self.worker.submit(job)
@@ -261,10 +275,8 @@ class Session:
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """The frames of these entries; those of an edit that was undone or redone, too."""
-        edits = {entry.id: entry.action for entry in self.project.log}
-        unseen = [entry.action for entry in self.project.log if entry.id > run.edits_seen]
-        actions = [edits.get(action.edit, action) if isinstance(action, Undo | Redo) else action for action in unseen]
-        return frozenset(frame for action in actions for frame in getattr(action, "frames", ()))
+        edited = frames_of(self.project.log)
+        return frozenset(frame for number in edited if number > run.edits_seen for frame in edited[number])
 
     # --- live correction ---
 
@@ -292,6 +304,9 @@ class Session:
         if news.moved is not None:
             self.following.take_move(news.moved)
         self._take_keypoints()
+        while not self.fits.late.empty():
+            late = self.fits.late.get()
+            self.following.follow(late.run, late.frames)
         correction = self.following.due(self.tell)
         if correction is not None:
             self._enqueue(correction, None)

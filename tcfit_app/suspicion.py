@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from tcfit_app.body_regions import LIMB_OF
-from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.edit_log import LogEntry, frames_of
 from tcfit_app.findings import FINDINGS, Finding
 from tcfit_app.posed_fit import PosedFit
 from tcfit_app.storage.marks import Mark
@@ -76,12 +76,9 @@ def still_checked(
         refitted: Times at which frames were fitted again, and which.
     """
     checked = {frame: mark.time for frame, mark in marks.items() if mark.state == "checked"}
-    edits: dict[int, tuple[int, ...]] = {}
-    changes = [*refitted]
-    for entry in log:
-        frames = edits.get(entry.action.edit, ()) if isinstance(entry.action, Undo | Redo) else entry.action.frames
-        edits[entry.id] = frames
-        changes.append((entry.time, frames))
+    entries = tuple(log)
+    edited = frames_of(entries)
+    changes = [*refitted, *((entry.time, edited[entry.id]) for entry in entries)]
     changed = {frame for time, frames in changes for frame in frames if frame in checked and time > checked[frame]}
     return frozenset(checked) - changed
 

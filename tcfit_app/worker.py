@@ -187,6 +187,9 @@ class Worker:
         self.outbox.tell(JobStarted(job=number, title=job.title))
         try:
             ended = self._outcome(number, job)
+        except InputError as error:
+            ended = JobFailed(job=number, reason=_reason(error))
+            _log.warning("%s failed: %s", job.title, error)
         except Exception as error:  # whatever it was: the user is told, and the worker stays
             ended = JobFailed(job=number, reason=_reason(error))
             _log.exception("Job %d (%s) failed", number, job.title)

@@ -16,6 +16,7 @@ from tcfit_app import following
 from tcfit_app.edit_windows import around
 from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.fits import FitChoice, Shown
+from tcfit_app.jobs import RerunFrames
 from tcfit_app.project import Project
 from tcfit_app.session import Session
 from tests.app.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
@@ -207,6 +208,97 @@ def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: p
     session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me", shown=after)
     until(session, lambda: not session.following.busy)
     assert not session.jobs and "re-run them" in told(session)[-1].text
+
+
+def nudge(session: Session, frame: int, shown: Shown | None) -> None:
+    session.edit(Nudge(frames=(frame,), joints=(WRIST,), by=(25.0, 0.0)), author="me", shown=shown)
+
+
+def pose(session: Session, frame: int) -> torch.Tensor:
+    return newest(session).params.body_pose[frame]
+
+
+def test_frames_of_a_run_under_way_are_fitted_again_when_it_has_finished(session: Session):
+    before = newest(session)
+    nudge(session, 0, None)
+    nudge(session, 7, None)
+    session.worker.pause()
+    first = session.rerun_frames(before, QUICK, (range(0, 2),))
+    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+    assert second.parent == first.id
+    session.worker.resume()
+    idle(session)
+    found = [session.fits.show(FitChoice(run=run.id)) for run in (first, second)]
+    one, both = (shown.params.body_pose for shown in found if shown is not None)
+    assert not torch.equal(one[0], before.params.body_pose[0]) and torch.equal(one[2:], before.params.body_pose[2:])
+    assert torch.equal(both[:6], one[:6]) and not torch.equal(both[7], one[7])
+
+
+def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
+    session.worker.pause()
+    first = session.rerun_frames(newest(session), QUICK, (range(0, 2),))
+    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+    session.cancel(first.id)
+    session.worker.resume()
+    idle(session)
+    after = session.fits.run(second.id)
+    assert after is not None and after.state == "failed" and "did not finish" in after.message
+
+
+def test_a_drag_that_overtook_an_edit_stays(session: Session):
+    before = newest(session)
+    session.worker.pause()  # as behind a long fit
+    nudge(session, 4, before)
+    until(session, lambda: session.jobs)
+    drag(session, before, 40.0, frame=5)
+    until(session, lambda: newest(session).run.kind == "corrections")
+    dragged = pose(session, 5)
+    session.worker.resume()
+    idle(session)
+    away = torch.linalg.norm(before.params.body_pose[5] - dragged)
+    assert torch.linalg.norm(pose(session, 5) - dragged) < 0.2 * away, "fitted again from the drag on, with both edits"
+    assert session.edits_since(newest(session).run) == 0
+
+
+def test_an_edit_that_came_while_the_fit_followed_is_not_written_over(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    before = newest(session)
+    run = RerunFrames.run
+
+    def edited_meanwhile(job: RerunFrames):
+        if session.project.last_edit == 1:
+            nudge(session, 1, None)
+        return run(job)
+
+    monkeypatch.setattr(RerunFrames, "run", edited_meanwhile)
+    nudge(session, 0, before)
+    idle(session)
+    after = newest(session).run
+    assert after.kind == "corrections" and after.edits_seen == 2, "both are in: frame 0 was followed again"
+
+
+def test_edits_that_no_window_holds_stay_unseen(session: Session):
+    before = newest(session)
+    nudge(session, 0, None)
+    nudge(session, 7, before)
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "corrections" and torch.equal(after.params.body_pose[0], before.params.body_pose[0])
+    assert session.frames_edited_since(after.run) == {0, 7}, "counted from the first that is not in"
+    partly = session.rerun_frames(after, QUICK, (range(6, 8),))
+    wholly = session.rerun_frames(after, QUICK, (range(0, 8),))
+    assert (partly.edits_seen, wholly.edits_seen) == (0, 2)
+
+
+def test_a_fit_without_its_body_follows_nothing_and_says_so(folder: Path):
+    with session_of(folder, None) as session:
+        shown = newest(session)
+        edit, xy = moved(session, 25.0)
+        assert session.following.begin_drag(shown, 4, (WRIST,), xy) is None
+        session.edit(edit, author="me", shown=shown)
+        until(session, lambda: not session.following.busy)
+        assert told(session)[-1].kind == "error" and "There is no neutral smplx body" in told(session)[-1].text
 
 
 def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, monkeypatch: pytest.MonkeyPatch):
