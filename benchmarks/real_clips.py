@@ -8,7 +8,7 @@ from benchmarks.clips import CLIPS, Sample, read
 from benchmarks.measures import measure
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import BodyModel
-from fitting_core.config import PRESETS, FitConfig, Weights
+from fitting_core.config import PRESETS, FitConfig, Weights, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fitting import fit
 from fitting_core.result import FitResult
@@ -29,6 +29,8 @@ class RealClips:
     """Fit each preset with each of these pose priors (names or files), all else equal; by default with its own."""
     body_pose_weight: float | None = None
     """Weight of the pose prior in stages 4 and 5, for `pose_priors`; by default the preset's."""
+    collisions: bool = True
+    """The term of self-collision, in the presets that have it: most of their time, with hands above all."""
     default_focal: bool = False
     """Take the default focal length, even where the calibrated one is known."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -48,6 +50,8 @@ def config_of(preset: str) -> FitConfig:
 def configs(options: RealClips) -> dict[str, FitConfig]:
     """What is compared, by the name of its rows."""
     presets = {preset: config_of(preset) for preset in options.presets}
+    if not options.collisions:
+        presets = {preset: without_collisions(config) for preset, config in presets.items()}
     if not options.pose_priors:
         return presets
     return {

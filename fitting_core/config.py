@@ -189,3 +189,8 @@ PRESETS: dict[str, FitConfig] = {
 }
 """smplifyx: phase 1 as SMPLify-X has it. paper: faithful to the paper. tcfit: what measures best; the default."""
 DEFAULT_PRESET = "tcfit"
+
+
+def without_collisions(config: FitConfig) -> FitConfig:
+    """The same without the term of self-collision, which takes most of the time of the presets that have it."""
+    return replace(config, weights=replace(config.weights, collision=(0.0,) * len(config.weights.collision)))

@@ -27,7 +27,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig
+from fitting_core.config import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.events import FitEvent
 from fitting_core.fitting import rerun_events
@@ -97,7 +97,7 @@ class Correction:
     @property
     def following(self) -> FitConfig:
         """The configuration while the pointer moves: without collisions, which look at the whole mesh."""
-        return replace(self.converging, weights=replace(self.config.weights, collision=(0.0,) * N_STAGES))
+        return without_collisions(self.converging)
 
     def edited(self, xy: Float[np.ndarray, "n 2"]) -> Clip:
         """The clip with the dragged keypoints at `xy` (pixels), at confidence 1: a person put them there."""

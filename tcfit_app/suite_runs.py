@@ -17,7 +17,7 @@ from fitting_core.body.files import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.registry import FREE_FOLDER, find_body
-from fitting_core.config import PRESETS, FitConfig
+from fitting_core.config import PRESETS, FitConfig, without_collisions
 from fitting_core.config_file import as_plain
 from fitting_core.errors import InputError
 from fitting_core.evaluation.comparison import Comparison, compare
@@ -109,11 +109,8 @@ def preset_tasks(
 
 
 def _config(preset: str, *, collisions: bool) -> FitConfig:
-    config = PRESETS[preset]
-    weights = (
-        config.weights if collisions else replace(config.weights, collision=(0.0,) * len(config.weights.collision))
-    )
-    return replace(config, weights=weights, last_phase=1 if preset == "smplifyx" else config.last_phase)
+    config = PRESETS[preset] if collisions else without_collisions(PRESETS[preset])
+    return replace(config, last_phase=1) if preset == "smplifyx" else config
 
 
 def run_tasks(tasks: Sequence[SuiteTask], *, jobs: int = 1) -> Iterator[tuple[SuiteTask, tuple[Record, ...]]]:
