@@ -18,6 +18,9 @@ from fitting_core.evaluation.reference_bodies import reference_of
 from fitting_core.evaluation.reference_files import read_reference
 from fitting_core.evaluation.reference_points import keypoint_named
 from fitting_core.evaluation.truth import Truth, write_truth
+from fitting_core.io.animation_npz import write_animation_npz
+from fitting_core.io.motion import AXES
+from tests.io.motions import swinging
 from tests.scenes import random_params
 
 NAMES = ["RShoulder", "left_shoulder", "CHip", "Nose", "C7"]
@@ -128,6 +131,25 @@ def test_amass_of_a_world_gets_into_the_camera(tmp_path: Path, camera: Path, fre
     found = read_reference(tmp_path / "a.npz", camera=camera)
     assert found.frame_rate == 100 and found.in_camera
     np.testing.assert_allclose(found.joints, joints_in_space(free_body, params) @ TURN.T + SHIFT, atol=1e-9)
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_tcfits_own_export_of_any_world_gets_into_the_camera(tmp_path: Path, free_body: BodyModel, axes: str):
+    motion = swinging(free_body)
+    write_animation_npz(tmp_path / "a.npz", motion.in_axes(axes))
+    found = read_reference(tmp_path / "a.npz")
+    assert found.in_camera and found.first_frame == motion.first_frame
+    np.testing.assert_allclose(found.joints, joints_in_space(free_body, motion.params), atol=1e-6)
+
+
+def test_axes_without_a_camera_are_a_world_of_its_own(tmp_path: Path, free_body: BodyModel):
+    arrays = amass(free_body, random_params(3)) | {"body_hash": np.array(free_body.hash)}
+    for axes, placed in (("camera: x right", True), ("y up", False)):
+        np.savez(tmp_path / "a.npz", axes=np.array(axes), **arrays)
+        assert read_reference(tmp_path / "a.npz").in_camera == placed
+    np.savez(tmp_path / "a.npz", camera_to_world=np.diag([1.0, 1.0, -1.0]), **arrays)
+    with pytest.raises(InputError, match="'camera_to_world' is no rotation"):
+        read_reference(tmp_path / "a.npz")
 
 
 def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
