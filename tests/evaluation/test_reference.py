@@ -197,6 +197,16 @@ def test_frames_are_matched_by_number_or_time():
         of_length(5).frames_of(4, 10, 25.0)
 
 
+def test_a_reference_at_another_rate_begins_at_its_own_time(tmp_path: Path):
+    """50 per second from 2.00 s on, beside frames 60 (2.00 s) and so on of a video at 25 and at 30 per second."""
+    (tmp_path / "x.trc").write_text(trc(np.tile(POINTS, (5, 1, 1)), first=2.0))
+    found = read_reference(tmp_path / "x.trc")
+    assert found.frames_of(4, 49, 25.0).tolist() == [-1, 0, 2, 4]
+    assert found.frames_of(4, 60, 30.0).tolist() == [0, 2, 3, 5]
+    with pytest.raises(InputError, match=r"has 20 frames from the video's frame 60 on, .* frames 0 to 3;"):
+        found.frames_of(4, 0, 30.0)
+
+
 def test_what_is_no_reference(tmp_path: Path):
     (tmp_path / "x.npz").write_bytes(b"PK broken")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
