@@ -14,7 +14,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 
 FORMAT = "tcfit reference 1"
-_SAME_RATE = 1e-3
+_SAME_RATE = 1.5e-3
 """Share by which two frame rates that mean the same may differ: 29.97 and 30 do."""
 
 
