@@ -71,11 +71,21 @@ ALIGNMENTS = {
                            "aligned by the numbers in their names. 4 frames have no keypoints"),
     "numbered from 1": ([1, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, 6], ""),
     "numbered from 1, one missing": ([1, 2, 4, 5, 6], [1, 2, None, 4, 5, 6], "5 keypoint files, walk.avi has 6 frames; "
-                                     "they were aligned by their numbers, from the first file on. 1 frames have no"),
+                                     "they were aligned by their numbers, counted from 1. 1 frames have no"),
+    "numbered from 1, nobody at first": ([3, 4, 5, 6], [None, None, 3, 4, 5, 6], "4 keypoint files, walk.avi has 6 "
+                                         "frames; they were aligned by their numbers, counted from 1. 2 frames have"),
     "numbered from 1000": ([1000, 1001, 1003], [0, 1, None, 3, None, None], "3 keypoint files, walk.avi has "
                            "6 frames; they were aligned by their numbers, from the first file on. 3 frames have no"),
-    "too many": (list(range(8)), [0, 1, 2, 3, 4, 5], "8 keypoint files, walk.avi has 6 frames; they were aligned in "
-                 "their order, from the start. The last 2 files have no frame and are left out."),
+    "too many": (list(range(8)), [0, 1, 2, 3, 4, 5], "8 keypoint files, walk.avi has 6 frames; they were aligned by "
+                 "the numbers in their names. The last 2 files have no frame and are left out."),
+    "too many, with a gap": ([0, 1, 4, 5, 6, 7], [0, 1, None, None, 4, 5], "6 keypoint files, walk.avi has 6 frames; "
+                             "they were aligned by the numbers in their names. The last 2 files have no frame and are "
+                             "left out. 2 frames have no keypoints"),
+    "too many, nobody at first": ([2, 3, 4, 5, 6, 7, 8], [None, None, 2, 3, 4, 5], "by the numbers in their names. The "
+                                  "last 3 files"),
+    "too many, from 1": ([1, 2, 4, 5, 6, 7, 8], [1, 2, None, 4, 5, 6], "by their numbers, counted from 1. The last 2"),
+    "too many, from 1000": ([1000, 1001, 1003, 1004, 1005, 1006], [0, 1, None, 3, 4, 5], "by their numbers, from the "
+                            "first file on. The last 1 files"),
     "far apart": ([3, 10, 20], [3, 10, 20, None, None, None], "3 keypoint files, walk.avi has 6 frames; they were "
                   "aligned in their order, from the start. 3 frames have no keypoints"),
 }  # fmt: skip
@@ -99,6 +109,17 @@ def test_images_are_matched_by_their_names(tmp_path, write_people, figure):
     assert (clip.source, clip.name) == (tmp_path / "images", tmp_path.name)
     assert "There are 2 keypoint files, images has 3 frames; they were aligned by the images' names." in clip.notes[0]
     assert any("30 frames per second are assumed" in note for note in clip.notes)
+
+
+@pytest.mark.parametrize("numbers, expected", [([3, 4], [None, 3, 4]), ([1, 2], [None, 1, 2]), ([4, 6], [4, None, 6])])
+def test_images_are_matched_by_their_numbers(tmp_path, walk, numbers, expected):
+    """Images 2 to 4 beside files of another name: their numbers count if the images have them all."""
+    for number in (2, 3, 4):
+        (tmp_path / "images").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "images" / f"shot_{number}.png"), np.zeros((240, 320, 3), dtype=np.uint8))
+    clip = read_clip(tmp_path / "images", walk(numbers))
+    assert neck_numbers(clip) == expected
+    assert ("by the numbers in the images' names" in alignment_note(clip)) == (numbers == [3, 4])
 
 
 def test_without_video_the_files_numbers_are_the_frames(walk):
