@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ import pytest
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.clip_reader import read_clip, read_keypoints
 from fitting_core.video import FrameSource
 
 SIZE = (320, 240)
@@ -149,6 +150,27 @@ def test_part_of_a_clip(video, walk):
     assert neck_numbers(clip) == [2, None, None, 5, 6]
     assert clip.first_frame == 2
     assert "Person: found in 3 of 5 frames, not in frames 3-4." in clip.notes
+
+
+def neck_numbers_read(path: Path, clip: Clip) -> list[int | None]:
+    keypoints, _ = read_keypoints(path, clip)
+    return neck_numbers(replace(clip, keypoints=keypoints))
+
+
+def test_keypoints_for_a_part_of_a_clip_without_video(walk):
+    """The files that it was made from give the same again."""
+    folder = walk([*range(50, 62), *range(64, 100)])
+    for first, last in ((50, 53), (60, 66), (90, 99)):
+        clip = read_clip(None, folder, image_size=SIZE, first_frame=first, last_frame=last)
+        assert neck_numbers_read(folder, clip) == neck_numbers(clip)
+
+
+@pytest.mark.parametrize("numbers, expected", [([51, 53], [51, None, 53]), ([7, 9], [7, None, 9])])
+def test_other_keypoints_for_a_clip_without_video(walk, write_people, figure, numbers, expected):
+    """They are matched by their numbers, or from the first file on where the clip has none of these."""
+    clip = read_clip(None, walk([50, 51, 52, 53]), image_size=SIZE, first_frame=51)
+    other = write_people({f"other_{n}": [figure(100 + n, 120, height=100)] for n in numbers}, "other")
+    assert neck_numbers_read(other, clip) == expected
 
 
 @pytest.mark.parametrize("first, last", [(-1, 3), (0, 6), (4, 3), (6, None), (None, 100)])
