@@ -71,19 +71,20 @@ def rerun_events(
         body: the body model.
         config: everything else.
         params: a result for this clip, all frames.
-        frames: which of them are fitted again.
+        frames: which of them are fitted again, counted from the first of the clip as 0.
         sharpness: that of the result (`FitResult.sharpness`); None finds it, at a cost that grows with the clip.
     """
+    first = clip.first_frame
+    asked = f"{first + frames.start} to {first + frames.stop - 1}"
     if not (0 <= frames.start < frames.stop <= len(clip)):
         raise InputError(
-            f"Frames {frames.start} to {frames.stop - 1} cannot be fitted again: the clip "
-            f"has frames 0 to {len(clip) - 1}."
+            f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
     stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     stages = sharpened_for(stages, params, sharpness)
     settings = sharp_settings(config.settings, stages.sharpness)
     consistency = Consistency(stages, make_solver(config.solver, settings))
-    yield PhaseStarted(phase=3, title=f"frames {frames.start} to {frames.stop - 1} again")
+    yield PhaseStarted(phase=3, title=f"frames {asked} again")
     state = yield from _events(consistency.rerun(state_around(stages, params, frames)[0], frames), 3)
     fresh = stages.parametrisation.to_params(state)
     inside = torch.zeros(len(clip), dtype=torch.bool)
@@ -142,7 +143,7 @@ class _Fit:
     def _first(self) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=1, title=TITLES[1])
         start = time.perf_counter()
-        fits = yield from _events(fit_frames(self.stages, self.solver), 1)
+        fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
         self.good = fits.cost.isfinite()
         self.stages = fits.stages
         if self.stages.sharpness > 1:
@@ -157,7 +158,7 @@ class _Fit:
         sampled, frames = yield from _events(fit_shape(self.stages, self.solver, state, usable), 2)
         betas = self.stages.parametrisation.columns.betas
         state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
-        note = "shape from frames " + ", ".join(map(str, frames.tolist()))
+        note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
         yield self._finish(2, state, start, (note,), sample=(sampled, frames))
         return state
 
@@ -192,7 +193,11 @@ class _Fit:
             observed=self.stages.observed,
             sharpness=self.stages.sharpness,
             pose_prior=self.stages.parametrisation.prior.title,
-            warnings=(*self.clip.notes, *_swap_notes(self.stages), *(note for p in self.phases for note in p.notes)),
+            warnings=(
+                *self.clip.notes,
+                *_swap_notes(self.stages, self.clip.first_frame),
+                *(note for p in self.phases for note in p.notes),
+            ),
         )
 
 
@@ -265,9 +270,10 @@ def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitE
             yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
 
 
-def _swap_notes(stages: Stages) -> list[str]:
+def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
     """What was swapped back, for the user."""
+    swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.swaps.items()}
     return [
-        f"left and right {name} were swapped in the keypoints and were swapped back: frames {spans(frames.tolist())}"
-        for name, frames in stages.swaps.items()
+        f"left and right {name} were swapped in the keypoints and were swapped back: frames {numbers}"
+        for name, numbers in swapped.items()
     ]

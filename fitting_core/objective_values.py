@@ -13,6 +13,7 @@ from fitting_core.config import PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from fitting_core.phases.consistency import Consistency
+from fitting_core.phases.sharpening import sharpened_for
 from fitting_core.solvers import make_solver
 from fitting_core.stages import N_STAGES, Stages
 
@@ -51,11 +52,16 @@ def evaluate_objective(
     preset: FitConfig | str = "paper",
     *,
     stage: int = N_STAGES,
+    frame_rate: float | None = None,
+    sharpness: float = 1.0,
 ) -> ObjectiveValues:
     """Evaluates the objective without minimising anything.
 
-    >>> result = fit(clip, body, PRESETS["paper"])
-    >>> values = evaluate_objective(body, result.last.params, clip.camera, clip.keypoints, "paper", stage=5)
+    >>> result = fit(clip, body, PRESETS["tcfit"])
+    >>> values = evaluate_objective(
+    ...     body, result.last.params, clip.camera, clip.keypoints, "tcfit", stage=5, frame_rate=clip.frame_rate,
+    ...     sharpness=result.sharpness,
+    ... )
     >>> values.frames["data"]            # (T,): where the reprojection is bad
     >>> values.terms                     # {"data": 8123.4, ..., "temporal": 310.2}
 
@@ -67,15 +73,19 @@ def evaluate_objective(
         preset: name of a preset, or any configuration. Its `temporal.mode` makes no difference: E_T is summed once over
             every frame that has two neighbours.
         stage: whose weights count, 1 to 5.
+        frame_rate: of the clip, frames per second; needed where `temporal.reference_rate` of the configuration is set.
+        sharpness: of the fit (`FitResult.sharpness`), where the configuration has `sharper_keypoints`; 1 otherwise.
 
     Raises:
-        InputError: no such preset or stage, or parameters that do not fit to the keypoints or the configuration.
+        InputError: no such preset or stage, parameters that do not fit to the keypoints or the configuration, or no
+            frame rate where it counts.
     """
     config = _config(preset)
     if stage not in range(1, N_STAGES + 1):
         raise InputError(f"There is no stage {stage}: stages are numbered from 1 to {N_STAGES}.")
     _check(params, keypoints, config)
-    stages = Stages(keypoints, camera, body, config)
+    rate = _frame_rate(frame_rate, config)
+    stages = sharpened_for(Stages(keypoints, camera, body, config, frame_rate=rate), params, sharpness)
     state = stages.parametrisation.from_params(params)
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
@@ -91,6 +101,17 @@ def _config(preset: FitConfig | str) -> FitConfig:
     if preset not in PRESETS:
         raise InputError(f"There is no preset {preset!r}; there are {', '.join(PRESETS)}.")
     return PRESETS[preset]
+
+
+def _frame_rate(frame_rate: float | None, config: FitConfig) -> float:
+    """What is given; any will do where E_T does not depend on it."""
+    reference = config.temporal.reference_rate
+    if frame_rate is None and reference:
+        raise InputError(
+            f"No frame rate is given, and the weight of E_T is for {reference:g} frames per second. Give frame_rate, "
+            "the clip's."
+        )
+    return 25.0 if frame_rate is None else frame_rate
 
 
 def _check(params: BodyParams, keypoints: Keypoints, config: FitConfig) -> None:

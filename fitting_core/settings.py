@@ -80,6 +80,7 @@ RANGES: dict[str, Range] = {
     "settings.rounds": Range(1),
     "settings.stage_tolerance": _TOLERANCE,
     "settings.final_tolerance": _TOLERANCE,
+    "settings.sequence_tolerance": _TOLERANCE,
     "settings.relative_tolerance": _TOLERANCE,
     "hand_components": Range(1, 45),
     "robust_pixels": _POSITIVE,

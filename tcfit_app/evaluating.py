@@ -66,7 +66,7 @@ def evaluated(
         title=f"Evaluation of {fit.name}",
         records=tuple(records),
         settings=_settings(fit, reference),
-        notes=notes_about(reference),
+        notes=notes_about(reference, fit.frame_rate),
     )
 
 
@@ -76,14 +76,19 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
     return {"Fit": fit.source, "Body": body, "Reference": compared, "Date": date.today().isoformat()}
 
 
-def notes_about(reference: Reference | None) -> tuple[str, ...]:
-    """What a user should know about the comparison."""
+def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ...]:
+    """What a user should know about the comparison with a fit of this frame rate."""
     if reference is None:
         return ("There is no reference: only smoothness, reprojection and volume are measured.",)
     notes = list(reference.notes)
     if not reference.in_camera:
         notes.append(
             "The reference stands in a world of its own: only form is compared. With --camera positions and depth are."
+        )
+    if not reference.is_even(frame_rate):
+        notes.append(
+            f"The reference has {reference.frame_rate:g} frames per second and the fit {frame_rate:g}: each frame is "
+            "compared with the nearest of the reference's, and accelerations and the reference's jitter are left out."
         )
     if reference.params is None:
         notes.append("The reference has points and no surface: joints are compared, volumes and surfaces are not.")

@@ -100,6 +100,7 @@ BAD_FILES = {
     "no stage": ("[temporal]\nstages = []", "temporal.stages is empty; expected at least one number, 1 to 5"),
     "stage": ("[shape_sample]\nstages = [5, 6]", "shape_sample.stages is 6; expected 1 to 5"),
     "components": ("hand_components = 46", "hand_components is 46; expected 1 to 45"),
+    "tolerance": ("[settings]\nsequence_tolerance = 5", "sequence_tolerance is 5; expected above 0 and below 1"),
     "device": ("device = 'gpu'", "device is 'gpu'; expected cpu, cuda"),
     "pose prior": (
         "pose_prior = 'vpsoer'",

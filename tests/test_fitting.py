@@ -211,6 +211,25 @@ def test_empty_frames_are_filled_and_reported(free_body: BodyModel, short_clip: 
     torch.testing.assert_close(first.body_pose[3], (2 * first.body_pose[2] + first.body_pose[5]) / 3)
 
 
+def test_notes_count_frames_as_the_video_does(free_body: BodyModel, short_clip: Clip):
+    """A clip from frame 100 on, with nobody in its fourth frame, and left and right legs swapped in two later ones."""
+    seen = hidden(short_clip.keypoints, slice(None), frames=slice(3, 4))
+    xy, confidence = seen.xy.copy(), seen.confidence.copy()
+    legs = [[kp.INDEX[f"{side}_{joint}"] for joint in ("knee", "ankle")] for side in ("left", "right")]
+    for values in (xy, confidence):
+        values[5:7, [*legs[0], *legs[1]]] = values[5:7, [*legs[1], *legs[0]]]
+    clip = replace(clip_of(Keypoints(xy=xy, confidence=confidence)), first_frame=100)
+    sample = ShapeSample(size=7, stages=(5,))
+    result = fit(clip, free_body, replace(QUICK, last_phase=2, unswap_sides=True, shape_sample=sample))
+    ends = [note.rpartition("frames ")[2] for note in result.warnings]
+    assert "105-106" in ends and "100, 101, 102, 104, 105, 106, 107" in ends
+    assert any(note.endswith("filled from their neighbours: 103") for note in result.warnings)
+    again = next(rerun_events(clip, free_body, QUICK, result.last.params, range(2, 4)))
+    assert isinstance(again, PhaseStarted) and again.title == "frames 102 to 103 again"
+    with pytest.raises(InputError, match=r"Frames 104 to 108 cannot .* the clip has frames 100 to 107\."):
+        next(rerun_events(clip, free_body, QUICK, result.last.params, range(4, 9)))
+
+
 def test_a_clip_without_a_person_is_refused(free_body: BodyModel):
     blank = Keypoints(xy=np.zeros((4, 137, 2)), confidence=np.zeros((4, 137)))
     with pytest.raises(InputError, match=r"No frame of test clip shows a person.*at least 4 body keypoints"):

@@ -13,6 +13,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.collision import body_collision_finder, penetration
 from fitting_core.config import PRESETS, Temporal
 from fitting_core.errors import InputError
+from fitting_core.fitting import evaluated
 from fitting_core.objective_values import evaluate_objective
 from tests.posed_clips import CAMERA, clip_of, motion, shipped_body
 
@@ -143,6 +144,25 @@ def test_collision_is_the_intrusion_penalty():
         cost = values_of(params, stage=stage, clip=clip).frames["collision"]
         assert cost.tolist() == pytest.approx([0, weight**2 * penalty, 0], rel=1e-6)
     assert "collision" not in values_of(params, stage=3, clip=clip).frames
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 100.0])
+def test_it_is_what_a_fit_reports(sharpness: float):
+    """At 60 frames per second, where the preset's weight of E_T is for 25."""
+    params = motion(FRAMES)
+    clip = replace(clip_of(params, noise=2.0), frame_rate=60.0)
+    reported = evaluated(clip, shipped_body(), PRESETS["tcfit"], params, sharpness=sharpness).objective
+    values = evaluate_objective(
+        shipped_body(), params, clip.camera, clip.keypoints, "tcfit", frame_rate=60.0, sharpness=sharpness
+    )
+    assert {name: cost / FRAMES for name, cost in values.terms.items()} == pytest.approx(
+        {name: cost for name, cost in reported.items() if name != "total"}
+    )
+
+
+def test_a_frame_rate_is_needed_where_it_counts():
+    with pytest.raises(InputError, match=r"No frame rate is given.*for 25 frames per second"):
+        values_of(still(), "tcfit")
 
 
 @pytest.mark.parametrize("stage", [0, 6])

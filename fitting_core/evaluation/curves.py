@@ -37,7 +37,7 @@ def _on_points(metric: PointMetric, *, placed: bool) -> Curve:
 
 
 def _acceleration_error(pair: Pair) -> Float[np.ndarray, "T"] | None:
-    if pair.points is None or not pair.in_camera:
+    if pair.points is None or not pair.in_camera or not pair.even:
         return None
     estimate, truth, roots = pair.points
     rooted = metrics.rooted(estimate, roots), metrics.rooted(truth, roots)

@@ -24,7 +24,7 @@ def _of_truth(figure: Callable[[np.ndarray, float], float]) -> Callable[[Pair], 
     """A figure of the reference's own movement, at the fit's frames."""
 
     def value(pair: Pair) -> float | None:
-        if pair.reference is None or pair.reference.joints is None or (pair.frames < 0).any():
+        if pair.reference is None or pair.reference.joints is None or not pair.even or (pair.frames < 0).any():
             return None
         return figure(pair.reference.joints[pair.frames][:, BODY_JOINTS], pair.estimate.frame_rate)
 

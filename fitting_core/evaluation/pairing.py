@@ -105,6 +105,11 @@ class Pair:
         return found
 
     @property
+    def even(self) -> bool:
+        """Whether the reference's values at the fit's frames may be differentiated over time (`Reference.is_even`)."""
+        return self.reference is not None and self.reference.is_even(self.estimate.frame_rate)
+
+    @property
     def in_camera(self) -> bool:
         """Whether the reference stands where the fit should stand."""
         return self.reference is not None and self.reference.in_camera

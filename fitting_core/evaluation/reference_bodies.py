@@ -17,6 +17,7 @@ from fitting_core.evaluation.reference import BodyOf, Reference, of_body, stated
 from fitting_core.evaluation.truth import read_truth
 from fitting_core.evaluation.world_camera import WorldCamera, in_camera
 from fitting_core.io.result_files import read_fit
+from fitting_core.io.smplx_npz import turn_into_camera
 
 _WIDTHS = {156: "smplh", 165: "smplx"}
 """Kind of body by the number of angles."""
@@ -98,8 +99,11 @@ def read_other_fit(path: Path, *, search: Path | None) -> Reference:
 def read_amass(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | None, search: Path | None) -> Reference:
     """AMASS's form: `poses` (T, 156) or (T, 165) with whole hands, `trans`, `betas`, `gender`, a frame rate.
 
+    What tcfit exports says how its world is turned from the camera's space, so it needs no camera.
+
     Raises:
         InputError: It does not hold these, or there is no model of its kind and gender.
+        ValueError: It says that its world is turned by what is no rotation.
     """
     poses, trans, betas = (np.asarray(arrays[name], np.float64) for name in ("poses", "trans", "betas"))
     frames, width = poses.shape if poses.ndim == 2 else (0, 0)
@@ -113,12 +117,14 @@ def read_amass(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | 
     rate = stated_rate(path, arrays, _RATES)
     body = _amass_body(path, arrays, _WIDTHS[width], search)
     params = _amass_params(body, poses, trans, betas, arrays.get("expressions"))
+    turn, placed = turn_into_camera(arrays)
+    if camera is None and placed:
+        camera = WorldCamera(rotation=turn, translation=np.zeros(3))
     if camera is not None:
         rest = body.joint_regressor @ (body.template + body.shape_directions @ betas.reshape(-1)[:N_BETAS])
         params = in_camera(params, rest[0], camera.rotation, camera.translation)
     kind = f"AMASS-style npz of {body.kind.upper()}"
-    placed = camera is not None or "axes" in arrays
-    found = reference_of(path.name, kind, body, params, frame_rate=rate, in_camera=placed)
+    found = reference_of(path.name, kind, body, params, frame_rate=rate, in_camera=camera is not None)
     return replace(found, first_frame=int(arrays.get("first_frame", 0)))
 
 

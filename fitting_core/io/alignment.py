@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.frame_names import split_number
 from fitting_core.io.detections import Detections
 from fitting_core.keypoints import COUNT
 
 # Two stray files numbered 0 and 1000000 are no clip of a million frames.
 _MOST_MISSING = 1000
 _MOST_MISSING_PER_FILE = 10
+_BY_NUMBER, _FROM_FIRST = "by the numbers in their names", "by their numbers, from the first file on"
+_IN_ORDER = "in their order, from the start"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +52,9 @@ def timeline_of_keypoints(detections: Detections) -> Timeline:
 def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple[str, ...]]:
     """Detections of every frame of the timeline, and notes on how they were put together where it was not plain.
 
-    The first of these that fits is used: the images' names; the numbers in the file names, as frames counted from 0;
-    the numbers, counted from the first file; the order of the files. Frames without a file have no people.
+    The first of these that fits is used: the images' names; the numbers in them; the files' numbers, as frames counted
+    from 0, from 1, or from the first file on. Numbers that run past the clip are kept where most of them follow each
+    other; else the files are taken in their order. Frames without a file have no people.
 
     Raises:
         InputError: Files of several clips in one folder.
@@ -92,17 +96,35 @@ def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, in
         place = {stem: t for t, stem in enumerate(timeline.stems)}
         return {k: place[stem] for k, stem in enumerate(detections.stems)}, "by the images' names"
     _forbid_mixed_clips(detections)
-    numbers, count = detections.numbers, len(timeline.numbers)
-    if numbers is not None:
-        offsets = {
-            "by the numbers in their names": timeline.numbers[0],
-            "by their numbers, from the first file on": min(numbers),
-        }
-        for how, offset in offsets.items():
-            places = {k: number - offset for k, number in enumerate(numbers)}
-            if max(places.values()) < count:
-                return places, how
-    return {k: k for k in range(len(detections))}, "in their order, from the start"
+    numbers = detections.numbers
+    if numbers is None:
+        return {k: k for k in range(len(detections))}, _IN_ORDER
+    of_image = _numbered_images(timeline)
+    if set(numbers) <= set(of_image):
+        return {k: of_image[number] for k, number in enumerate(numbers)}, "by the numbers in the images' names"
+    return _counted(numbers, timeline.numbers)
+
+
+def _numbered_images(timeline: Timeline) -> dict[int, int]:
+    """Places by the numbers in the images' names; empty unless only the numbers differ."""
+    names = [split_number(stem) for stem in timeline.stems or ()]
+    if len({prefix for prefix, _ in names}) > 1:
+        return {}
+    return {number: t for t, (_, number) in enumerate(names) if number is not None}
+
+
+def _counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], str]:
+    """Places of files whose numbers count frames, from where these fit into the clip; and how, in words."""
+    lowest, highest = min(numbers), max(numbers)
+    starts = ((frames[0], _BY_NUMBER), (1, "by their numbers, counted from 1"), (lowest, _FROM_FIRST))
+    fitting = [start for start, _ in starts if start <= lowest and highest - start < len(frames)]
+    # Every tenth frame of another clip may be every frame of this one; gaps here and there are people not found.
+    if not fitting and np.median(np.diff(sorted(numbers))) > 1:
+        return {k: k for k in range(len(numbers))}, _IN_ORDER
+    # Past the clip's end: numbers from 1 on count from 1, and those that begin outside from wherever they begin.
+    past_end = frames[0] if frames[0] + 1 < lowest <= frames[-1] else lowest
+    start = fitting[0] if fitting else past_end
+    return {k: number - start for k, number in enumerate(numbers)}, next(how for s, how in starts if s == start)
 
 
 def _notes(detections: Detections, used: int, timeline: Timeline, how: str) -> tuple[str, ...]:

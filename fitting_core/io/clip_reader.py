@@ -166,7 +166,7 @@ def read_keypoints(
     """
     detections = read_detections(path)
     detections, scale_notes = to_pixels(detections, clip.camera.size, keypoint_scale=keypoint_scale)
-    timeline = _footage(clip.source).timeline or Timeline(numbers=range(clip.first_frame + len(clip)))
+    timeline = _footage(clip.source).timeline or _timeline_around(clip, detections)
     detections, alignment_notes = align(detections, timeline)
     last = clip.first_frame + len(clip) - 1
     detections, _ = select(detections, timeline, clip.first_frame, last)
@@ -179,6 +179,14 @@ def read_keypoints(
         *scale_notes,
         *found,
     )
+
+
+def _timeline_around(clip: Clip, detections: Detections) -> Timeline:
+    """Where there is no video: the frames of the clip and of the keypoints, or of the clip alone if they share none."""
+    own, theirs = range(clip.first_frame, clip.first_frame + len(clip)), timeline_of_keypoints(detections).numbers
+    first, stop = min(own.start, theirs.start), max(own.stop, theirs.stop)
+    shared = stop - first < len(own) + len(theirs)
+    return Timeline(numbers=range(first, stop) if shared else own)
 
 
 def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path]:

@@ -42,12 +42,13 @@ class FrameFits:
     """What the state and all further phases belong to: as it was given, or sharpened."""
 
 
-def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFits]:
+def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
     """Camera step, five stages from the neutral pose, relay.
 
     Args:
         stages: builds the objectives.
         solver: minimises them.
+        first_frame: the number of the clip's first frame, from which the notes count.
 
     Returns:
         Fits of all frames. Frames with under four confident body keypoints, and frames whose cost is not finite, are
@@ -68,7 +69,7 @@ def fit_frames(stages: Stages, solver: Solver) -> Generator[Step, None, FrameFit
     if stages.config.sharper_keypoints:
         stages, state, cost = yield from sharpen(stages, state, cost, run.frames)
     good = usable & cost.isfinite()
-    notes = (guess.note(), *_notes(usable, cost), *_sharpness_note(stages))
+    notes = (guess.note(), *_notes(usable, cost, first_frame), *_sharpness_note(stages))
     return FrameFits(filled(state, good), cost, notes, stages)
 
 
@@ -77,9 +78,9 @@ def _restarts(stages: Stages) -> bool:
     return bool(stages.config.relay_rounds) or stages.config.limb_flips
 
 
-def _notes(usable: Tensor, cost: Tensor) -> Iterator[str]:
-    empty = (~usable).nonzero()[:, 0].tolist()
-    failed = (usable & ~cost.isfinite()).nonzero()[:, 0].tolist()
+def _notes(usable: Tensor, cost: Tensor, first_frame: int) -> Iterator[str]:
+    empty = (first_frame + (~usable).nonzero()[:, 0]).tolist()
+    failed = (first_frame + (usable & ~cost.isfinite()).nonzero()[:, 0]).tolist()
     if empty:
         yield f"frames with fewer than 4 confident body keypoints, filled from their neighbours: {spans(empty)}"
     if failed:

@@ -22,6 +22,7 @@ from fitting_core.result import FitResult, PhaseResult
 from tcfit_app import ablations, suite_runs
 from tcfit_app.ablations import variations
 from tcfit_app.cli import main
+from tcfit_app.evaluating import notes_about
 from tcfit_app.project import Project
 from tcfit_app.storage.runs import BodyRecord
 from tests.app.conftest import CAMERA, FRAMES, Finished, motion
@@ -106,6 +107,12 @@ def test_a_project_has_its_own_reference(tmp_path: Path, free_body: BodyModel, c
         assert float(final["reprojection_mean [px]"]) == pytest.approx(0, abs=0.5 + 0.1 * error)
     assert main(["evaluate", str(project), "--run", "none"]) == 2
     assert "expected one of exact (1), far (2)" in capsys.readouterr().err
+
+
+def test_a_reference_at_an_odd_rate_is_told_to_leave_accelerations_out(free_body: BodyModel):
+    reference = reference_of("truth", "made here", free_body, motion(), frame_rate=30.0, in_camera=True)
+    assert any("accelerations" in note for note in notes_about(reference, 60.0))
+    assert not notes_about(reference, 15.0)
 
 
 def test_without_a_reference_only_smoothness_is_told(

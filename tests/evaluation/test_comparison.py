@@ -59,6 +59,17 @@ def test_a_reference_of_other_frames_and_no_place(free_body: BodyModel, truth: R
     assert found.curves["true_volume"][:2] == pytest.approx(found.curves["volume"][:2])
 
 
+@pytest.mark.parametrize(("rate", "even"), [(50.0, True), (75.05, True), (40.0, False), (12.5, False)])
+def test_accelerations_need_a_reference_that_lies_evenly(free_body: BodyModel, truth: Reference, rate: float, even):
+    """Beside a fit of 25 per second; where they cannot be told, positions still are."""
+    assert truth.params is not None
+    other = reference_of("", "", free_body, truth.params[[0, 1, 2, 3] * 3], frame_rate=rate, in_camera=True)
+    figures = compare(estimate(free_body, truth.params), other, meshes=False).figures
+    for name in ("acceleration_error_mean", "jitter_truth", "jerk_truth"):
+        assert (figures[name] is not None) == even, name
+    assert figures["joint_error_mean"] is not None and figures["jitter"] is not None
+
+
 def test_points_alone_with_some_missing(free_body: BodyModel, truth: Reference):
     points = truth.points.copy()
     points[1, 2:5] = np.nan

@@ -18,6 +18,9 @@ from fitting_core.evaluation.reference_bodies import reference_of
 from fitting_core.evaluation.reference_files import read_reference
 from fitting_core.evaluation.reference_points import keypoint_named
 from fitting_core.evaluation.truth import Truth, write_truth
+from fitting_core.io.animation_npz import write_animation_npz
+from fitting_core.io.motion import AXES
+from tests.io.motions import swinging
 from tests.scenes import random_params
 
 NAMES = ["RShoulder", "left_shoulder", "CHip", "Nose", "C7"]
@@ -130,6 +133,25 @@ def test_amass_of_a_world_gets_into_the_camera(tmp_path: Path, camera: Path, fre
     np.testing.assert_allclose(found.joints, joints_in_space(free_body, params) @ TURN.T + SHIFT, atol=1e-9)
 
 
+@pytest.mark.parametrize("axes", AXES)
+def test_tcfits_own_export_of_any_world_gets_into_the_camera(tmp_path: Path, free_body: BodyModel, axes: str):
+    motion = swinging(free_body)
+    write_animation_npz(tmp_path / "a.npz", motion.in_axes(axes))
+    found = read_reference(tmp_path / "a.npz")
+    assert found.in_camera and found.first_frame == motion.first_frame
+    np.testing.assert_allclose(found.joints, joints_in_space(free_body, motion.params), atol=1e-6)
+
+
+def test_axes_without_a_camera_are_a_world_of_its_own(tmp_path: Path, free_body: BodyModel):
+    arrays = amass(free_body, random_params(3)) | {"body_hash": np.array(free_body.hash)}
+    for axes, placed in (("camera: x right", True), ("y up", False)):
+        np.savez(tmp_path / "a.npz", axes=np.array(axes), **arrays)
+        assert read_reference(tmp_path / "a.npz").in_camera == placed
+    np.savez(tmp_path / "a.npz", camera_to_world=np.diag([1.0, 1.0, -1.0]), **arrays)
+    with pytest.raises(InputError, match="'camera_to_world' is no rotation"):
+        read_reference(tmp_path / "a.npz")
+
+
 def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
     arrays = amass(free_body, random_params(3))
     np.savez(tmp_path / "a.npz", **arrays)
@@ -171,8 +193,20 @@ def test_frames_are_matched_by_number_or_time():
     assert of_length(5).frames_of(4, 2, 25.0).tolist() == [2, 3, 4, -1]
     assert of_length(5, rate=25.0, first=3).frames_of(4, 2, 25.0).tolist() == [-1, 0, 1, 2]
     assert of_length(50, rate=100.0).frames_of(4, 1, 25.0).tolist() == [4, 8, 12, 16]
+    assert of_length(5000, rate=29.97).frames_of(1, 4000, 30.0) == of_length(5000, rate=30.0).frames_of(1, 4000, 29.97)
+    assert of_length(5000, rate=60.0).frames_of(2, 1000, 29.97).tolist() == [2000, 2002]
     with pytest.raises(InputError, match="expected a reference of the same clip"):
         of_length(5).frames_of(4, 10, 25.0)
+
+
+def test_a_reference_at_another_rate_begins_at_its_own_time(tmp_path: Path):
+    """50 per second from 2.00 s on, beside frames 60 (2.00 s) and so on of a video at 25 and at 30 per second."""
+    (tmp_path / "x.trc").write_text(trc(np.tile(POINTS, (5, 1, 1)), first=2.0))
+    found = read_reference(tmp_path / "x.trc")
+    assert found.frames_of(4, 49, 25.0).tolist() == [-1, 0, 2, 4]
+    assert found.frames_of(4, 60, 30.0).tolist() == [0, 2, 3, 5]
+    with pytest.raises(InputError, match=r"has 20 frames from the video's frame 60 on, .* frames 0 to 3;"):
+        found.frames_of(4, 0, 30.0)
 
 
 def test_what_is_no_reference(tmp_path: Path):

@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ import pytest
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.clip_reader import read_clip, read_keypoints
 from fitting_core.video import FrameSource
 
 SIZE = (320, 240)
@@ -71,11 +72,21 @@ ALIGNMENTS = {
                            "aligned by the numbers in their names. 4 frames have no keypoints"),
     "numbered from 1": ([1, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, 6], ""),
     "numbered from 1, one missing": ([1, 2, 4, 5, 6], [1, 2, None, 4, 5, 6], "5 keypoint files, walk.avi has 6 frames; "
-                                     "they were aligned by their numbers, from the first file on. 1 frames have no"),
+                                     "they were aligned by their numbers, counted from 1. 1 frames have no"),
+    "numbered from 1, nobody at first": ([3, 4, 5, 6], [None, None, 3, 4, 5, 6], "4 keypoint files, walk.avi has 6 "
+                                         "frames; they were aligned by their numbers, counted from 1. 2 frames have"),
     "numbered from 1000": ([1000, 1001, 1003], [0, 1, None, 3, None, None], "3 keypoint files, walk.avi has "
                            "6 frames; they were aligned by their numbers, from the first file on. 3 frames have no"),
-    "too many": (list(range(8)), [0, 1, 2, 3, 4, 5], "8 keypoint files, walk.avi has 6 frames; they were aligned in "
-                 "their order, from the start. The last 2 files have no frame and are left out."),
+    "too many": (list(range(8)), [0, 1, 2, 3, 4, 5], "8 keypoint files, walk.avi has 6 frames; they were aligned by "
+                 "the numbers in their names. The last 2 files have no frame and are left out."),
+    "too many, with a gap": ([0, 1, 4, 5, 6, 7], [0, 1, None, None, 4, 5], "6 keypoint files, walk.avi has 6 frames; "
+                             "they were aligned by the numbers in their names. The last 2 files have no frame and are "
+                             "left out. 2 frames have no keypoints"),
+    "too many, nobody at first": ([2, 3, 4, 5, 6, 7, 8], [None, None, 2, 3, 4, 5], "by the numbers in their names. The "
+                                  "last 3 files"),
+    "too many, from 1": ([1, 2, 4, 5, 6, 7, 8], [1, 2, None, 4, 5, 6], "by their numbers, counted from 1. The last 2"),
+    "too many, from 1000": ([1000, 1001, 1003, 1004, 1005, 1006], [0, 1, None, 3, 4, 5], "by their numbers, from the "
+                            "first file on. The last 1 files"),
     "far apart": ([3, 10, 20], [3, 10, 20, None, None, None], "3 keypoint files, walk.avi has 6 frames; they were "
                   "aligned in their order, from the start. 3 frames have no keypoints"),
 }  # fmt: skip
@@ -99,6 +110,17 @@ def test_images_are_matched_by_their_names(tmp_path, write_people, figure):
     assert (clip.source, clip.name) == (tmp_path / "images", tmp_path.name)
     assert "There are 2 keypoint files, images has 3 frames; they were aligned by the images' names." in clip.notes[0]
     assert any("30 frames per second are assumed" in note for note in clip.notes)
+
+
+@pytest.mark.parametrize("numbers, expected", [([3, 4], [None, 3, 4]), ([1, 2], [None, 1, 2]), ([4, 6], [4, None, 6])])
+def test_images_are_matched_by_their_numbers(tmp_path, walk, numbers, expected):
+    """Images 2 to 4 beside files of another name: their numbers count if the images have them all."""
+    for number in (2, 3, 4):
+        (tmp_path / "images").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "images" / f"shot_{number}.png"), np.zeros((240, 320, 3), dtype=np.uint8))
+    clip = read_clip(tmp_path / "images", walk(numbers))
+    assert neck_numbers(clip) == expected
+    assert ("by the numbers in the images' names" in alignment_note(clip)) == (numbers == [3, 4])
 
 
 def test_without_video_the_files_numbers_are_the_frames(walk):
@@ -128,6 +150,27 @@ def test_part_of_a_clip(video, walk):
     assert neck_numbers(clip) == [2, None, None, 5, 6]
     assert clip.first_frame == 2
     assert "Person: found in 3 of 5 frames, not in frames 3-4." in clip.notes
+
+
+def neck_numbers_read(path: Path, clip: Clip) -> list[int | None]:
+    keypoints, _ = read_keypoints(path, clip)
+    return neck_numbers(replace(clip, keypoints=keypoints))
+
+
+def test_keypoints_for_a_part_of_a_clip_without_video(walk):
+    """The files that it was made from give the same again."""
+    folder = walk([*range(50, 62), *range(64, 100)])
+    for first, last in ((50, 53), (60, 66), (90, 99)):
+        clip = read_clip(None, folder, image_size=SIZE, first_frame=first, last_frame=last)
+        assert neck_numbers_read(folder, clip) == neck_numbers(clip)
+
+
+@pytest.mark.parametrize("numbers, expected", [([51, 53], [51, None, 53]), ([7, 9], [7, None, 9])])
+def test_other_keypoints_for_a_clip_without_video(walk, write_people, figure, numbers, expected):
+    """They are matched by their numbers, or from the first file on where the clip has none of these."""
+    clip = read_clip(None, walk([50, 51, 52, 53]), image_size=SIZE, first_frame=51)
+    other = write_people({f"other_{n}": [figure(100 + n, 120, height=100)] for n in numbers}, "other")
+    assert neck_numbers_read(other, clip) == expected
 
 
 @pytest.mark.parametrize("first, last", [(-1, 3), (0, 6), (4, 3), (6, None), (None, 100)])
