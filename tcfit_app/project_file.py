@@ -29,7 +29,7 @@ from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Progress
 from tcfit_app.project import Project, check_free
 from tcfit_app.storage import database, media, runs
-from tcfit_app.storage.clip import DETECTIONS
+from tcfit_app.storage.clip import DETECTIONS, creation_time
 from tcfit_app.storage.durable import accessing, sync
 from tcfit_app.storage.lock import Lock
 from tcfit_app.storage.media import MediaLink
@@ -209,16 +209,27 @@ def unpack(path: Path, folder: Path) -> None:
         sync(folder.parent)
 
 
-def _extract(path: Path, draft: Path) -> None:
+def packed_creation_time(path: Path) -> str:
+    """`creation_time` of a packed project, of which nothing else is unpacked.
+
+    Raises:
+        InputError: As `unpack`.
+    """
+    with tempfile.TemporaryDirectory(prefix="tcfit-look-") as name:
+        _extract(path, Path(name), only=database.NAME)
+        return creation_time(Path(name))
+
+
+def _extract(path: Path, draft: Path, *, only: str | None = None) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
             _check_about(path, archive)
             _check_entries(path, entries)
-            _check_space(path, entries, draft)
-            for entry in entries:
-                if entry.filename != ABOUT:
-                    _extract_entry(archive, entry, draft / entry.filename)
+            wanted = [entry for entry in entries if entry.filename != ABOUT and only in (None, entry.filename)]
+            _check_space(path, wanted, draft)
+            for entry in wanted:
+                _extract_entry(archive, entry, draft / entry.filename)
     except InputError:  # is a ValueError, too
         raise
     except FileNotFoundError as error:
