@@ -2,12 +2,13 @@
 
 import dataclasses
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip, read_footage
-from tcfit_app.options import ClipOptions, FitOptions, NewOptions, ReviewOptions
+from tcfit_app.options import CameraOptions, ClipOptions, FitOptions, NewOptions, ReviewOptions
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
@@ -43,6 +44,26 @@ def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, A
             named = f"--{name.replace('_', '-')}"
             raise InputError(f"{named} is of no use without keypoints: {video} has none yet. Leave it out.")
     return read_footage(video, **details)
+
+
+def clip_options(options: NewOptions | ReviewOptions) -> list[str]:
+    """The options of clip and camera on the command line, as their user typed them."""
+    pairs = ((options.camera, CameraOptions()), (options.clip, ClipOptions()))
+    return [
+        f"--{field.name.replace('_', '-')}"
+        for values, plain in pairs
+        for field in dataclasses.fields(plain)
+        if getattr(values, field.name) != getattr(plain, field.name)
+    ]
+
+
+def refusal(given: Sequence[str]) -> str:
+    """What to tell who gave options of clip and camera for a project that is there already."""
+    counts = "counts" if len(given) == 1 else "count"
+    return (
+        f"{', '.join(given)} {counts} for a new project: give the clip itself, and --out. The focal length of a fit is "
+        "set in the panel Fit."
+    )
 
 
 def described(clip: Clip) -> list[str]:

@@ -6,11 +6,12 @@ from pathlib import Path
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.evaluation.reference import Reference
-from tcfit_app.clip_input import clip_of, described, notes_of
+from tcfit_app.clip_input import clip_of, clip_options, described, notes_of, refusal
 from tcfit_app.options import NewOptions, ReviewOptions
 from tcfit_app.project import Project
 from tcfit_app.project_file import is_packed, unpack
 from tcfit_app.reference_options import ReferenceOptions
+from tcfit_app.reopening import check_same_clip, check_same_packed
 from tcfit_app.storage.database import is_project
 from tcfit_app.storage.names import name_of_file
 
@@ -22,16 +23,17 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
 
     Args:
         options: The command line.
-        reopen: Leave a project as it is that was made there before.
+        reopen: Leave a project as it is that was made there before, of the same clip.
 
     Raises:
-        InputError: Files or options cannot be used, or the folder holds something; nothing has been written then.
+        InputError: Files or options cannot be used, or the folder holds something else; nothing has been written then.
     """
     if options.video is not None and is_packed(options.video):
         return _unpacked(options.video, options, reopen=reopen)
     clip = clip_of(options)
     folder = options.out or folder_of(clip)
     if reopen and is_project(folder):
+        check_same_clip(folder, clip, clip_options(options))
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
         return folder
     print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
@@ -51,9 +53,13 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
     """The project in a file that `tcfit export --formats project` made."""
     if options.keypoints is not None or options.copy_video:
         raise InputError(f"{path} is a project, which has its keypoints: leave out --keypoints and --copy-video.")
+    if given := clip_options(options):
+        raise InputError(f"{path}: is a project already. {refusal(given)}")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
     if reopen and is_project(folder):
-        print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
+        check_same_packed(folder, path)
+        said = f"Opening the project {folder}, which was unpacked before; {path} was not read again."
+        print(said, file=sys.stderr, flush=True)
         return folder
     unpack(path, folder)
     print(f"Unpacked the project {folder}")

@@ -175,7 +175,7 @@ class ServerOptions:
 class ReviewOptions:
     """Open a project in the browser: see its fits, correct keypoints, fit again, compare.
 
-    With a video instead of a project, its project is made first, or opened if it was made before.
+    With a video instead of a project, its project is made first, or opened if it was made before of the same clip.
     """
 
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
@@ -193,7 +193,9 @@ class ReviewOptions:
     models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""
     clip: ClipOptions = field(default_factory=ClipOptions)
+    """For a new project: which part of the clip, and how its files are read."""
     camera: CameraOptions = field(default_factory=CameraOptions)
+    """For a new project: the camera. Give at most one of the first three; without any, the image diagonal is taken."""
     truth: ReferenceOptions = field(default_factory=ReferenceOptions)
     server: ServerOptions = field(default_factory=ServerOptions)
 

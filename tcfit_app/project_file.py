@@ -8,7 +8,8 @@
 | media/... | the video or images, if they lie in the project or were asked for |
 
 Unpacking trusts nothing: names, kinds and sizes of all entries are checked before a byte is written, and the project is
-opened once before it gets its place.
+opened once before it gets its place. Packing takes no video from outside unless it was asked for: a project that
+somebody else made may call any file its own.
 """
 
 import re
@@ -28,7 +29,7 @@ from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Progress
 from tcfit_app.project import Project, check_free
 from tcfit_app.storage import database, media, runs
-from tcfit_app.storage.clip import DETECTIONS
+from tcfit_app.storage.clip import DETECTIONS, creation_time
 from tcfit_app.storage.durable import accessing, sync
 from tcfit_app.storage.lock import Lock
 from tcfit_app.storage.media import MediaLink
@@ -78,7 +79,8 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
         progress: See `Progress`.
 
     Raises:
-        InputError: The database is damaged, or the video is wanted and not where it should be.
+        InputError: The database is damaged, the video is wanted and not where it should be, or what the project calls
+            its own video lies elsewhere.
         OSError: Something cannot be read or written.
     """
     with tempfile.TemporaryDirectory(prefix="tcfit-pack-") as name, replacing(path) as draft:
@@ -120,10 +122,9 @@ def _run_files(folder: Path, copy: Path) -> Iterator[tuple[Path, str]]:
 def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:
     """Files of the video; where it comes from outside, the copy learns its new place."""
     with closing(sqlite3.connect(copy)) as connection:
-        (text,) = connection.execute("SELECT media FROM clip").fetchone()
-        link = None if text is None else msgspec.json.decode(text, type=MediaLink)
-        if link is not None and link.relative.startswith(f"{media.FOLDER}/"):
-            return _listed(folder / link.relative, folder)
+        link = _link(connection)
+        if link is not None and media.is_own(link):
+            return _own_files(folder, link)
         if link is None or not with_media:
             return []
         found = media.find(link, folder)
@@ -134,6 +135,24 @@ def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Pa
         connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
         connection.commit()
     return [(file, f"{media.FOLDER}/{name}") for file, name in _listed(path, path.parent)]
+
+
+def _link(connection: sqlite3.Connection) -> MediaLink | None:
+    (text,) = connection.execute("SELECT media FROM clip").fetchone()
+    return None if text is None else msgspec.json.decode(text, type=MediaLink)
+
+
+def _own_files(folder: Path, link: MediaLink) -> list[tuple[Path, str]]:
+    """Files of a video in the project. Raises InputError if one of them, links followed, lies elsewhere."""
+    path, own = folder / link.relative, folder.resolve() / media.FOLDER
+    files = _listed(path, folder)
+    for file in (path, *(file for file, _ in files)):
+        if not file.resolve().is_relative_to(own):
+            raise InputError(
+                f"{folder}: was not packed: its video {link.relative!r} leads to {file.resolve()}, out of its folder "
+                f"{media.FOLDER}. Put the files themselves there."
+            )
+    return files
 
 
 def _listed(path: Path, root: Path) -> list[tuple[Path, str]]:
@@ -181,6 +200,7 @@ def unpack(path: Path, folder: Path) -> None:
                 draft.mkdir()
                 _extract(path, draft)
                 Project.open(draft).close()  # what cannot be opened is refused here
+                _check_link(path, draft)
                 if folder.exists():
                     folder.rmdir()
                 draft.rename(folder)
@@ -189,16 +209,27 @@ def unpack(path: Path, folder: Path) -> None:
         sync(folder.parent)
 
 
-def _extract(path: Path, draft: Path) -> None:
+def packed_creation_time(path: Path) -> str:
+    """`creation_time` of a packed project, of which nothing else is unpacked.
+
+    Raises:
+        InputError: As `unpack`.
+    """
+    with tempfile.TemporaryDirectory(prefix="tcfit-look-") as name:
+        _extract(path, Path(name), only=database.NAME)
+        return creation_time(Path(name))
+
+
+def _extract(path: Path, draft: Path, *, only: str | None = None) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
             _check_about(path, archive)
             _check_entries(path, entries)
-            _check_space(path, entries, draft)
-            for entry in entries:
-                if entry.filename != ABOUT:
-                    _extract_entry(archive, entry, draft / entry.filename)
+            wanted = [entry for entry in entries if entry.filename != ABOUT and only in (None, entry.filename)]
+            _check_space(path, wanted, draft)
+            for entry in wanted:
+                _extract_entry(archive, entry, draft / entry.filename)
     except InputError:  # is a ValueError, too
         raise
     except FileNotFoundError as error:
@@ -232,8 +263,7 @@ def _check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
     for entry in entries:
         name = entry.filename
         kind = stat.S_IFMT(entry.external_attr >> 16)
-        parts = name.split("/")
-        if not _NAMES.fullmatch(name) or {"..", "."} & set(parts) or kind not in (0, stat.S_IFREG):
+        if not _is_ours(name) or kind not in (0, stat.S_IFREG):
             raise InputError(f"{refusal} {name[:100]!r}, which no project of tcfit has.")
         if entry.flag_bits & 1:
             raise InputError(f"{refusal} {name[:100]!r} encrypted. Have it packed without a password.")
@@ -242,6 +272,21 @@ def _check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         if entry.file_size > MOST_RATIO * max(1, entry.compress_size):
             raise InputError(f"{refusal} {name[:100]!r}, which claims to be {entry.file_size} bytes and cannot be.")
         seen.add(name.casefold())
+
+
+def _is_ours(name: str) -> bool:
+    """Whether `pack` gives an entry such a name."""
+    return _NAMES.fullmatch(name) is not None and not {"..", "."} & set(name.split("/"))
+
+
+def _check_link(path: Path, draft: Path) -> None:
+    """A video that is said to lie in the project does, or lies nowhere."""
+    with closing(sqlite3.connect(draft / database.NAME)) as connection:
+        link = _link(connection)
+    if link is not None and media.is_own(link) and not _is_ours(link.relative):
+        raise InputError(
+            f"{path}: was not unpacked: it says that its video is {link.relative[:100]!r}, which none of tcfit's is."
+        )
 
 
 def _check_space(path: Path, entries: list[zipfile.ZipInfo], draft: Path) -> None:

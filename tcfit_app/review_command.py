@@ -95,10 +95,14 @@ def _log_warnings() -> None:
 
 def opened(options: ReviewOptions) -> "Project":
     """The project that the options name: opened, made of a clip, or read-only if somebody else has it."""
+    from tcfit_app.clip_input import clip_options, refusal
+
     if options.video is not None and is_project(options.video):
         folder = options.video
         if options.keypoints is not None:
             raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
+        if given := clip_options(options):
+            raise InputError(f"{folder}: is a project already. {refusal(given)}")
     else:
         from tcfit_app.new_command import make_project
 

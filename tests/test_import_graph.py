@@ -57,7 +57,7 @@ APP_LAYERS = {
     "all tabs": "app address gate gated_viser server",
     "commands": "options detect_options import_options export_options evaluate_options reference_options "
     "evaluation_files suite_runs ablations suite_command evaluate_command "
-    "progress clip_input probes doctor fit_command detect_command models_command new_command review_command "
+    "progress clip_input probes doctor fit_command detect_command models_command reopening new_command review_command "
     "demo_command import_command export_command child_processes batch "
     "batch_options batch_command bench bench_options bench_command cli __main__",
 }

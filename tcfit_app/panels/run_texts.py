@@ -133,10 +133,9 @@ def short(value: object) -> str:
 def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Html]:
     """All that is known of a run but its result."""
     run, clip = listed.run, session.project.clip
-    parent = None if run.parent is None else session.project.runs.get(run.parent)
     known = {
         "Fitted": _kind(run, clip.first_frame),
-        "From": f"{parent.name}{' (deleted)' if parent.deleted else ''}" if parent else _source(run),
+        "From": _origin(run, session),
         "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
         "Body": f"{run.body.kind}, {run.body.gender}",
         "Imported" if run.kind == "imported" else "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
@@ -147,8 +146,15 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Htm
     return [facts((name, value) for name, value in known.items() if value), *problem, *_differences(run), *_notes(fit)]
 
 
-def _source(run: Run) -> str:
-    return str(run.summary.get("source", ""))
+def _origin(run: Run, session: Session) -> str:
+    """The run from which it started, or the file that it was read from; empty without either."""
+    if run.parent is None:
+        return str(run.summary.get("source", ""))
+    known = (*session.fits.runs, *session.project.runs.all(deleted=True))
+    parent = next((one for one in known if one.id == run.parent), None)
+    if parent is None:
+        return "a run that was removed"
+    return f"{parent.name}{' (deleted)' if parent.deleted else ''}"
 
 
 def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:

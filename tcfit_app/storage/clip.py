@@ -3,6 +3,8 @@
 import hashlib
 import os
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -88,6 +90,27 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     except (ValueError, TypeError) as error:
         raise InputError(f"{store.path}: the clip in it cannot be read ({error}); it is damaged.") from error
     return clip, link
+
+
+@contextmanager
+def clip_store(folder: Path) -> Iterator[Database]:
+    """The database of a project that others may have open, for a look at its clip.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    store = Database(folder / database.NAME, read_only=True, older=True)
+    try:
+        yield store
+    finally:
+        store.close()
+
+
+def creation_time(folder: Path) -> str:
+    """When a project was made, which tells it from others of its name. Raises InputError if it cannot be read."""
+    with clip_store(folder) as store:
+        rows = store.rows("SELECT created FROM clip")
+    return rows[0]["created"] if rows else ""
 
 
 def replace_detections(folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...]) -> None:

@@ -95,8 +95,13 @@ class Database:
     What `transaction` has ended without an error stays, even if the computer loses power (WAL, synchronous = FULL).
     """
 
-    def __init__(self, path: Path, *, read_only: bool) -> None:
+    def __init__(self, path: Path, *, read_only: bool, older: bool = False) -> None:
         """Open a project's database, and bring it to the present version.
+
+        Args:
+            path: Of the file.
+            read_only: It stays as it is, and must be of the present version.
+            older: Or of an older one, where only the table clip is read: that is the same in all versions.
 
         Raises:
             InputError: It cannot be opened, is damaged, none of tcfit's, or from a newer tcfit.
@@ -106,7 +111,7 @@ class Database:
             self._connection = _connect(path, "ro" if read_only else "rw")
         try:
             with _explained(path):
-                self._check()
+                self._check(older=older)
                 if not read_only:
                     _make_durable(self._connection)
                     self._migrate()
@@ -127,7 +132,7 @@ class Database:
             finally:
                 connection.close()
 
-    def _check(self) -> None:
+    def _check(self, *, older: bool) -> None:
         application, version = (self._pragma(name) for name in ("application_id", "user_version"))
         if application != _APPLICATION:
             raise InputError(f"{self.path}: is a database of another program; expected one that `tcfit new` made.")
@@ -137,7 +142,7 @@ class Database:
                 f"{self.path}: is of version {version}, and this tcfit knows versions up to {known}. A newer tcfit has "
                 "written it: update tcfit."
             )
-        if version < known and self.read_only:
+        if version < known and self.read_only and not older:
             raise InputError(
                 f"{self.path}: is of version {version}, from an older tcfit, and cannot be brought to version {known} "
                 "read-only. Open it once for writing."

@@ -73,6 +73,11 @@ def copy(source: Path, project: Path) -> MediaLink:
     return MediaLink(relative=relative, absolute=str(source), fingerprint=fingerprint(target))
 
 
+def is_own(link: MediaLink) -> bool:
+    """Whether a link says that the frames lie in the project, as `copy` puts them there."""
+    return link.relative.startswith(f"{FOLDER}/")
+
+
 def find(link: MediaLink | None, project: Path) -> Media:
     """Look for what a link points at, first beside the project and then where it was."""
     if link is None:

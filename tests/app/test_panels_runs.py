@@ -84,6 +84,25 @@ def test_removing_for_good_asks(panel_of: Opener):
         tested.page.session.project.runs.get(run.id)
 
 
+def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session, first = tested.page.session, tested.fit()
+    runs, fit = session.project.runs, session.fits.fit(first)
+    started = runs.start(QUICK, body=first.body, edits_seen=0, kind="corrections", parent=first.id, name="Corrected")
+    runs.finish(started.id, fit)
+    session.fits.changed()
+    assert ">Run 1<" in of_parent(tested)
+    session.delete(first.id)
+    assert "Run 1 (deleted)" in of_parent(tested)
+    session.purge()
+    assert "a run that was removed" in of_parent(tested)
+
+
+def of_parent(tested: LonePage) -> str:
+    """What the details of the chosen run say after "From"."""
+    return tested.html().partition("From")[2].partition("Edits")[0]
+
+
 def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
     tested = panel_of(RunsPanel)
     tested.fit()

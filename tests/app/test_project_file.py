@@ -2,12 +2,14 @@
 
 import io
 import shutil
+import sqlite3
 import stat
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -18,6 +20,8 @@ from tcfit_app.cli import main, parse
 from tcfit_app.project import Project
 from tcfit_app.project_file import ABOUT, is_packed, pack, unpack
 from tcfit_app.review_command import opened
+from tcfit_app.storage import database
+from tcfit_app.storage.media import MediaLink
 from tcfit_app.storage.reference import NAME
 from tests.app.project_samples import (
     BODY,
@@ -233,6 +237,24 @@ def other_detections(packed: Path) -> None:
     rewritten(packed, lambda c: c.update({"detections.npz": buffer.getvalue()}))
 
 
+def _relink(connection: sqlite3.Connection, relative: str) -> None:
+    text = msgspec.json.encode(MediaLink(relative=relative, absolute="/nowhere", fingerprint="")).decode()
+    connection.execute("UPDATE clip SET media = ?", (text,))
+    connection.commit()
+
+
+def linked(relative: str) -> Callable[[Path], None]:
+    """A database that says that the video is there."""
+
+    def change(contents: dict[str, bytes]) -> None:
+        connection = sqlite3.connect(":memory:")
+        connection.deserialize(contents[database.NAME])
+        _relink(connection, relative)
+        contents[database.NAME] = connection.serialize()
+
+    return lambda packed: rewritten(packed, change) and None
+
+
 BAD = {
     "traversal": (added("../evil.txt"), "no project of tcfit has"),
     "traversal in media": (added("media/../../evil"), "no project of tcfit has"),
@@ -254,6 +276,11 @@ BAD = {
     "no database": (no_database, "no project of tcfit"),
     "other database": (other_database, "database"),
     "other detections": (other_detections, "changed since"),
+    "video above": (linked("media/../../secrets"), "its video is 'media/../../secrets'"),
+    "video above in Windows": (linked("media/..\\..\\secrets"), "its video is"),
+    "video is the project": (linked("media/.."), "its video is"),
+    "video in the root": (linked("media//etc"), "its video is"),
+    "video on a drive": (linked("media/C:/secrets"), "its video is"),
 }
 
 
@@ -265,6 +292,62 @@ def test_made_up_files_are_refused_and_leave_nothing(packed: Path, tmp_path: Pat
         unpack(packed, tmp_path / "deep" / "er" / "x.tcfit")
     assert not list((tmp_path / "deep" / "er").iterdir())
     assert sorted(p.name for p in tmp_path.iterdir()) == ["deep", "walk.tcfit", "walk.tcfit.zip"]
+
+
+@pytest.fixture
+def secrets(tmp_path: Path) -> Path:
+    """Files beside the project that its receiver never meant to hand on."""
+    (tmp_path / "secrets").mkdir()
+    (tmp_path / "secrets" / "key").write_text("PRIVATE")
+    return tmp_path / "secrets"
+
+
+def say_video(project: Path, relative: str) -> None:
+    with sqlite3.connect(project / database.NAME) as connection:
+        _relink(connection, relative)
+    connection.close()
+
+
+@pytest.mark.parametrize("with_media", [False, True])
+@pytest.mark.parametrize("video", ["media/../../secrets", "media/../../secrets/key", "media/folder", "media/file"])
+def test_a_video_that_leads_out_of_the_project_is_not_packed(
+    project: Path, secrets: Path, tmp_path: Path, video: str, with_media: bool
+):
+    (project / "media").mkdir()
+    (project / "media" / "folder").symlink_to(secrets)
+    (project / "media" / "file").symlink_to(secrets / "key")
+    say_video(project, video)
+    with pytest.raises(InputError, match="out of its folder media"):
+        pack(project, tmp_path / "x.zip", with_media=with_media)
+    assert not (tmp_path / "x.zip").exists()
+
+
+def test_no_image_may_lead_out_of_the_project(project: Path, secrets: Path, tmp_path: Path):
+    frames = project / "media" / "frames"
+    frames.mkdir(parents=True)
+    (frames / "0.png").write_bytes(b"x")
+    say_video(project, "media/frames")
+    pack(project, tmp_path / "good.zip")
+    assert "media/frames/0.png" in zipfile.ZipFile(tmp_path / "good.zip").namelist()
+    (frames / "1.png").symlink_to(secrets / "key")
+    with pytest.raises(InputError, match="out of its folder media"):
+        pack(project, tmp_path / "bad.zip")
+
+
+def test_a_whole_media_folder_elsewhere_is_not_packed(project: Path, secrets: Path, tmp_path: Path):
+    (project / "media").symlink_to(secrets)
+    say_video(project, "media/key")
+    with pytest.raises(InputError, match="out of its folder media"):
+        pack(project, tmp_path / "x.zip")
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_link_to_elsewhere_is_packed_as_a_link(project: Path, secrets: Path, tmp_path: Path, absolute: bool):
+    say_video(project, str(secrets) if absolute else "../secrets")
+    pack(project, tmp_path / "x.zip")
+    assert not any("key" in name for name in zipfile.ZipFile(tmp_path / "x.zip").namelist())
+    with pytest.raises(InputError, match="is not what the project was made with"):
+        pack(project, tmp_path / "y.zip", with_media=True)
 
 
 def test_too_little_space_is_told_before_anything_is_written(packed: Path, tmp_path: Path, monkeypatch):
