@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from fitting_core.evaluation.report.markup import Markup, joined, number, table, tag
 from fitting_core.evaluation.report.plots import Series, bar_plot, legend, line_plot
 
+_SIZE = (580.0, 190.0)
+"""Of a plot, CSS pixels: two of them stand side by side."""
 _COLORS = ("blue", "amber", "teal", "pink", "violet")
 
 
@@ -53,7 +55,7 @@ def _one(ablation: Ablation) -> Markup:
             tag("h3", ablation.title),
             tag("p", ablation.note, class_="dim"),
             legend(styles) if len(variants) > 1 else Markup(),
-            tag("div", *figures, class_="grid"),
+            tag("div", *figures, class_="grid pair"),
             tag("details", tag("summary", "Numbers"), table((ablation.x_title, *names), rows)),
         ]
     )
@@ -68,7 +70,7 @@ def _plot(ablation: Ablation, name: str, variants: list[str]) -> Markup:
     ]
     places = [next(t.place for t in ablation.trials if t.label == label) for label in labels]
     if any(place is None for place in places):
-        return bar_plot(labels, series, y_title=name, x_title=ablation.x_title, size=(380.0, 200.0))
+        return bar_plot(labels, series, y_title=name, x_title=ablation.x_title, size=_SIZE)
     return line_plot(
         [float(place or 0) for place in places],
         series,
@@ -77,4 +79,5 @@ def _plot(ablation: Ablation, name: str, variants: list[str]) -> Markup:
         from_zero=True,
         logarithmic=ablation.logarithmic,
         dots=True,
+        size=_SIZE,
     )
