@@ -7,6 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+INTERRUPTIBLE = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+"""Begins the code of a process that Ctrl-C is to end: one that a shell started in its background ignores that, and so
+would all of its children."""
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork processes")
 
 

@@ -20,6 +20,7 @@ from tcfit_app import fit_command
 from tcfit_app.cli import main, parse
 from tcfit_app.options import BodyOptions, fit_config
 from tests.app.conftest import FRAMES, Finished
+from tests.app.processes import INTERRUPTIBLE
 
 EVERY_OPTION = """
     fit walk.mp4 --keypoints kp --out o --overwrite --no-overlay --threads 2
@@ -253,10 +254,7 @@ def test_failure_in_a_later_phase_keeps_the_earlier_ones(
 
 
 def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Path):
-    code = (
-        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from tcfit_app.cli import main; sys.exit(main())"
-    )
+    code = f"{INTERRUPTIBLE}import sys\nfrom tcfit_app.cli import main; sys.exit(main())"
     # What follows the line "Phase 2" takes seconds: five stages in each of five windows.
     slow = ["--preset", "paper", "--window-size", "2", "--set", "settings.stage_tolerance=1e-12"]
     command = [sys.executable, "-c", code, "fit", *clip_arguments, "--out", str(tmp_path / "out"), *slow]

@@ -18,6 +18,7 @@ from fitting_core.keypoints import INDEX
 from fitting_core.video import FrameSource
 from tcfit_app import detect_command
 from tcfit_app.cli import main
+from tests.app.processes import INTERRUPTIBLE
 from tests.detect.onnx_files import brightest_model, constant_model, spots
 
 FRAMES, SIZE = 70, (160, 120)
@@ -98,7 +99,9 @@ def test_ctrl_c_leaves_finished_frames_and_the_same_command_goes_on(
 ):
     out = tmp_path / "kp"
     command = ["detect", str(video), "--model", str(model), "--out", str(out), "--threads", "1"]
-    running = subprocess.Popen([sys.executable, "-c", SLOW, *command], stderr=subprocess.PIPE, text=True)
+    running = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTIBLE + SLOW, *command], stderr=subprocess.PIPE, text=True
+    )
     end = time.monotonic() + 60
     while not (out / ".detection" / "points-000000.npz").exists():
         assert time.monotonic() < end and running.poll() is None

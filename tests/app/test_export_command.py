@@ -30,6 +30,7 @@ from tcfit_app.exporting import file_name
 from tcfit_app.exports import EXPORTS
 from tcfit_app.project import Project
 from tests.app.conftest import FRAMES, Finished, motion
+from tests.app.processes import INTERRUPTIBLE
 from tests.app.project_samples import sample_clip
 from tests.app.waving import waving_fit, waving_project
 from tests.io.gltf_player import Player
@@ -212,7 +213,8 @@ def test_names_of_clips_lead_nowhere_else():
 
 
 def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
-    command = [sys.executable, "-m", "tcfit_app", "export", str(project), "--out", str(tmp_path)]
+    code = f"{INTERRUPTIBLE}import sys; from tcfit_app.cli import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "export", str(project), "--out", str(tmp_path)]
     process = subprocess.Popen([*command, "--formats", "npz", "obj", "ply"], stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
     while not list(tmp_path.glob(".walk-obj.*/*.obj")):
