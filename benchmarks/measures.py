@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.clips import Sample
 from fitting_core import keypoints as kp
@@ -80,12 +81,19 @@ def accuracy(posed: Posed) -> Figures:
         return {}
     estimate, truth = posed.points[:, kp.LIMBS], posed.sample.truth[:, kp.LIMBS]
     aligned = metrics.pa_mpjpe(estimate, truth)
+    around_root = truth - posed.sample.truth[:, [kp.INDEX["mid_hip"]]]
     return {
         "PA-MPJPE mm": float(aligned.mean()),
         "PA p90 mm": float(np.percentile(aligned, 90)),
         "MPJPE mm": float(metrics.mpjpe(estimate, truth, _HIPS).mean()),
         "depth error mm": float(abs(metrics.depth_error(estimate, truth)).mean()),
+        "reference jitter root mm/f²": metrics.jitter(low_passed(around_root, posed.sample.clip.frame_rate)),
     }
+
+
+def low_passed(points: Float[np.ndarray, "T N 3"], frame_rate: float) -> Float[np.ndarray, "T N 3"]:
+    """A movement below 6 Hz, as usual for walking: the triangulation's noise alone has 50 mm/frame²."""
+    return sosfiltfilt(butter(2, 6.0, fs=frame_rate, output="sos"), points, axis=0)
 
 
 def uprightness(posed: Posed) -> Figures:
