@@ -45,7 +45,7 @@ class LiveWindow:
 
 @dataclass(kw_only=True)
 class _Recent:
-    """Edits that the fit is going to follow."""
+    """Edits that a run's fit is going to follow."""
 
     run: Run
     frames: set[int]
@@ -70,12 +70,12 @@ class Following:
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
         self._drags: dict[int, tuple[Drag, int]] = {}
         self._revisions = count(1)
-        self._recent: _Recent | None = None
+        self._recent: dict[int, _Recent] = {}
 
     @property
     def busy(self) -> bool:
         """Whether the fit follows a drag, or is about to follow an edit."""
-        return bool(self._drags) or self._recent is not None
+        return bool(self._drags or self._recent)
 
     def begin_drag(
         self, shown: Shown, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]
@@ -122,10 +122,9 @@ class Following:
 
     def follow(self, run: Run, frames: Iterable[int]) -> None:
         """Fit the surroundings of frames of a run again, soon."""
-        found = set(frames)
-        if self._recent is not None and self._recent.run.id == run.id:
-            found |= self._recent.frames
-        self._recent = _Recent(run=run, frames=found, since=time.monotonic())
+        before = self._recent.get(run.id)
+        found = set(frames) | (before.frames if before else set())
+        self._recent[run.id] = _Recent(run=run, frames=found, since=time.monotonic())
 
     def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
         """Fits the surroundings of recent edits again, once these have settled.
@@ -133,10 +132,11 @@ class Following:
         Args:
             tell: gets to know of edits that the fit does not follow by itself: too many, or without the body model.
         """
-        recent = self._recent
-        if recent is None or time.monotonic() - recent.since < SETTLING:
+        settled = time.monotonic() - SETTLING
+        recent = next((recent for recent in self._recent.values() if recent.since <= settled), None)
+        if recent is None:
             return None
-        self._recent = None
+        del self._recent[recent.run.id]
         windows = around(recent.frames, REACH, len(self._project.detections))
         if sum(map(len, windows)) > MOST_FOLLOWED:
             text = f"{len(recent.frames)} frames were edited: re-run them when you are done."

@@ -72,9 +72,8 @@ class Picture:
         with page.client.atomic():
             self._draw_scene(image, bodies, a, b)
             self._draw_keypoints()
-        if page.changes.of(
-            "flushed", state.frame, page.session.following.live and page.session.following.live.revision
-        ):
+        live = page.session.following.live
+        if page.changes.of("flushed", state.frame, live and live.revision):
             page.client.flush()  # viser would wait 16 ms for more
         self._draw_legend()
         return True

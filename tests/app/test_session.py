@@ -278,6 +278,17 @@ def test_an_edit_that_came_while_the_fit_followed_is_not_written_over(
     assert after.kind == "corrections" and after.edits_seen == 2, "both are in: frame 0 was followed again"
 
 
+def test_edits_of_two_runs_are_both_followed(session: Session):
+    before = newest(session)
+    other = session.rerun_frames(before, QUICK, (range(0, 2),))
+    idle(session)
+    nudge(session, 0, before)
+    nudge(session, 7, newest(session))  # before the first has settled
+    idle(session)
+    followed = {run.parent for run in session.fits.runs if run.kind == "corrections"}
+    assert followed == {before.run.id, other.id}
+
+
 def test_edits_that_no_window_holds_stay_unseen(session: Session):
     before = newest(session)
     nudge(session, 0, None)
