@@ -2,7 +2,8 @@
 
 `tcfit review` runs as users run it, in a process of its own, on a fitted project; Debian's Chromium, with WebGL in
 software, opens the link. A frame counts as there when its picture has gone to the graphics card, a body when its
-vertices have. Times are the browser's own: from the key or pointer event to that moment.
+vertices have; "drawn" is when the card, here the processor, has finished the picture's frame. Times are the browser's
+own: from the key or pointer event to that moment.
 """
 
 import shutil
@@ -31,12 +32,24 @@ if TYPE_CHECKING:
 SETTLED_MS = 600
 """Without anything new for so long, the page has come to rest."""
 HOOKS = """
-window.__picture = []; window.__mesh = [];
+window.__picture = []; window.__mesh = []; window.__drawn = [];
+const whenDrawn = (gl) => queueMicrotask(() => {
+  const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+  gl.flush();
+  const look = () => {
+    if (gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED) window.__drawn.push(performance.now());
+    else setTimeout(look, 1);
+  };
+  look();
+});
 for (const name of ["texImage2D", "texSubImage2D", "texStorage2D"]) {
   const plain = WebGL2RenderingContext.prototype[name];
   WebGL2RenderingContext.prototype[name] = function(...args) {
     const source = args[args.length - 1];
-    if (source && (source.width > 200 || source.byteLength > 1e5)) window.__picture.push(performance.now());
+    if (source && (source.width > 200 || source.byteLength > 1e5)) {
+      window.__picture.push(performance.now());
+      whenDrawn(this);
+    }
     return plain.apply(this, args);
   };
 }
@@ -48,7 +61,7 @@ for (const name of ["bufferData", "bufferSubData"]) {
   };
 }
 """
-"""Note when pictures and vertices go to the graphics card."""
+"""Note when pictures and vertices go to the graphics card, and when it has drawn a picture."""
 NEXT_MOVE = """() => {
   window.__mesh.length = 0;
   const note = () => { window.__at = performance.now(); };
@@ -103,18 +116,19 @@ def served(project: Path) -> Iterator[tuple[str, float]]:
             process.terminate()
 
 
-def seeks(page: "Page", count: int) -> list[float]:
-    """Milliseconds from the key to the next frame's picture: forward by one, after each of which the page rests."""
-    times = []
+def seeks(page: "Page", count: int) -> tuple[list[float], list[float]]:
+    """Milliseconds from the key to the next frame's picture, sent and drawn: forward by one, then the page rests."""
+    sent, drawn = [], []
     for _ in range(count):
-        page.evaluate("() => { window.__picture.length = 0; window.__at = performance.now(); }")
+        page.evaluate("() => { window.__picture.length = window.__drawn.length = 0; window.__at = performance.now(); }")
         page.keyboard.press("ArrowRight")
         since = page.evaluate("() => window.__at")
-        found = page.evaluate(LATER, ["__picture", since])
-        if found is not None:
-            times.append(found)
+        for name, times in (("__picture", sent), ("__drawn", drawn)):
+            found = page.evaluate(LATER, [name, since])
+            if found is not None:
+                times.append(found)
         page.wait_for_timeout(SETTLED_MS)
-    return times
+    return sent, drawn
 
 
 def drags(page: "Page", place: tuple[float, float], count: int) -> list[float]:
@@ -203,7 +217,9 @@ def run(options: Review) -> None:
                 "() => document.querySelectorAll('.mantine-Notification-closeButton').forEach((b) => b.click())"
             )
             page.wait_for_timeout(1000)
-            rows.append(summary("seek: key to picture", seeks(page, options.seeks), "median 150"))
+            sent, drawn = seeks(page, options.seeks)
+            rows.append(summary("seek: key to picture", sent, "median 150"))
+            rows.append(summary("seek: key to drawn picture", drawn, "median 150"))
             progress("seeks")
             place = on_screen(page, project, options.seeks, options.keypoint)
             rows.append(summary("drag: pointer to body", drags(page, place, options.moves), "median 150, 95 % 300"))

@@ -33,7 +33,7 @@ class Picture:
         self._page, self._desk = page, page.desk
         self._view = SceneView(page.client, strip_height=0)  # the timeline lies below the canvas
         self._size = (0, 0)
-        self._image: tuple[Hashable, FrameImage | None] = (None, None)
+        self._image: FrameImage | None = None
         self._layers: dict[Hashable, BodyLayer] = {}
 
     def resized(self, width: int, height: int) -> None:
@@ -87,15 +87,13 @@ class Picture:
             frames = coming(state.frame, self._page.played, _AHEAD, loop=state.loop)
             video.prefetch([state.frame, *frames], reader=self._page)
             data = video.get(state.frame, "playing")
-            found = None if data is None else (data, "playing")
         else:
-            found = video.nearest(state.frame)
-        if found is None:
+            data = video.nearest(state.frame)
+        if data is None:
             return None
-        key = (state.frame, found[1], id(video))
-        if self._image[0] != key:
-            self._image = (key, FrameImage(data=found[0]))
-        return self._image[1]
+        if self._image is None or self._image.data is not data:
+            self._image = FrameImage(data=data)
+        return self._image
 
     def _bodies(self, a: Shown | None, b: Shown | None) -> list[tuple[BodyLayer, ...]]:
         """For each poster, or for the room, its bodies."""

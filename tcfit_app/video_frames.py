@@ -5,7 +5,8 @@ frame then, and a text that says what is wrong.
 
 One thread opens, decodes and encodes, for a video is read forward: what it does first is what somebody waits for, then
 what is about to be played, then the rest of the clip at the playing size, as far as memory allows. So a jump within a
-clip that was open for some seconds shows the playing size at once, and the full size after a seek.
+clip that was open for some seconds shows the playing size at once, and the full size after a seek; a clip that is no
+larger is kept in one size only.
 
 A seek decodes from the last key frame on. Milliseconds of `FrameSource.frame` at 25 random frames, and of encoding one
 as "playing" and "full", on one thread:
@@ -29,7 +30,7 @@ import numpy as np
 from fitting_core.errors import InputError
 from fitting_core.video import FrameSource
 from tcfit_app.byte_cache import ByteCache
-from tcfit_app.jpeg import FrameSize, encoded, placeholder, shown_size
+from tcfit_app.jpeg import SIZES, FrameSize, encoded, placeholder, shown_size
 
 _LIMIT = 256 * 2**20
 _FILLED = 0.5
@@ -70,7 +71,9 @@ class VideoFrames:
         self._source, self._first, self._arrived = source, first_frame, arrived
         self._awaited: set[Wanted] = set()
         self._cache: ByteCache[bytes] = ByteCache(limit, len)
-        self._grey = {shown: placeholder(size, shown) for shown in ("playing", "full")}
+        self._grey = {shown: placeholder(size, shown) for shown in SIZES}
+        one = len({shown_size(size, shown) for shown in SIZES}) == 1
+        self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
         self._problem = "" if source else "There is no video: the project was made without one, or it is not found."
         self._problems: dict[int, str] = {}
         self._asked: deque[Wanted] = deque(maxlen=_WAITING)
@@ -98,26 +101,23 @@ class VideoFrames:
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame as JPEG if it is there; else None, and it is decoded next."""
         assert 0 <= frame < self.count
-        found = self._cached((frame, shown))
+        wanted = frame, self._kept[shown]
+        found = self._cached(wanted)
         if found is None:
-            self._ask((frame, shown))
+            self._ask(wanted)
         return found
 
-    def nearest(self, frame: int, shown: FrameSize = "full") -> tuple[bytes, FrameSize] | None:
+    def nearest(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame in this size, or else in the other one if that is there; what is missing is decoded next."""
-        found = self.get(frame, shown)
-        if found is not None:
-            return found, shown
-        other: FrameSize = "playing" if shown == "full" else "full"
-        found = self._cached((frame, other))
-        return None if found is None else (found, other)
+        return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
 
     def wait(self, frame: int, shown: FrameSize = "full", *, timeout: float = 10.0) -> bytes:
         """The frame as JPEG; the placeholder if it cannot be decoded, or not within `timeout` seconds."""
         if found := self.get(frame, shown):
             return found
         with self._changed:
-            return self._changed.wait_for(lambda: self._cached((frame, shown)), timeout) or self._grey[shown]
+            wanted = frame, self._kept[shown]
+            return self._changed.wait_for(lambda: self._cached(wanted), timeout) or self._grey[shown]
 
     def prefetch(self, frames: Iterable[int], shown: FrameSize = "playing", *, reader: Hashable = None) -> None:
         """Decode frames that are about to be played.
@@ -127,7 +127,8 @@ class VideoFrames:
             shown: In which size.
             reader: Who plays; the frames take the place of what it asked for before.
         """
-        coming: deque[Wanted] = deque((frame, shown) for frame in _forward(list(frames)) if 0 <= frame < self.count)
+        kept = self._kept[shown]
+        coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if 0 <= frame < self.count)
         with self._changed:
             self._coming[reader] = coming
             self._changed.notify_all()
@@ -204,7 +205,7 @@ class VideoFrames:
                     self._coming[reader] = queue
                     return wanted
         while self._rest and self._cache.used < _FILLED * self._cache.limit:
-            wanted: Wanted = (self._rest.popleft(), "playing")
+            wanted: Wanted = (self._rest.popleft(), self._kept["playing"])
             if self._missing(wanted):
                 return wanted
         return None

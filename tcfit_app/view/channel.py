@@ -23,6 +23,7 @@ SCRIPTS = (
     "style",
     "elements",
     "connection",
+    "pictures",
     "arrival",
     "projection",
     "skeleton",

@@ -30,11 +30,15 @@ def shown(jpeg: bytes) -> int:
 
 @pytest.fixture(scope="module")
 def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("video") / "walk.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, SIZE)
+    return walk(tmp_path_factory.mktemp("video") / "walk.avi", SIZE)
+
+
+def walk(path: Path, size: tuple[int, int]) -> Path:
+    """A video whose frames' right halves tell their index."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, size)
     for index in range(COUNT):
-        image = np.full((SIZE[1], SIZE[0], 3), STEP * index, np.uint8)
-        image[:, : SIZE[0] // 2] = (0, 0, 255)
+        image = np.full((size[1], size[0], 3), STEP * index, np.uint8)
+        image[:, : size[0] // 2] = (0, 0, 255)
         writer.write(image)
     writer.release()
     return path
@@ -99,8 +103,16 @@ def test_asking_does_not_wait_but_has_the_frame_decoded(opened: Callable[..., Vi
     assert frames.get(20) is None and frames.nearest(20) is None
     until(lambda: frames.get(20) is not None)
     found = frames.nearest(20, "playing")
-    assert found is not None and found[1] == "full" and shown(found[0]) == 20
-    until(lambda: frames.get(20, "playing") is not None)
+    assert found is not None and found is frames.get(20) and shown(found) == 20
+    until(lambda: frames.get(20, "playing") not in (None, found))
+    assert frames.nearest(20, "playing") is frames.get(20, "playing")
+
+
+def test_a_small_clip_is_kept_in_one_size(tmp_path: Path):
+    small = walk(tmp_path / "small.avi", (192, 108))
+    with VideoFrames(small, first_frame=0, count=COUNT, size=(192, 108)) as frames:
+        assert frames.wait(7) is frames.get(7, "playing") is frames.nearest(7)
+        until(lambda: len(frames._cache) == COUNT)
 
 
 def test_frames_to_be_played_are_there_without_asking(opened: Callable[..., VideoFrames]):

@@ -1,20 +1,71 @@
-// States that come without anything for viser's scene are taken at once, and viser's scene is not drawn again for them:
-// each message would have viser draw for a quarter of a second, which in software takes a whole processor core.
+// What comes from the server is taken when it is complete, and viser's scene is drawn once for it.
+//
+// viser takes messages in the next frame that it draws, which shows the old scene; draws the bodies in another one and
+// the picture, decoded by then, in a third; and goes on for a quarter of a second. In software each of them takes a
+// tenth of a second or more.
 
 const usualRequest = viewer().requestRender;
+const invalidateScene = viewer().scene.__r3f?.root.getState().invalidate ?? usualRequest;
+let decoding = null; // messages whose pictures are being decoded
+const behind = []; // those that came meanwhile
 
+/** They touch nothing in viser's scene: it is not drawn again for them. */
 const leavesScene = ({ type, source }) =>
   type === "GuiUpdateMessage" || (type === "RunJavascriptMessage" && source.startsWith("tcfit.receive("));
 
-/** In viser's place, which asks for a frame when messages have come. Its own messages keep their order among ours. */
+const CHANGES = new Set(["SceneNodeUpdateMessage", "SetPositionMessage", "SetSceneNodeVisibilityMessage"]);
+
+/** They change what is in the scene, at once. */
+const changesScene = (message) => CHANGES.has(message.type) || leavesScene(message);
+
+/** In viser's place, which asks for a frame when messages have come. All of them keep their order. */
 function requestRender() {
+  const { messageQueue } = viewer();
+  if (document.hidden) [...textures.keys()].forEach(leaveToViser); // viser took the messages without asking
+  if (decoding) behind.push(...messageQueue.splice(0));
+  else if (messageQueue.some(isPicture)) decode(messageQueue.splice(0));
+  else apply();
+}
+
+/** Takes messages when their pictures are there; of several for one node only the last one is looked at. */
+async function decode(messages) {
+  decoding = messages;
+  const newest = new Map(messages.filter(isPicture).map((message) => [message.name, message]));
+  const bitmaps = await Promise.all([...newest.values()].map(decoded));
+  if (decoding !== messages) return bitmaps.forEach((bitmap) => bitmap?.close()); // they were given back meanwhile
+  decoding = null;
+  const hung = new Set([...newest.keys()].filter((name, i) => hang(name, bitmaps[i])));
+  const done = (message) => isPicture(message) && hung.has(message.name);
+  viewer().messageQueue.push(...messages.map((message) => (done(message) ? withoutPicture(message) : message)));
+  apply();
+  if (!behind.length) return;
+  viewer().messageQueue.push(...behind.splice(0));
+  requestRender();
+}
+
+function withoutPicture(message) {
+  const { _data, ...updates } = message.updates;
+  return { ...message, updates };
+}
+
+/** Takes what has come, now where that is safe, and draws the scene if that has changed. */
+function apply() {
   const { messageQueue, drainMessageQueue, getRenderRequestState } = viewer();
   const ready = drainMessageQueue && getRenderRequestState === "ready";
-  if (ready && messageQueue.length && messageQueue.every(leavesScene)) drainMessageQueue();
-  else usualRequest();
+  if (!ready || !messageQueue.length || !messageQueue.every(changesScene)) return usualRequest();
+  if (!messageQueue.every(leavesScene)) invalidateScene();
+  drainMessageQueue();
+}
+
+/** Back to viser with everything that waits. */
+function giveBack() {
+  if (decoding) viewer().messageQueue.unshift(...decoding, ...behind.splice(0));
+  decoding = null;
 }
 
 viewer().requestRender = requestRender;
+document.addEventListener("visibilitychange", giveBack, listening);
 ending.signal.addEventListener("abort", () => {
+  giveBack();
   if (viewer().requestRender === requestRender) viewer().requestRender = usualRequest;
 });
