@@ -13,7 +13,6 @@ from tqdm import tqdm
 from fitting_core.clip import Clip
 from fitting_core.config_file import as_plain
 from fitting_core.errors import InputError
-from fitting_core.evaluation.demo_clip import cached_demo
 from fitting_core.io.clip_reader import locate, read_clip
 from fitting_core.io.summary import versions
 from tcfit_app.bench.figures import FORMAT, Bench, Figure, compared, differences, read_bench, write_bench
@@ -69,7 +68,7 @@ def _amount(options: BenchOptions) -> Amount:
 def _clip(options: BenchOptions) -> Clip:
     """The clip without its video, which no fit looks at."""
     if options.video is None and options.keypoints is None:
-        demo = cached_demo(progress=sys.stderr.isatty())
+        demo = demo_clip()
         given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
         clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
     else:

@@ -37,7 +37,7 @@ def review_demo(options: DemoOptions) -> None:
     folder = options.out or _PROJECT
     if not is_project(folder):
         check_free(folder)
-        demo = _demo_clip()
+        demo = demo_clip()
         given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
         clip = dataclasses.replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
         with Project.create(folder, clip, copy_media=True) as project:
@@ -60,7 +60,7 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     fit_config(options.method)  # Wrong options should not wait for the clip.
     out = options.out or _RESULT
     check_out(out, overwrite=options.overwrite)
-    clip = _demo_clip()
+    clip = demo_clip()
     truth = read_truth(clip.truth)
     camera = CameraOptions(focal_length=clip.camera.focal[0], center=clip.camera.center)
     fit_options = FitOptions(
@@ -78,13 +78,18 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     return outcome
 
 
-def _demo_clip() -> DemoClip:
+def demo_clip() -> DemoClip:
+    """The demo clip, with a word to who waits for it. Raises InputError if the cache cannot be written."""
     try:
-        return cached_demo(progress=sys.stderr.isatty())
+        return cached_demo(progress=sys.stderr.isatty(), making=_announce)
     except OSError as error:
         raise InputError(
             f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
         ) from error
+
+
+def _announce() -> None:
+    print("Making the demo clip (once, half a minute) ...", file=sys.stderr, flush=True)
 
 
 def truth_table(outcome: Outcome, truth: Truth) -> list[str]:

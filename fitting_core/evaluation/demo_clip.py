@@ -6,7 +6,7 @@ It is generated on the user's computer, so nothing large is shipped, and the sam
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,10 +63,16 @@ class DemoClip:
     camera: Camera
 
 
-def cached_demo(*, progress: bool = True) -> DemoClip:
-    """The demo clip in the user's cache, made when it is asked for the first time (about 20 s)."""
+def cached_demo(*, progress: bool = True, making: Callable[[], None] = lambda: None) -> DemoClip:
+    """The demo clip in the user's cache, made when it is asked for the first time (about 20 s).
+
+    Args:
+        progress: Show a progress bar.
+        making: Called before it is made.
+    """
     folder = platformdirs.user_cache_path("tcfit", appauthor=False) / f"demo-{_version()}"
     if not (folder / _TRUTH).is_file():
+        making()
         folder.parent.mkdir(parents=True, exist_ok=True)
         return make_demo(folder, progress=progress)
     return _clip_in(folder, CAMERA)

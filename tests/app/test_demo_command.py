@@ -1,5 +1,6 @@
 """`tcfit demo`: the clip's own camera, and errors against the truth that are what they say."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.positions import joints_in_space
+from fitting_core.errors import InputError
 from fitting_core.evaluation.demo_clip import DemoClip
 from fitting_core.evaluation.truth import Truth
 from tcfit_app import demo_command
 from tcfit_app.cli import main
-from tcfit_app.demo_command import joint_errors
+from tcfit_app.demo_command import demo_clip, joint_errors
 from tcfit_app.fit_command import Outcome
 from tests.app.conftest import CAMERA, FRAMES, QUICK, motion
 
@@ -38,7 +40,7 @@ def demo(keypoint_folder: Path, free_body: BodyModel, monkeypatch: pytest.Monkey
         body_hash=free_body.hash,
     )
     clip = DemoClip(folder=tmp_path, video=video, keypoints=keypoint_folder, truth=tmp_path / "t.npz", camera=CAMERA)
-    monkeypatch.setattr(demo_command, "cached_demo", lambda progress: clip)
+    monkeypatch.setattr(demo_command, "cached_demo", lambda **_: clip)
     monkeypatch.setattr(demo_command, "read_truth", lambda path: truth)
     return truth
 
@@ -65,10 +67,21 @@ def test_errors_are_in_millimetres(demo: Truth, free_body: BodyModel):
     assert absolute == pytest.approx(50) and aligned < 1e-6 and pa < 1e-6
 
 
+def test_who_waits_for_the_clip_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+    def making(making: Callable[[], None], **_: object) -> None:
+        making()
+        raise OSError("no space left")
+
+    monkeypatch.setattr(demo_command, "cached_demo", making)
+    with pytest.raises(InputError, match=r"no space left.*free space"):
+        demo_clip()
+    assert "Making the demo clip" in capsys.readouterr().err
+
+
 def test_wrong_options_do_not_wait_for_the_clip(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
 ):
-    def never(progress: bool) -> None:
+    def never(**_: object) -> None:
         raise AssertionError("the clip was made")
 
     monkeypatch.setattr(demo_command, "cached_demo", never)

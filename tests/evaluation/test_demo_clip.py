@@ -211,8 +211,9 @@ def test_the_cache_is_filled_once(tmp_path: Path, truth: Truth, monkeypatch: pyt
 
     monkeypatch.setattr(demo_clip, "_film", film)
     monkeypatch.setattr(demo_clip.platformdirs, "user_cache_path", lambda *_, **__: tmp_path / "cache")
-    first, second = cached_demo(progress=False), cached_demo(progress=False)
-    assert first == second and len(made) == 1 and first.truth.is_file()
+    told: list[str] = []
+    first, second = (cached_demo(progress=False, making=lambda: told.append("making")) for _ in range(2))
+    assert first == second and len(made) == len(told) == 1 and first.truth.is_file()
     assert [entry.name for entry in (tmp_path / "cache").iterdir()] == [first.folder.name]
 
 
