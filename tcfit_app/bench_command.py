@@ -21,6 +21,7 @@ from tcfit_app.bench.measuring import Setup
 from tcfit_app.bench.tables import comparison_tables, figure_table, growth_table, ratio_table
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Amount, Trial, compared_trials, run_trials
 from tcfit_app.bench_options import BenchOptions
+from tcfit_app.demo_command import demo_clip
 from tcfit_app.fit_command import body_file, prepare_torch
 from tcfit_app.options import fit_config
 
