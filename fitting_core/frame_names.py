@@ -21,6 +21,14 @@ def split_number(stem: str) -> tuple[str, int | None]:
     return (match["prefix"], int(match["number"])) if match else (stem, None)
 
 
+def image_numbers(stems: Iterable[str]) -> dict[int, int]:
+    """Places of images by the numbers at the end of their names; empty unless only the numbers differ."""
+    names = [split_number(stem) for stem in stems]
+    if len({prefix for prefix, _ in names}) > 1:
+        return {}
+    return {number: t for t, (_, number) in enumerate(names) if number is not None}
+
+
 def runs(frames: Iterable[int]) -> list[range]:
     """Ascending frame numbers as runs that follow each other."""
     found: list[range] = []

@@ -148,6 +148,15 @@ class FrameSource:
         self.close()
 
 
+def image_files(folder: Path | None) -> tuple[Path, ...]:
+    """A folder's images in natural order; none for a video or what is not there."""
+    if folder is None or not folder.is_dir():
+        return ()
+    visible = (file for file in folder.iterdir() if not file.name.startswith("."))
+    images = (file for file in visible if file.suffix.lower() in IMAGE_SUFFIXES)
+    return tuple(sorted(images, key=lambda file: natural_key(file.name)))
+
+
 class _Images:
     """Image files, read when asked for."""
 
@@ -155,11 +164,10 @@ class _Images:
     uneven = False
 
     def __init__(self, path: Path) -> None:
-        entries = sorted(path.iterdir(), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
-        visible = [file for file in entries if not file.name.startswith(".")]
-        self._files = [file for file in visible if file.suffix.lower() in IMAGE_SUFFIXES]
+        self._files = image_files(path) if path.is_dir() else (path,)
         if not self._files:
-            found = f"{len(visible)} other files, such as {visible[0].name}" if visible else "an empty folder"
+            others = sorted(file.name for file in path.iterdir() if not file.name.startswith("."))
+            found = f"{len(others)} other files, such as {others[0]}" if others else "an empty folder"
             raise InputError(f"No images in {path}: found {found}; expected files in {', '.join(IMAGE_SUFFIXES)}.")
         self.count = self.declared_count = len(self._files)
         self.stems: tuple[str, ...] | None = tuple(file.stem for file in self._files)

@@ -16,6 +16,7 @@ from fitting_core.io.openpose import write_openpose
 from fitting_core.io.pose_file import write_pose
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.io.smplifyx import write_smplifyx
+from fitting_core.video import image_files
 from tcfit_app.export_figures import as_json, clip_stated, write_figures_csv, write_figures_json, write_summary
 from tcfit_app.export_report import write_report
 from tcfit_app.export_source import ExportSource
@@ -69,11 +70,11 @@ def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
 
 def _smplifyx(source: ExportSource, folder: Path, progress: Progress) -> None:
     motion = source.motion("camera").in_axes("camera")  # the pickles have no other
-    stem = file_stem(motion.name)
+    numbered = [f"{file_stem(motion.name)}_{motion.first_frame + t:06d}" for t in range(len(motion))]
     write_smplifyx(
         folder,
         motion.params,
-        stems=[f"{stem}_{motion.first_frame + t:06d}" for t in range(len(motion))],
+        stems=[image.stem for image in _images(source)] or numbered,
         camera=motion.camera,
         body=motion.body,
         frame_rate=motion.frame_rate,
@@ -119,7 +120,13 @@ def _video(source: ExportSource, fits: list, path: Path, progress: Progress) -> 
 
 def _openpose(source: ExportSource, folder: Path, progress: Progress) -> None:
     clip = source.clip
-    write_openpose(folder, clip.keypoints, name=file_stem(clip.name), first_frame=clip.first_frame)
+    write_openpose(
+        folder,
+        clip.keypoints,
+        name=file_stem(clip.name),
+        first_frame=clip.first_frame,
+        image_stems=[image.stem for image in _images(source)],
+    )
     (folder / "clip.json").write_bytes(as_json(clip_stated(clip)))
 
 
@@ -132,12 +139,20 @@ def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
         size=clip.camera.size,
         frame_rate=clip.frame_rate,
         first_frame=clip.first_frame,
+        image_names=[image.name for image in _images(source)],
     )
 
 
 def _pose(source: ExportSource, path: Path, progress: Progress) -> None:
     clip = source.clip
     write_pose(path, clip.keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)
+
+
+def _images(source: ExportSource) -> tuple[Path, ...]:
+    """A clip's images, whose names tell a reader more than a number: that may be in the name of another one."""
+    clip = source.clip
+    images = image_files(clip.source)[clip.first_frame : clip.first_frame + len(clip)]
+    return images if len({image.stem for image in images}) == len(clip) else ()
 
 
 # --- the project ---

@@ -21,6 +21,7 @@ from fitting_core.io.result_files import FIT_NAME
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.registry import read_prior, registered_vposer, user_file
 from fitting_core.result import FitResult, PhaseResult
+from fitting_core.video import image_files
 from tcfit_app.bodies import Bodies, record_of
 from tcfit_app.project import Project
 from tcfit_app.storage.names import name_of_file
@@ -103,6 +104,7 @@ def imported_fit(
         len(clip),
         clip_first=clip.first_frame,
         clip_rate=clip.frame_rate,
+        images=[image.stem for image in image_files(clip.source)],
         first_frame=choices.first_frame,
     )
     body, motion = _with_body(motion, bodies, choices)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.errors import InputError
-from fitting_core.frame_names import split_number
+from fitting_core.frame_names import image_numbers
 from fitting_core.io.detections import Detections
 from fitting_core.keypoints import COUNT
 
@@ -99,18 +99,10 @@ def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, in
     numbers = detections.numbers
     if numbers is None:
         return {k: k for k in range(len(detections))}, _IN_ORDER
-    of_image = _numbered_images(timeline)
+    of_image = image_numbers(timeline.stems or ())
     if set(numbers) <= set(of_image):
         return {k: of_image[number] for k, number in enumerate(numbers)}, "by the numbers in the images' names"
     return _counted(numbers, timeline.numbers)
-
-
-def _numbered_images(timeline: Timeline) -> dict[int, int]:
-    """Places by the numbers in the images' names; empty unless only the numbers differ."""
-    names = [split_number(stem) for stem in timeline.stems or ()]
-    if len({prefix for prefix, _ in names}) > 1:
-        return {}
-    return {number: t for t, (_, number) in enumerate(names) if number is not None}
 
 
 def _counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], str]:

@@ -1,5 +1,6 @@
 """A body's motion as another program's file has it, and how it comes into a clip: its space, its hands, its frames."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.frame_names import spans
+from fitting_core.frame_names import image_numbers, spans
 from fitting_core.io.motion import Motion
 
 _SAME_RATE = 1e-3
@@ -49,6 +50,8 @@ class ImportedMotion:
     """Of the frames, ascending."""
     numbered: bool
     """Whether the file tells these numbers; else they count from 0."""
+    stems: tuple[str, ...] = ()
+    """Of the frames' images, where the file tells their names."""
     frame_rate: float | None = None
     """Frames per second."""
     camera: Camera | None = None
@@ -119,11 +122,18 @@ class CoveredFrames:
 
 
 def cover(
-    motion: ImportedMotion, frames: int, *, clip_first: int, clip_rate: float, first_frame: int | None = None
+    motion: ImportedMotion,
+    frames: int,
+    *,
+    clip_first: int,
+    clip_rate: float,
+    images: Sequence[str] = (),
+    first_frame: int | None = None,
 ) -> CoveredFrames:
     """Find a motion's frame for each of a clip.
 
-    A motion with as many frames as the clip has these. Else the frames' numbers tell, or `first_frame`; and the moment,
+    Where the file tells the names of the clip's images, they tell. Else a motion with as many frames as the clip has
+    these. Else the frames' numbers tell, those in the images' names before places, or `first_frame`; and the moment,
     where the file says another frame rate. Frames without a result between others take the nearest.
 
     Args:
@@ -131,17 +141,19 @@ def cover(
         frames: Of the clip.
         clip_first: Number of the clip's first frame in its video.
         clip_rate: Frames per second of the clip.
+        images: Names without suffixes of the images that the clip is a part of, in order.
         first_frame: Number in the video of the motion's first frame.
 
     Raises:
         InputError: The motion does not reach over the clip; the message says which frames were found and expected.
     """
+    named = set(motion.stems) <= set(images) and bool(motion.stems) and first_frame is None
     whole = motion.numbers[-1] - motion.numbers[0] + 1 == len(motion)
-    if first_frame is None and len(motion) == frames and whole:
+    if first_frame is None and len(motion) == frames and whole and not named:
         return CoveredFrames(places=np.arange(frames), there=np.ones(frames, bool), notes=())
     ratio = (motion.frame_rate or clip_rate) / clip_rate
-    ratio = 1.0 if abs(ratio - 1) < _SAME_RATE else ratio
-    numbers = np.array(motion.numbers, float) / ratio
+    ratio = 1.0 if named or abs(ratio - 1) < _SAME_RATE else ratio
+    numbers = np.array(_places(motion, images) if first_frame is None else motion.numbers, float) / ratio
     start = float(first_frame) if first_frame is not None else numbers[0] if motion.numbered else float(clip_first)
     numbers += start - numbers[0]
     wanted = clip_first + np.arange(frames)
@@ -161,6 +173,17 @@ def cover(
             f"{motion.source.name} has no result for {len(missing)} frames ({spans(missing)}); these show the nearest."
         )
     return CoveredFrames(places=places, there=there, notes=tuple(notes))
+
+
+def _places(motion: ImportedMotion, images: Sequence[str]) -> Sequence[int]:
+    """Of the motion's frames among the images, by their names or by the numbers in these; else its own numbers."""
+    by_name = {stem: place for place, stem in enumerate(images)}
+    if motion.stems and all(stem in by_name for stem in motion.stems):
+        return [by_name[stem] for stem in motion.stems]
+    by_number = image_numbers(images)
+    if motion.stems and motion.numbered and all(number in by_number for number in motion.numbers):
+        return [by_number[number] for number in motion.numbers]
+    return motion.numbers
 
 
 def _not_covered(

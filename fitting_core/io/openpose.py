@@ -65,7 +65,9 @@ def read_openpose(path: Path) -> Detections:
     return Detections(frames=frames, stems=tuple(_stem(file) for file in files), source=path, scale="auto")
 
 
-def write_openpose(folder: Path, keypoints: Keypoints, *, name: str, first_frame: int = 0) -> list[Path]:
+def write_openpose(
+    folder: Path, keypoints: Keypoints, *, name: str, first_frame: int = 0, image_stems: Sequence[str] = ()
+) -> list[Path]:
     """Write one person's keypoints as BODY_25 JSON, ``<name>_<12 digits>_keypoints.json`` per frame; return the paths.
 
     A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off; a
@@ -76,12 +78,16 @@ def write_openpose(folder: Path, keypoints: Keypoints, *, name: str, first_frame
         keypoints: Pixels and confidences.
         name: What the files' names start with.
         first_frame: Number of the first file.
+        image_stems: The images' own names without suffixes, if they are files: the keypoints' files are named after
+            them, as OpenPose does.
 
     Raises:
         InputError: The folder holds other keypoint files, which a reader would take for frames of this clip.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}_{first_frame + t:012d}{SUFFIX}" for t in range(len(keypoints))]
+    stems = image_stems or [f"{name}_{first_frame + t:012d}" for t in range(len(keypoints))]
+    paths = [folder / f"{stem}{SUFFIX}" for stem in stems]
+    assert len(paths) == len(keypoints)
     others = sorted({file.name for file in folder.glob(f"*{SUFFIX}")} - {path.name for path in paths})
     if others:
         raise InputError(

@@ -104,6 +104,7 @@ def read_smplifyx(
         turn=torch.as_tensor(np.stack([frame.rotation for frame in frames])),
         numbers=numbers,
         numbered=numbered,
+        stems=tuple(frame.stem for frame in frames),
         camera=camera,
         focal=None if camera else (FOCAL, "SMPLify-X's default, as its results tell none"),
         notes=notes,

@@ -82,7 +82,9 @@ def picture(frame: int) -> FrameImage:
 def opened(browser: "Browser") -> Iterator[Scene]:
     with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as running:
         running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
-        yield Scene(open_tab(running, browser))
+        tab = open_tab(running, browser)
+        tab.page.on("console", lambda said: tab.complaints.append(said.text) if said.type == "error" else None)
+        yield Scene(tab)
 
 
 @pytest.fixture
@@ -122,6 +124,17 @@ def test_a_body_needs_no_picture(scene: Scene):
     scene.show(21, scene._image._image)
     scene.page.wait_for_function("() => window.drawn.some(([body]) => body === 21)")
     assert scene.drawn()[-1] == [21, 20, 21]
+
+
+def test_panels_do_not_wait_and_keep_their_order(scene: Scene):
+    with scene.client.atomic():
+        scene.show(31)
+        text = scene.client.gui.add_markdown("first")
+    text.content = "second"
+    scene.until_shown(31)
+    scene.page.get_by_text("second").wait_for()
+    text.remove()
+    assert scene.drawn()[-1] == [31] * 3
 
 
 def test_a_broken_picture_holds_nothing_up(scene: Scene):

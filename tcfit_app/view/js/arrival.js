@@ -9,22 +9,31 @@ const invalidateScene = viewer().scene.__r3f?.root.getState().invalidate ?? usua
 let decoding = null; // messages whose pictures are being decoded
 const behind = []; // those that came meanwhile
 
+/** Panels and their like: viser itself takes them at once. */
+const isGui = ({ type }) => /^(Set)?Gui(?!3D)|Notification/.test(type);
+
 /** They touch nothing in viser's scene: it is not drawn again for them. */
-const leavesScene = ({ type, source }) =>
-  type === "GuiUpdateMessage" || (type === "RunJavascriptMessage" && source.startsWith("tcfit.receive("));
+const leavesScene = (message) =>
+  isGui(message) || (message.type === "RunJavascriptMessage" && message.source.startsWith("tcfit.receive("));
 
 const CHANGES = new Set(["SceneNodeUpdateMessage", "SetPositionMessage", "SetSceneNodeVisibilityMessage"]);
 
 /** They change what is in the scene, at once. */
 const changesScene = (message) => CHANGES.has(message.type) || leavesScene(message);
 
-/** In viser's place, which asks for a frame when messages have come. All of them keep their order. */
+/** In viser's place, which asks for a frame when messages have come. Those for panels overtake those that wait for
+ * pictures; among themselves both keep their order. */
 function requestRender() {
   const { messageQueue } = viewer();
   if (document.hidden) [...textures.keys()].forEach(leaveToViser); // viser took the messages without asking
-  if (decoding) behind.push(...messageQueue.splice(0));
-  else if (messageQueue.some(isPicture)) decode(messageQueue.splice(0));
-  else apply();
+  if (messageQueue.length && (decoding || messageQueue.some(isPicture))) {
+    const waiting = messageQueue.filter((message) => !isGui(message));
+    messageQueue.splice(0, messageQueue.length, ...messageQueue.filter(isGui));
+    if (decoding) behind.push(...waiting);
+    else decode(waiting);
+    if (!messageQueue.length) return;
+  }
+  apply();
 }
 
 /** Takes messages when their pictures are there; of several for one node only the last one is looked at. */
