@@ -37,6 +37,6 @@ class ExportOptions:
     zip: bool = False
     """Write a zip where a format is a folder of files."""
     overwrite: bool = False
-    """Replace files of the same names."""
+    """Replace files of the same names. A folder that holds others is left as it is."""
     models: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: see tcfit models)")] = None
     """Folder with body models, which alone is searched then."""

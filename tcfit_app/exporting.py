@@ -8,11 +8,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Progress
 from tcfit_app.export_source import ExportSource
 from tcfit_app.exports import Export
 from tcfit_app.job_thread import JobThread
+from tcfit_app.storage.names import portable
 
 _ZIPPING = 0.15
 """Share of the whole time that packing takes."""
@@ -26,7 +28,7 @@ def file_name(export: Export, name: str, *, zipped: bool) -> str:
         name: the clip's.
         zipped: a folder is one file.
     """
-    return "".join("_" if c in '/\\:*?"<>|' else c for c in name) + export.suffix + ".zip" * (export.many and zipped)
+    return portable(name) + export.suffix + ".zip" * (export.many and zipped)
 
 
 def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> None:
@@ -40,7 +42,8 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
         zipped: a folder is packed into one file.
 
     Raises:
-        InputError: There is nothing to export, or something that writing needs is not there.
+        InputError: There is nothing to export, or something that writing needs is not there, or the folder holds files
+            that would be lost.
         OSError: It cannot be written.
     """
     progress(0.0)
@@ -59,17 +62,34 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
 
 @contextmanager
 def _replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path`, which takes its place when the block ends well, and vanishes when it does not."""
+    """A new folder beside `path`, which takes its place when the block ends well, and vanishes when it does not.
+
+    Raises:
+        InputError: What is at `path` is a file, or holds files that the new folder does not.
+    """
+    path = path.resolve()  # where a link leads
     draft, old = (path.with_name(f".{path.name}.{os.getpid()}.{word}") for word in ("partial", "old"))
     draft.mkdir()
     try:
         yield draft
         if path.exists():
+            _check_replaced(path, draft)
             path.rename(old)
         draft.rename(path)
     finally:
         for folder in (draft, old):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _check_replaced(path: Path, draft: Path) -> None:
+    if not path.is_dir():
+        raise InputError(f"{path}: is a file; expected a folder, or nothing there. Remove it, or give another --out.")
+    new, there = ({file.relative_to(folder) for file in folder.rglob("*")} for folder in (draft, path))
+    if others := sorted(there - new):
+        raise InputError(
+            f"{path}: holds {len(others)} files that this export does not replace, such as {others[0]}; expected files "
+            "of the same names only. Move or remove them, or give another --out."
+        )
 
 
 def _zip(folder: Path, path: Path, progress: Progress) -> None:

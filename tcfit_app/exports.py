@@ -85,7 +85,8 @@ def _smplifyx(source: ExportSource, folder: Path, progress: Progress) -> None:
 
 def _fit(source: ExportSource, path: Path, progress: Progress) -> None:
     fit = source.fit
-    np.savez_compressed(path, allow_pickle=False, **fit_arrays(fit.fit, source.clip, fit.body))
+    complete = fit.shown.run.state == "finished"
+    np.savez_compressed(path, allow_pickle=False, **fit_arrays(fit.fit, source.clip, fit.body, complete=complete))
 
 
 # --- meshes ---
@@ -150,7 +151,9 @@ def _pose(source: ExportSource, path: Path, progress: Progress) -> None:
 
 def _images(source: ExportSource) -> tuple[Path, ...]:
     """A clip's images, whose names tell a reader more than a number: that may be in the name of another one."""
-    clip = source.clip
+    clip = source.known_clip
+    if clip is None:  # a result alone
+        return ()
     images = image_files(clip.source)[clip.first_frame : clip.first_frame + len(clip)]
     return images if len({image.stem for image in images}) == len(clip) else ()
 

@@ -1,6 +1,7 @@
 """`tcfit fit`: read a clip, fit it, write the result."""
 
 import dataclasses
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -63,10 +64,16 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
     """Refuse to write among files that are not tcfit's.
 
     Raises:
-        InputError: The folder is a file, or holds something other than a result and `overwrite` is not given.
+        InputError: The folder is a file, cannot be written, or holds something other than a result and `overwrite` is
+            not given.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not os.access(there, os.W_OK):
+        raise InputError(
+            f"--out {folder}: cannot be written, for {there} is read-only. Allow writing, or choose another."
+        )
     if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
         return
     names = sorted(entry.name for entry in folder.iterdir())
@@ -124,9 +131,9 @@ def _fit_and_write(
             for event in fit_events(clip, body, config):
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
-                    finished = event
                     complete = event.phase == config.last_phase
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
+                    finished = event
     except BaseException:
         _tell([_what_stayed(finished, folder)])
         raise

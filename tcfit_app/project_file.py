@@ -12,6 +12,7 @@ opened once before it gets its place. Packing takes no video from outside unless
 somebody else made may call any file its own.
 """
 
+import os
 import re
 import shutil
 import sqlite3
@@ -33,6 +34,7 @@ from tcfit_app.storage.clip import DETECTIONS, creation_time
 from tcfit_app.storage.durable import accessing, sync
 from tcfit_app.storage.lock import Lock
 from tcfit_app.storage.media import MediaLink
+from tcfit_app.storage.names import portable
 from tcfit_app.storage.reference import NAME as REFERENCE
 
 SUFFIX = ".tcfit.zip"
@@ -42,8 +44,12 @@ MOST_ENTRIES = 500_000
 MOST_BYTES = 1 << 40
 MOST_RATIO = 1100
 """Deflate packs nothing tighter than 1 : 1032: what claims to be is no zip of ours."""
+# Only Windows sees a path or a drive in a frame's name that has a backslash or a colon.
+_FRAME = r"[^/\0]" if os.name == "posix" else r"[^/\\:\0]"
 _NAMES = re.compile(
-    r"tcfit-project\.json|project\.sqlite|(detections|reference|runs/\d{6,})\.npz|media(/[^/\\:\0]+){1,2}"
+    r"tcfit-project\.json|project\.sqlite|(detections|reference|runs/\d{6,})\.npz"
+    rf"|media/[^/\\:\0]+(/{_FRAME}+)?",
+    re.DOTALL,
 )
 _BLOCK = 1 << 20
 
@@ -120,21 +126,24 @@ def _run_files(folder: Path, copy: Path) -> Iterator[tuple[Path, str]]:
 
 
 def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:
-    """Files of the video; where it comes from outside, the copy learns its new place."""
+    """Files of the video; the copy learns its place in the package."""
     with closing(sqlite3.connect(copy)) as connection:
         link = _link(connection)
-        if link is not None and media.is_own(link):
-            return _own_files(folder, link)
-        if link is None or not with_media:
+        if link is None or not (with_media or media.is_own(link)):
             return []
-        found = media.find(link, folder)
-        if found.path is None or found.problem:
-            raise InputError(f"The video cannot be packed. {found.problem} Or pack the project without it.")
-        path = found.path.resolve()
-        packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{path.name}")
+        path = _own_video(folder, link) if media.is_own(link) else _video_elsewhere(folder, link)
+        packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
         connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
         connection.commit()
-    return [(file, f"{media.FOLDER}/{name}") for file, name in _listed(path, path.parent)]
+    files = [path] if path.is_file() else _files(path)
+    return [(file, packed.relative + f"/{file.name}" * (file != path)) for file in files]
+
+
+def _video_elsewhere(folder: Path, link: MediaLink) -> Path:
+    found = media.find(link, folder)
+    if found.path is None or found.problem:
+        raise InputError(f"The video cannot be packed. {found.problem} Or pack the project without it.")
+    return found.path.resolve()
 
 
 def _link(connection: sqlite3.Connection) -> MediaLink | None:
@@ -142,23 +151,21 @@ def _link(connection: sqlite3.Connection) -> MediaLink | None:
     return None if text is None else msgspec.json.decode(text, type=MediaLink)
 
 
-def _own_files(folder: Path, link: MediaLink) -> list[tuple[Path, str]]:
-    """Files of a video in the project. Raises InputError if one of them, links followed, lies elsewhere."""
+def _own_video(folder: Path, link: MediaLink) -> Path:
+    """A video in the project. Raises InputError if one of its files, links followed, lies elsewhere."""
     path, own = folder / link.relative, folder.resolve() / media.FOLDER
-    files = _listed(path, folder)
-    for file in (path, *(file for file, _ in files)):
+    for file in (path, *([] if path.is_file() else _files(path))):
         if not file.resolve().is_relative_to(own):
             raise InputError(
                 f"{folder}: was not packed: its video {link.relative!r} leads to {file.resolve()}, out of its folder "
                 f"{media.FOLDER}. Put the files themselves there."
             )
-    return files
+    return path
 
 
-def _listed(path: Path, root: Path) -> list[tuple[Path, str]]:
-    """A file, or the visible files of a folder, with their names against a root."""
-    files = [path] if path.is_file() else sorted(f for f in path.iterdir() if f.is_file() and f.name[0] != ".")
-    return [(file, file.relative_to(root).as_posix()) for file in files]
+def _files(folder: Path) -> list[Path]:
+    """The visible ones of a folder."""
+    return sorted(file for file in folder.iterdir() if file.is_file() and file.name[0] != ".")
 
 
 def _add(archive: zipfile.ZipFile, files: list[tuple[Path, str]], progress: Progress | None) -> None:

@@ -11,6 +11,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.frame_names import natural_key
 from tcfit_app.storage.durable import accessing, sync
+from tcfit_app.storage.names import portable
 
 FOLDER = "media"
 _BLOCK = 1 << 20
@@ -57,7 +58,7 @@ def copy(source: Path, project: Path) -> MediaLink:
         InputError: It cannot be read or written.
     """
     source = _named(source)
-    target = project / FOLDER / source.name
+    target = project / FOLDER / portable(source.name)
     with accessing(target):
         target.parent.mkdir()
         if source.is_dir():

@@ -17,6 +17,11 @@ def checked_name(name: str) -> str:
     return stripped
 
 
+def portable(name: str) -> str:
+    """A file's name without what some system or other does not allow in one."""
+    return "".join("_" if c in '/\\:*?"<>|' else c for c in name)
+
+
 def name_of_file(stem: str) -> str:
     """A name made from a file's, which can hold anything."""
     return "".join(c if c.isprintable() else "?" for c in stem).strip()[:_LONGEST] or "?"

@@ -16,6 +16,7 @@ from fitting_core.errors import InputError
 from fitting_core.events import FitEvent, PhaseFinished, PhaseStarted
 from fitting_core.fitting import fit_events
 from fitting_core.io.result_files import read_fit
+from fitting_core.result import FitResult
 from tcfit_app import fit_command
 from tcfit_app.cli import main, parse
 from tcfit_app.options import BodyOptions, fit_config
@@ -251,6 +252,28 @@ def test_failure_in_a_later_phase_keeps_the_earlier_ones(
     with pytest.raises(ZeroDivisionError):
         main(fit_arguments)
     assert read_fit(tmp_path / "out").last_phase == 2
+
+
+def test_what_could_not_be_written_does_not_count(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    def full(folder: Path, fit: FitResult, *_: object, **__: object) -> dict:
+        if fit.last is fit.phases[0]:
+            return {}
+        raise InputError("No space left.")
+
+    monkeypatch.setattr(fit_command, "write_result", full)
+    assert main(fit_arguments) == 2
+    assert "Stopped; the result up to phase 1 is in" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_is_told_at_once(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    monkeypatch.setattr(fit_command.os, "access", lambda path, mode: path != tmp_path)
+    assert main(fit_arguments) == 2
+    told = capsys.readouterr().err
+    assert f"{tmp_path} is read-only" in told and "Phase" not in told
 
 
 def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Path):

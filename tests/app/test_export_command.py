@@ -20,8 +20,11 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.config import FitConfig
 from fitting_core.evaluation.reference_bodies import reference_of
+from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.motion import AXES
+from fitting_core.io.openpose import write_openpose
 from fitting_core.io.result_files import read_fit
+from fitting_core.keypoints import INDEX
 from fitting_core.priors.pose import make_prior
 from fitting_core.render import off_screen_gl
 from tcfit_app.bodies import record_of
@@ -31,7 +34,7 @@ from tcfit_app.exports import EXPORTS
 from tcfit_app.project import Project
 from tests.app.conftest import FRAMES, Finished, motion
 from tests.app.processes import INTERRUPTIBLE
-from tests.app.project_samples import sample_clip
+from tests.app.project_samples import sample_clip, sample_keypoints
 from tests.app.waving import waving_fit, waving_project
 from tests.io.gltf_player import Player
 
@@ -190,6 +193,36 @@ def test_wrong_paths_are_explained(finished: Finished, tmp_path: Path, capsys):
     assert not (tmp_path / "o").exists()
 
 
+def test_a_result_says_whether_its_run_was_finished(project: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(project, tmp_path / "walk.tcfit"))
+    with Project.open(copy) as opened:
+        run = opened.runs.start(FitConfig(), body=opened.runs.all()[0].body, edits_seen=0, name="stopped")
+        opened.runs.store(run.id, waving_fit(1.0))
+        opened.runs.end(run.id, "cancelled")
+    for name, complete in (("near", True), ("stopped", False)):
+        exported(copy, tmp_path / name, "--formats", "fit", "--run", name)
+        assert read_fit(tmp_path / name / "walk.fit.npz").complete == complete
+
+
+def test_keypoints_of_a_part_of_numbered_images_come_back_in_their_places(tmp_path: Path):
+    images = tmp_path / "images"
+    images.mkdir()
+    for number in range(1, 13):
+        cv2.imwrite(str(images / f"img_{number:04d}.png"), np.zeros((480, 640, 3), np.uint8))
+    stems = [path.stem for path in sorted(images.iterdir())]
+    write_openpose(tmp_path / "keypoints", sample_keypoints(12), name="x", image_stems=stems)
+    part = {"first_frame": 4, "last_frame": 9, "focal_length": 700.0, "frame_rate": 25.0}
+    clip = read_clip(images, tmp_path / "keypoints", **part)
+    with Project.create(tmp_path / "walk.tcfit", replace(clip, name="walk")):
+        pass
+    names = exported(tmp_path / "walk.tcfit", tmp_path / "out", "--formats", "openpose", "coco")
+    assert "walk-keypoints/img_0005_keypoints.json" in names
+    for kind in ("walk-keypoints", "walk.coco-wholebody.json"):
+        again = read_clip(images, tmp_path / "out" / kind, **part).keypoints
+        seen = clip.keypoints.confidence[:, INDEX["nose"]] > 0
+        assert seen.any() and np.abs(again.xy - clip.keypoints.xy)[seen, INDEX["nose"]].max() < 1e-6, kind
+
+
 def test_nothing_is_replaced_without_being_asked(project: Path, tmp_path: Path, capsys):
     exported(project, tmp_path, "--formats", "npz", "bvh")
     (tmp_path / "walk-bvh" / "mine.txt").write_text("x")
@@ -197,8 +230,25 @@ def test_nothing_is_replaced_without_being_asked(project: Path, tmp_path: Path, 
         assert main(["export", str(project), "--out", str(tmp_path), "--formats", name]) == 2
         assert "--overwrite" in capsys.readouterr().err
     assert (tmp_path / "walk-bvh" / "mine.txt").exists()
-    exported(project, tmp_path, "--formats", "bvh", "--overwrite")
-    assert not (tmp_path / "walk-bvh" / "mine.txt").exists()
+    asked = ["export", str(project), "--out", str(tmp_path), "--formats", "bvh", "--overwrite"]
+    assert main(asked) == 2 and "does not replace, such as mine.txt" in capsys.readouterr().err
+    assert (tmp_path / "walk-bvh" / "mine.txt").read_text() == "x"
+    (tmp_path / "walk-bvh" / "mine.txt").unlink()
+    (tmp_path / "walk-bvh" / "walk.bvh").write_text("old")
+    assert main(asked) == 0 and (tmp_path / "walk-bvh" / "walk.bvh").read_text() != "old"
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name[0] == ".") == []
+
+
+def test_a_link_to_a_folder_stays_a_link_and_a_file_stays(project: Path, tmp_path: Path, capsys):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "walk-bvh").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "walk-obj").write_text("x")
+    asked = ["export", str(project), "--out", str(tmp_path), "--overwrite", "--formats"]
+    assert main([*asked, "bvh"]) == 0
+    assert (tmp_path / "walk-bvh").is_symlink() and (tmp_path / "elsewhere" / "walk.bvh").is_file()
+    assert main([*asked, "obj"]) == 2 and "is a file; expected a folder" in capsys.readouterr().err
+    assert (tmp_path / "walk-obj").read_text() == "x"
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name[0] == ".") == []
 
 
 def test_all_formats_are_listed(capsys):

@@ -131,6 +131,25 @@ def test_media(tmp_path: Path, images: bool, copied: bool):
                 assert (path / "1.png" if images else path).read_bytes().startswith(b"1.png" if images else b"walk")
 
 
+@pytest.mark.parametrize("images", [False, True])
+@pytest.mark.parametrize("copied", [False, True])
+def test_names_that_only_some_systems_allow(tmp_path: Path, images: bool, copied: bool):
+    source = tmp_path / ("10:30 \\ frames" if images else "2024-05-01 10:30:00 vidéo.mp4")
+    if images:
+        source.mkdir()
+    for file in [source / "a:0.png", source / "a:1.png"] if images else [source]:
+        file.write_bytes(file.name.encode() * 1000)
+    with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source), copy_media=copied):
+        pass
+    pack(tmp_path / "p.tcfit", tmp_path / "p.zip", with_media=True)
+    for path in (source, tmp_path / "p.tcfit"):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    unpack(tmp_path / "p.zip", tmp_path / "new.tcfit")
+    with Project.open(tmp_path / "new.tcfit") as found:
+        path = found.media.path
+        assert path is not None and not found.media.problem and ":" not in path.name and "\\" not in path.name
+
+
 def test_a_video_that_is_gone_cannot_be_packed(tmp_path: Path):
     source = tmp_path / "walk.mp4"
     source.write_bytes(b"x")

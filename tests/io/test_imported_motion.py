@@ -203,6 +203,18 @@ def test_as_many_frames_as_the_clip_are_its_frames(tiny_body: BodyModel, tmp_pat
     assert cover(_named(tiny_body, tmp_path, [1, 2, 3]), 3, clip_first=50, clip_rate=25).places.tolist() == [0, 1, 2]
 
 
+def test_frames_are_those_of_the_images_that_they_are_named_after(tiny_body: BodyModel, tmp_path: Path):
+    motion = _named(tiny_body, tmp_path, [3, 4, 5, 6])
+    named, padded = ([f"{prefix}{n:0{width}d}" for n in range(1, 9)] for prefix, width in (("walk_", 6), ("walk_", 2)))
+    for images in (named, padded):  # by their names, or by the numbers in them
+        assert cover(motion, 3, clip_first=3, clip_rate=25, images=images).places.tolist() == [1, 2, 3]
+    # As many frames as the clip has are its frames, unless their names say others.
+    assert cover(motion, 4, clip_first=4, clip_rate=25, images=padded).places.tolist() == [0, 1, 2, 3]
+    with pytest.raises(InputError, match="for the video's frames 2 to 5; expected all of the clip's 4 frames, 4 to 7"):
+        cover(motion, 4, clip_first=4, clip_rate=25, images=named)
+    assert cover(motion, 4, clip_first=4, clip_rate=25, images=named, first_frame=4).places.tolist() == [0, 1, 2, 3]
+
+
 def test_frames_that_do_not_reach_over_the_clip(tiny_body: BodyModel, tmp_path: Path):
     motion = _named(tiny_body, tmp_path, [0, 1, 2, 3])
     found, wanted = "has 4 frames at 25 per second, for the video's frames 0 to 3", "clip's 3 frames, 2 to 4 at 25 per"
