@@ -56,31 +56,62 @@ class JointPositions:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Which residuals of E_T count, and which frames move."""
+    """Which residuals of E_T count, and which frames move.
+
+    L, the stencil at every centre, is never written out: with its square it would be frames times frames.
+    """
 
     free: Int[Tensor, "n"]
     """Consecutive frames of the clip that move."""
     first: int
     """First frame that any residual looks at."""
-    matrix: Float[Tensor, "c s"]
-    """Residuals x frames from `first` on: the stencil, written out."""
+    span: int
+    """How many frames from there on they look at."""
+    centres: range
+    """Of the residuals that count, from `first` on."""
 
     @staticmethod
-    def of(free: range, centres: range, frames: int, like: Tensor) -> "Coupling":
+    def of(free: range, centres: range, frames: int, device: torch.device | None = None) -> "Coupling":
         """Residuals centred on `centres` that touch a free frame; centres without two neighbours have none."""
-        centres = range(max(centres.start, 1, free.start - 1), min(centres.stop, frames - 1, free.stop + 1))
         first, stop = max(0, free.start - 2), min(frames, free.stop + 2)
-        matrix = like.new_zeros(max(len(centres), 0), stop - first)
-        for row, centre in enumerate(centres):
-            for offset, weight in STENCIL:
-                matrix[row, centre + offset - first] = weight
-        return Coupling(torch.arange(free.start, free.stop, device=like.device), first, matrix)
+        begin, end = max(centres.start, 1, free.start - 1), min(centres.stop, frames - 1, free.stop + 1)
+        counted = range(begin - first, max(begin, end) - first)
+        return Coupling(torch.arange(free.start, free.stop, device=device), first, stop - first, counted)
+
+    def _at(self, offset: int) -> slice:
+        return slice(self.centres.start + offset, self.centres.stop + offset)
+
+    def residuals(self, values: Float[Tensor, "s m"]) -> Float[Tensor, "c m"]:
+        """L times values of the frames from `first` on."""
+        if not self.centres:
+            return values[:0]
+        return torch.stack([weight * values[self._at(offset)] for offset, weight in STENCIL]).sum(0)
+
+    def transposed(self, residuals: Float[Tensor, "c m"]) -> Float[Tensor, "s m"]:
+        """L^T times residuals."""
+        values = residuals.new_zeros(self.span, residuals.shape[1])
+        for offset, weight in STENCIL if self.centres else ():
+            values[self._at(offset)] += weight * residuals
+        return values
+
+    def bands(self, like: Tensor) -> list[Tensor]:
+        """The diagonal of L^T L over the free frames, and the two below it."""
+        bands = []
+        for k in range(3):
+            band = like.new_zeros(self.span)
+            for lower, a in STENCIL if self.centres else ():
+                for upper, b in STENCIL:
+                    if lower - upper == k:
+                        band[self._at(upper)] += a * b
+            start = int(self.free[0]) - self.first
+            bands.append(band[start : start + max(len(self.free) - k, 0)])
+        return bands
 
 
 class Sequence(OnFrames):
     """Sum of E_o over free frames + w_T^2 sum over centres |sum_k s_k J_{centre + k}|^2: phase 3, a window, a re-run.
 
-    With L the stencil matrix and c = L^T L, the half gradient of frame i is w^2 D_i^T sum_j c_ij J_j and the blocks of
+    With L the stencil at every centre and c = L^T L, the half gradient of frame i is w^2 D_i^T sum_j c_ij J_j and the blocks of
     the half matrix are w^2 c_ij D_i^T D_j: block-pentadiagonal, so that a step costs O(frames).
 
     Args:
@@ -100,13 +131,10 @@ class Sequence(OnFrames):
         self.objective, self.joints, self.coupling, self.weight = objective, joints, coupling, weight
         p = objective.view.parametrisation
         self.jacobian = PointJacobian(joints.view.points, joints.view.pose_columns, objective.free, p.hand_basis)
-        span = coupling.matrix.shape[1]
-        self.held = held[coupling.first : coupling.first + span].reshape(-1, _SIZE)
+        self.held = held[coupling.first : coupling.first + coupling.span].reshape(-1, _SIZE)
         self.local = coupling.free - coupling.first
         self.unknowns = len(self.local) * len(objective.index)
-        square = coupling.matrix.T @ coupling.matrix
-        self.gather = square[self.local]
-        self.bands = [square[self.local[k:], self.local[: len(self.local) - k]] for k in range(3)]
+        self.bands = coupling.bands(held)
 
     def rows(self, groups: Tensor) -> Tensor:
         """All free frames."""
@@ -123,7 +151,7 @@ class Sequence(OnFrames):
 
     def temporal_cost(self, positions: Float[Tensor, "n 165"]) -> Tensor:
         """E_T summed over the counted residuals."""
-        return self.weight**2 * (self.coupling.matrix @ self._all_joints(positions)).square().sum()
+        return self.weight**2 * self.coupling.residuals(self._all_joints(positions)).square().sum()
 
     def cost(self, state: State, groups: Tensor) -> Float[Tensor, "1"]:
         """E of the free frames."""
@@ -140,7 +168,8 @@ class Sequence(OnFrames):
         n = self.objective.normal(state, self.coupling.free)
         positions, blocks, rows = self._temporal_blocks(state, n.matrix)
         cost = n.cost.sum() + self.temporal_cost(positions)
-        pull = self.weight**2 * self.gather @ self._all_joints(positions)
+        residuals = self.coupling.residuals(self._all_joints(positions))
+        pull = self.weight**2 * self.coupling.transposed(residuals)[self.local]
         gradient = n.gradient + _pulled_back(rows, pull)
         return cost[None], gradient[None], *(b[None] for b in blocks)
 

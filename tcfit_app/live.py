@@ -138,7 +138,7 @@ class LiveCorrection:
         joints = JointPositions(stages.body, stages.parametrisation, in_camera=in_camera)
         held = around.vector.new_zeros(len(around), N_JOINTS, 3)
         held[near] = joints(around[near])
-        coupling = Coupling.of(window, range(window.start - 1, window.stop + 1), len(around), around.vector)
+        coupling = Coupling.of(window, range(window.start - 1, window.stop + 1), len(around), around.vector.device)
         return Sequence(objective, joints, held, coupling, stages.temporal_weight)
 
     def move(self, xy: Float[np.ndarray, "n 2"]) -> None:

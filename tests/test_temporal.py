@@ -17,7 +17,6 @@ from fitting_core.temporal import Coupling, JointPositions, Sequence
 from tests.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
 
 WEIGHT = 70.0
-LIKE = torch.zeros(0, dtype=torch.float64)
 
 
 class Scene:
@@ -36,7 +35,7 @@ class Scene:
         objective = self.stages.objective(5, self.whole, groups or Free(betas=False))
         if not self.terms:
             objective = FrameObjective([], objective.view, objective.free)
-        coupling = Coupling.of(free, centres, len(self.whole), LIKE)
+        coupling = Coupling.of(free, centres, len(self.whole))
         return Sequence(objective, self.joints, self.joints(self.whole), coupling, WEIGHT)
 
 
@@ -97,7 +96,7 @@ def step_of_all(scene: Scene, sequence: Sequence, free: range) -> Tensor:
     """Half the Hessian's Gauss-Newton part, (n d, n d), from the Jacobian of all residuals of E_T by all frames."""
     local = scene.whole[free.start : free.stop]
     jacobian = differentiated(lambda s: scene.joints(s).flatten(1), local, sequence.objective.index)
-    matrix = sequence.coupling.matrix[:, sequence.local]
+    matrix = written_out(sequence.coupling)[:, sequence.local]
     rows = WEIGHT * torch.einsum("rn,nkd->rknd", matrix, jacobian)
     rows = rows.flatten(2).flatten(0, 1)
     return rows.mT @ rows
@@ -173,11 +172,17 @@ def test_not_positive_definite_is_reported(tiny_body: BodyModel):
     assert step.solved.tolist() == [False] and float(step.move.abs().max()) == 0
 
 
+def written_out(coupling: Coupling) -> Tensor:
+    """L, residuals x frames from the first on."""
+    return coupling.residuals(torch.eye(coupling.span, dtype=torch.float64))
+
+
 def counted(coupling: Coupling) -> set[int]:
     """Frames on which a residual is centred."""
-    centres = {int(row.argmax()) + coupling.first for row in coupling.matrix}
-    assert len(centres) == len(coupling.matrix)
-    for row in coupling.matrix:
+    matrix = written_out(coupling)
+    centres = {int(row.argmax()) + coupling.first for row in matrix}
+    assert len(centres) == len(matrix)
+    for row in matrix:
         np.testing.assert_allclose(sorted(row[row != 0]), [-1 / 3, -1 / 3, 2 / 3])
         assert abs(float(row.sum())) < 1e-15
     return centres
@@ -202,10 +207,15 @@ def counted(coupling: Coupling) -> set[int]:
     ],
 )
 def test_which_residuals_count(frames: int, free: range, centres: range, expected: set[int]):
-    coupling = Coupling.of(free, centres, frames, LIKE)
+    coupling = Coupling.of(free, centres, frames)
     assert counted(coupling) == expected
     assert coupling.free.tolist() == list(free)
-    assert coupling.first + coupling.matrix.shape[1] <= frames
+    assert coupling.first + coupling.span <= frames
+    matrix = written_out(coupling)
+    assert torch.allclose(coupling.transposed(torch.eye(len(matrix), dtype=matrix.dtype)), matrix.T)
+    square, local = matrix.T @ matrix, coupling.free - coupling.first
+    for k, band in enumerate(coupling.bands(matrix)):
+        assert torch.allclose(band, square[local[k:], local[: max(len(local) - k, 0)]])
 
 
 def test_cost_of_a_rerun_looks_at_the_frames_around_it(tiny_body: BodyModel):
@@ -219,6 +229,6 @@ def test_cost_of_a_rerun_looks_at_the_frames_around_it(tiny_body: BodyModel):
         pose[frame] += 0.1
         moved: State = scene.whole.with_columns(where, pose)
         objective = scene.sequence(range(5, 7), range(4, 8)).objective
-        coupling = Coupling.of(range(5, 7), range(4, 8), 12, LIKE)
+        coupling = Coupling.of(range(5, 7), range(4, 8), 12)
         after = Sequence(objective, scene.joints, scene.joints(moved), coupling, WEIGHT).cost(local, group)
         assert (float(after) != before) == (frame in (3, 4, 7, 8)), frame

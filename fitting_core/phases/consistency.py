@@ -39,7 +39,7 @@ class Consistency:
         chosen, held = self.stages.config.temporal.stages, self.joints(state)
         for i, stage in enumerate(chosen):
             objective = self.stages.objective(stage, state, self.stages.free(stage, betas=False))
-            coupling = Coupling.of(free, centres, len(state), state.vector)
+            coupling = Coupling.of(free, centres, len(state), state.vector.device)
             problem = Sequence(objective, self.joints, held, coupling, self.stages.temporal_weight)
             begin, end = share
             part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
@@ -81,9 +81,9 @@ class Consistency:
     def temporal_cost(self, state: State) -> float:
         """E_T summed over the clip."""
         free = range(len(state))
-        coupling = Coupling.of(free, free, len(state), state.vector)
+        coupling = Coupling.of(free, free, len(state), state.vector.device)
         positions = self.joints(state).flatten(1)
-        return float(self.stages.temporal_weight**2 * (coupling.matrix @ positions).square().sum())
+        return float(self.stages.temporal_weight**2 * coupling.residuals(positions).square().sum())
 
 
 def state_around(stages: Stages, params: BodyParams, frames: range) -> tuple[State, Int[Tensor, "n"]]:
@@ -98,4 +98,4 @@ def state_around(stages: Stages, params: BodyParams, frames: range) -> tuple[Sta
 
 
 def _index(frames: range, state: State) -> Tensor:
-    return Coupling.of(frames, range(0), len(state), state.vector).free
+    return Coupling.of(frames, range(0), len(state), state.vector.device).free

@@ -52,7 +52,7 @@ def one_shape(stages: Stages, state: State) -> Problem:
 def sequence(stages: Stages, state: State) -> Problem:
     objective = stages.objective(2, state, stages.free(2, betas=False))
     joints = JointPositions(stages.body, stages.parametrisation, in_camera=True)
-    coupling = Coupling.of(range(FRAMES), range(FRAMES), FRAMES, state.vector)
+    coupling = Coupling.of(range(FRAMES), range(FRAMES), FRAMES)
     return Sequence(objective, joints, joints(state), coupling, 100.0)
 
 
