@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from fitting_core.keypoints import COUNT
+from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.view.page_states import KeyBinding
 from tcfit_app.view_state import MODES, Mode
 
@@ -205,8 +205,8 @@ ACTIONS: dict[str, Action] = {
         )
     },
     "all": Action(
-        title="Select all keypoints",
-        run=lambda p: p.set(selection=tuple(range(COUNT))),
+        title="Select all keypoints on show",
+        run=lambda p: p.set(selection=tuple(j for name in sorted(p.state.groups) for j in range(COUNT)[GROUPS[name]])),
         keys=_keys("KeyA", ctrl=True),
         group="Keypoints",
     ),

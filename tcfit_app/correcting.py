@@ -1,5 +1,6 @@
 """Correcting keypoints in one browser: what its gestures and keys mean for the log of edits."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +50,8 @@ class Correcting:
     def __init__(self, page: "Page") -> None:
         self._page = page
         self._dragging: _Dragging | None = None
+        self._followed: int | None = None
+        """The run whose corrections are being fitted."""
 
     @property
     def frames(self) -> tuple[int, ...]:
@@ -75,6 +78,7 @@ class Correcting:
         self.abandon()
         page = self._page
         page.refuse_read_only()
+        page.session.refuse_without_keypoints()
         corrected = page.session.project.corrected
         there = [j for j in event.joints if corrected.confidence[event.frame, j] > 0]
         joints = tuple(there or event.joints)
@@ -96,6 +100,7 @@ class Correcting:
         page = self._page
         page.session.release(dragging.follower, edit, author=page.author, shown=dragging.shown)
         page.saved(edit)
+        self._fitted_again(dragging.shown)
 
     def abandon(self) -> None:
         """End a drag without an edit: the user cancelled it, or the page is gone."""
@@ -125,11 +130,13 @@ class Correcting:
         self._make(SwapSides(frames=self.frames, joints=SIDES[name]))
 
     def copy_previous(self) -> None:
-        """Take the selected keypoints from the frame before."""
-        frame = self._page.state.frame
-        if frame == 0:
+        """Take the selected keypoints from the frame before this one, or before the selected ones."""
+        frames, joints = self.frames, self._selected()
+        source = frames[0] - 1
+        if source < 0:
             raise InputError("There is no frame before the first one to copy from.")
-        self._make(CopyFrom(frames=(frame,), joints=self._selected(), source=frame - 1))
+        self._refuse_missing((source,), joints, "copied")
+        self._make(CopyFrom(frames=frames, joints=joints, source=source))
 
     def interpolate(self) -> None:
         """Put the selected keypoints on a line: inside the selected frames, or between the corrected ones around."""
@@ -154,6 +161,7 @@ class Correcting:
 
     def nudge(self, dx: float, dy: float) -> None:
         """Move the selected keypoints by some pixels in this frame."""
+        self._refuse_missing((self._page.state.frame,), self._selected(), "moved")
         self._make(Nudge(frames=(self._page.state.frame,), joints=self._selected(), by=(dx, dy)))
 
     def reset(self) -> None:
@@ -162,6 +170,7 @@ class Correcting:
 
     def set_confidence(self, confidence: float) -> None:
         """Say how sure the selected keypoints are."""
+        self._refuse_missing(self.frames, self._selected(), "given a confidence")
         self._make(SetConfidence(frames=self.frames, joints=self._selected(), confidence=confidence))
 
     def undo(self) -> None:
@@ -191,11 +200,33 @@ class Correcting:
             raise InputError("Select keypoints first: click one, or draw a rectangle with Shift.")
         return self._page.state.selection
 
+    def _refuse_missing(self, frames: tuple[int, ...], joints: tuple[int, ...], what: str) -> None:
+        if (self._page.session.project.corrected.confidence[np.ix_(frames, joints)] > 0).any():
+            return
+        where = in_words(frames, self._page.first_frame)
+        raise InputError(f"Nothing to be {what}: none of the selected keypoints is anywhere in {where}.")
+
     def _make(self, edit: Edit) -> None:
         page = self._page
         page.refuse_read_only()
-        page.session.edit(edit, author=page.author, shown=page.corrected_fit())
+        shown = page.corrected_fit()
+        page.session.edit(edit, author=page.author, shown=shown)
         page.saved(edit)
+        self._fitted_again(shown)
+
+    def _fitted_again(self, shown: Shown | None) -> None:
+        self._followed = None if shown is None else shown.run.id
+
+    def show_corrections(self) -> None:
+        """Where B is a run that was chosen, and that this page has corrected, it becomes the run of its corrections."""
+        page, run, session = self._page, self._followed, self._page.session
+        if run is None or session.following.busy or any(job.run is None for job in session.jobs.values()):
+            return
+        self._followed = None
+        corrections = session.fits.corrections_of(run)
+        if page.state.b.run == run != corrections.id:
+            page.set(b=replace(page.state.b, run=corrections.id))
+            page.say(f"B shows {corrections.name}")
 
 
 VERBS: dict[type[Edit], str] = {

@@ -64,6 +64,27 @@ def frames_of(log: Iterable[LogEntry]) -> dict[int, tuple[int, ...]]:
     return found
 
 
+def edits_since(log: Iterable[LogEntry], seen: int) -> list[Edit]:
+    """The edits that stand now and did not after the entry `seen`, and those that did and do not now."""
+    entries = list(log)
+    now, then = _standing(entries), _standing([entry for entry in entries if entry.id <= seen])
+    return [edit for number, edit in (now | then).items() if (number in now) != (number in then)]
+
+
+def _standing(entries: Iterable[LogEntry]) -> dict[int, Edit]:
+    done: dict[int, Edit] = {}
+    undone: dict[int, Edit] = {}
+    for entry in entries:
+        action = entry.action
+        if isinstance(action, Undo):
+            undone[action.edit] = done.pop(action.edit)
+        elif isinstance(action, Redo):
+            done[action.edit] = undone.pop(action.edit)
+        else:
+            done[entry.id] = action
+    return done
+
+
 def encode(action: Action) -> str:
     """The action as JSON."""
     return msgspec.json.encode(action).decode()

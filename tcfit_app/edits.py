@@ -175,13 +175,13 @@ class Reset(_Edit, frozen=True, tag="reset"):
 
 
 class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
-    """Say how sure keypoints are, without moving them. A keypoint marked bad counts again."""
+    """Say how sure keypoints are, without moving them. One marked bad counts again; one that is nowhere stays so."""
 
     confidence: float
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return _placed(here.xy, np.full_like(here.confidence, self.confidence))
+        return _chosen(here.confidence > 0, _placed(here.xy, np.full_like(here.confidence, self.confidence)), here)
 
     def problem(self, length: int) -> str:
         return _confidence_problem(self.confidence)

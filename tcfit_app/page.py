@@ -308,6 +308,7 @@ class Page:
         if self.desk.warming:
             return  # the first body comes half a second sooner if the browser has nothing else to draw
         self.strip.draw()
+        self.correcting.show_corrections()
         self.status.draw(now)
         for panel in self.panels:
             panel.draw()

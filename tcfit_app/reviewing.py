@@ -15,6 +15,8 @@ class Reviewing:
     def __init__(self, page: "Page") -> None:
         self._page = page
         self._last: Suspect | None = None
+        self._place = -1
+        """Of that entry in the queue: when it has left, the next one is there."""
 
     @property
     def suspects(self) -> tuple[Suspect, ...] | None:
@@ -29,7 +31,8 @@ class Reviewing:
             raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
         if not suspects:
             raise InputError("There is no suspicious frame: either there is no fit yet, or all of them were looked at.")
-        at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), -1 if step > 0 else 0)
+        gone = self._place - (step > 0) if self._last is not None else -(step > 0)
+        at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), gone)
         self.show(suspects[(at + step) % len(suspects)])
 
     def _is_last(self, suspect: Suspect) -> bool:
@@ -39,6 +42,7 @@ class Reviewing:
     def show(self, suspect: Suspect) -> None:
         """Go to an entry, and select what it is about."""
         self._last = suspect
+        self._place = next((i for i, known in enumerate(self.suspects or ()) if self._is_last(known)), self._place)
         self._page.pause()
         self._page.seek(suspect.frame)
         self._page.set(selection=suspect.joints)
@@ -62,11 +66,15 @@ class Reviewing:
         """The frames of the entry on show, or those selected, look fine; on to the next entry."""
         page = self._page
         page.refuse_read_only()
-        shown, frames = self._on_show is not None, self.dismissed
+        shown, frames = self._on_show, self.dismissed
+        # Before the mark: after it, the queue is made anew.
+        queue = self.suspects or ()
         page.session.mark(frames, "checked", author=page.author)
         page.say("Looks fine")
-        following = self.suspects
-        if shown and following:
-            rest = [suspect for suspect in following if suspect.frame not in frames]
-            if rest:
-                self.show(rest[0])
+        if shown is None:
+            return
+        at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)
+        rest = [suspect for suspect in (*queue[at + 1 :], *queue[: at + 1]) if suspect.frame not in frames]
+        if rest:
+            self.show(rest[0])
+            self._place = sum(suspect.frame not in frames for suspect in queue[: queue.index(rest[0])])

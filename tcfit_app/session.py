@@ -14,7 +14,7 @@ from fitting_core.evaluation.reference import Reference
 from fitting_core.events import PhaseStarted, WindowFinished
 from fitting_core.result import FitResult
 from tcfit_app.bodies import Bodies, record_of
-from tcfit_app.edit_log import LogEntry, frames_of
+from tcfit_app.edit_log import LogEntry, edits_since
 from tcfit_app.edits import Edit, MoveKeypoint
 from tcfit_app.fits import Fits, Shown
 from tcfit_app.following import Following
@@ -103,6 +103,7 @@ class Session:
         Raises:
             InputError: It makes no sense, or the project cannot be written.
         """
+        self.refuse_without_keypoints()
         entry = self.project.append(edit, author=author)
         self._edited(entry, shown)
         return entry
@@ -153,8 +154,7 @@ class Session:
         Raises:
             InputError: The body is not there, or the project cannot be written.
         """
-        if not self.project.has_detections:
-            raise InputError("This project has no keypoints yet: import or detect them first, in the panel Start.")
+        self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
@@ -270,13 +270,12 @@ class Session:
         return len(gone)
 
     def edits_since(self, run: Run) -> int:
-        """How many entries the log of edits has that a run did not see."""
-        return sum(entry.id > run.edits_seen for entry in self.project.log)
+        """How many edits were made or taken back since a run."""
+        return len(edits_since(self.project.log, run.edits_seen))
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
-        """The frames of these entries; those of an edit that was undone or redone, too."""
-        edited = frames_of(self.project.log)
-        return frozenset(frame for number in edited if number > run.edits_seen for frame in edited[number])
+        """Their frames."""
+        return frozenset(frame for edit in edits_since(self.project.log, run.edits_seen) for frame in edit.frames)
 
     # --- live correction ---
 
@@ -365,6 +364,11 @@ class Session:
         except InputError as error:  # e.g. a full disk: the next opening calls the run interrupted
             _log.exception("Run %d could not be ended", job.run)
             self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
+
+    def refuse_without_keypoints(self) -> None:
+        """Raises InputError where there is nothing yet to correct or fit."""
+        if not self.project.has_detections:
+            raise InputError("This project has no keypoints yet: import or detect them first, in the panel Start.")
 
     def _refuse_read_only(self, what: str) -> None:
         if self.project.read_only:

@@ -53,7 +53,8 @@ class DeletedRuns:
 
     def _remove(self) -> None:
         self._close()
-        self._page.say(f"Removed: {self._page.session.purge()} runs")
+        gone = self._page.session.purge()
+        self._page.say(f"Removed: {gone} run{'s' if gone != 1 else ''}")
 
     def _close(self) -> None:
         if self._window is not None and not self._window.closed:

@@ -54,7 +54,7 @@ def history_table(edits: Sequence[PastEdit], *, me: str, first_frame: int, now: 
     rows = [
         line(
             _when(past.time, now),
-            "you" if past.author == me else past.author,
+            "you" if past.author == me else "another tab" if past.author.startswith("tab ") else past.author,
             describe(past.edit, first_frame),
             whole=(0, 1),
             kind="off" if past.undone else "",

@@ -139,7 +139,7 @@ class KeypointsPanel:
         )
         self._exactly.show(
             row(
-                button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show"),
+                button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
                 button("Set confidence", "keypoints.confidence", disabled=none),
             ),
         )

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _MOST = 5
 """Keypoints that are listed one by one."""
-_STATES = {"bad": "bad", "corrected": "corrected", "detected": "detected", "missing": "not detected"}
+_STATES = {"bad": "bad", "corrected": "corrected", "detected": "detected", "missing": "missing"}
 """In words; the names are those of the style sheet."""
 
 
@@ -33,9 +33,9 @@ def state_of(corrected: Corrected, frame: int, joint: int) -> str:
     """What a keypoint is: "bad", "corrected", "detected" or "missing"."""
     if corrected.bad[frame, joint]:
         return "bad"
-    if corrected.edited[frame, joint]:
-        return "corrected"
-    return "detected" if corrected.confidence[frame, joint] > 0 else "missing"
+    if corrected.confidence[frame, joint] == 0:
+        return "missing"
+    return "corrected" if corrected.edited[frame, joint] else "detected"
 
 
 def selected_keypoints(page: "Page") -> list[Selected]:
