@@ -17,8 +17,8 @@ _MP4_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"styp")
 def packet_times(path: Path) -> Float[np.ndarray, "P"]:
     """When each packet is shown, in milliseconds and sorted: 30,000 packets take a tenth of a second.
 
-    VP8's packets that are never shown, only referred to (10 beside 180 frames), are left out. Not always when frames are: see `fitting_core.video_file`. Empty if OpenCV's backend cannot read a file without
-    decoding it.
+    VP8's packets that are never shown, only referred to (10 beside 180 frames), are left out. Not always when frames
+    are: see `fitting_core.video_file`. Empty if OpenCV's backend cannot read a file without decoding it.
     """
     packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     some_hidden = int(packets.get(cv2.CAP_PROP_FOURCC)) == _VP8

@@ -111,7 +111,7 @@ def test_times_that_are_not_the_frames(write_video, monkeypatch, times):
         assert [shown(frames.frame(index)) for index in order] == order
 
 
-def blocks(mkv: bytes) -> list[int]:
+def blocks(mkv: bytes | bytearray) -> list[int]:
     """Where the frames of a video in Matroska start: track, time since the cluster's (int16), flags, packet."""
     starts, cluster = [], mkv.index(b"\x1f\x43\xb6\x75")
     position = cluster + 4 + 9 - mkv[cluster + 4].bit_length()

@@ -2,11 +2,11 @@
 
 import json
 import math
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-import struct
 from pathlib import Path
 
 import cv2
