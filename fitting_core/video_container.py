@@ -24,7 +24,7 @@ def packet_times(path: Path) -> Float[np.ndarray, "P"]:
     some_hidden = int(packets.get(cv2.CAP_PROP_FOURCC)) == _VP8
     times = []
     while packets.grab():
-        if not some_hidden or packets.retrieve()[1].flat[0] & _VP8_SHOWN:
+        if not some_hidden or int(packets.retrieve()[1].flat[0]) & _VP8_SHOWN:
             times.append(packets.get(cv2.CAP_PROP_POS_MSEC))
     packets.release()
     return np.sort(np.array(times, dtype=float))  # Packets come in the order of decoding.
