@@ -111,6 +111,15 @@ def test_times_that_are_not_the_frames(write_video, monkeypatch, times):
         assert [shown(frames.frame(index)) for index in order] == order
 
 
+def test_times_that_turn_out_not_to_be_the_frames(write_video, monkeypatch):
+    """One too many after the fifth, one too few after the twentieth: found where decoding comes past them."""
+    times = np.sort(np.append(np.delete(TIMES, 20), TIMES[5] + 20))
+    monkeypatch.setattr(video_file, "packet_times", lambda path: times)
+    with FrameSource(write_video(30, "walk.mp4", "mp4v")) as frames:
+        order = [*range(30), *np.random.default_rng(0).permutation(30).tolist()]
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
 def blocks(mkv: bytes | bytearray) -> list[int]:
     """Where the frames of a video in Matroska start: track, time since the cluster's (int16), flags, packet."""
     starts, cluster = [], mkv.index(b"\x1f\x43\xb6\x75")
