@@ -7,32 +7,29 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 
 from fitting_core.errors import InputError
 from fitting_core.frame_names import natural_key
+from fitting_core.video_file import VideoFile
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-
-# Decoding on costs one frame each, a seek up to a whole group of pictures (often 12 to 250 frames).
-_SKIP = 12
-_SAME_TIME_MS = 1.0
 
 
 class _Decoder(Protocol):
     """What video files and image folders have in common."""
 
     declared_count: int
-    """What the header says."""
+    """What the header says, if the file ends early; else count."""
     count: int
     """What can be decoded."""
+    declared_frame_rate: float | None
+    """What the header says."""
     frame_rate: float | None
+    """What the frames' times say, where they are uneven; else the header's."""
+    uneven: bool
+    """Whether times between frames differ."""
     stems: tuple[str, ...] | None
-
-    @property
-    def uneven(self) -> bool:
-        """Whether times between frames differ."""
-        ...
 
     def read(self, index: int) -> np.ndarray | None:
         """Frame as BGR; None if it cannot be decoded."""
@@ -57,7 +54,10 @@ class FrameSource:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open the path, decode its first frame, and check that its last one is there.
+        """Open the path, decode its first frame, and find out how many there are.
+
+        Quick where the times of its frames can be trusted (MP4, MOV, MKV, WebM, TS, AVI); a file whose times cannot
+        (MPEG program streams, raw H.264) is decoded once from start to end.
 
         Raises:
             InputError: It does not exist, is no video, holds no image or no frame.
@@ -67,7 +67,7 @@ class FrameSource:
         images = path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES
         self.path = path
         self._lock = threading.Lock()
-        self._decoder: _Decoder = _Images(path) if images else _Video(path)
+        self._decoder: _Decoder = _Images(path) if images else VideoFile(path)
         first = self._decoder.read(0)
         if first is None:
             raise InputError(f"The first frame of {path} cannot be decoded; re-encode it.")
@@ -81,13 +81,18 @@ class FrameSource:
 
     @property
     def declared_count(self) -> int:
-        """Number of frames that the file says it has: larger than count if it is truncated."""
+        """Number of frames that a truncated file says it has; count for a whole one, whatever its header says."""
         return self._decoder.declared_count
 
     @property
     def frame_rate(self) -> float | None:
-        """Frames per second; None for images and for files that do not say it."""
+        """Frames per second, on average where they are uneven; None for images and for files that do not say it."""
         return self._decoder.frame_rate
+
+    @property
+    def declared_frame_rate(self) -> float | None:
+        """Frames per second that the file's header says: far off in some files of uneven frames."""
+        return self._decoder.declared_frame_rate
 
     @property
     def uneven(self) -> bool:
@@ -161,7 +166,8 @@ class _Images:
     """Image files, read when asked for."""
 
     frame_rate: float | None = None
-    uneven = False
+    declared_frame_rate: float | None = None
+    uneven: bool = False
 
     def __init__(self, path: Path) -> None:
         self._files = image_files(path) if path.is_dir() else (path,)
@@ -184,104 +190,3 @@ class _Images:
 
     def close(self) -> None:
         pass
-
-
-class _Video:
-    """A video file, decoded on from the last frame or after a seek."""
-
-    stems: tuple[str, ...] | None = None
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._capture = cv2.VideoCapture(str(path))
-        if not self._capture.isOpened():
-            raise InputError(
-                f"{path} is not a video that OpenCV can open (found {path.stat().st_size} bytes). If it plays "
-                "elsewhere, re-encode it as H.264 in MP4; if not, it is damaged or was not fully copied."
-            )
-        self._last = -1
-        self.declared_count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.frame_rate: float | None = float(rate) if np.isfinite(rate) and rate > 0 else None
-        self._times = _frame_times(path)
-        self.count = self._countable()
-        if self.count == 0:
-            raise InputError(
-                f"{path} has no frame that can be decoded (the file says it has {self.declared_count}); re-encode it."
-            )
-
-    @property
-    def uneven(self) -> bool:
-        steps = np.diff(self._times)
-        return len(steps) > 0 and bool((np.abs(steps - np.median(steps)) > 0.5 * np.median(steps)).any())
-
-    def _countable(self) -> int:
-        """Frames that decode: the declared number if the last of them does, else all are counted."""
-        if self.declared_count and self.read(self.declared_count - 1) is not None:
-            return self.declared_count
-        self._reopen()
-        count = 0
-        while self._capture.grab():
-            count += 1
-        self._reopen()
-        return count
-
-    def _reopen(self) -> None:
-        self._capture.release()
-        self._capture = cv2.VideoCapture(str(self._path))
-        self._last = -1
-
-    def read(self, index: int) -> np.ndarray | None:
-        if not 0 <= index - self._last <= _SKIP:
-            self._seek(index)
-        image = self._decode(index)
-        if image is None:
-            # Seeking can fail where decoding from the start does not: back in an AVI of one frame, for example.
-            self._reopen()
-            image = self._decode(index)
-        return image
-
-    def _decode(self, index: int) -> np.ndarray | None:
-        while self._last < index:
-            if not self._capture.grab():
-                return None
-            self._last += 1
-        ok, image = self._capture.retrieve()
-        return image if ok else None
-
-    def _seek(self, index: int) -> None:
-        """Go to a frame or to one shortly before it; back to the start if its place cannot be told.
-
-        OpenCV takes frames for evenly spaced when it seeks, which phones' are not: it then lands next to the frame
-        that was asked for and says nothing. So the frame's time tells where it is, and the time of what was decoded
-        after the seek tells which frame that is.
-        """
-        if index < len(self._times) and self.frame_rate:
-            even = round((self._times[index] - self._times[0]) / 1000 * self.frame_rate)
-            for margin in (0, _SKIP, 4 * _SKIP):
-                self._capture.set(cv2.CAP_PROP_POS_FRAMES, max(0, even - margin))
-                if self._capture.grab():
-                    offsets = np.abs(self._times - self._capture.get(cv2.CAP_PROP_POS_MSEC))
-                    self._last = int(offsets.argmin())
-                    if self._last <= index and offsets.min() < _SAME_TIME_MS:
-                        return
-        self._reopen()
-
-    def label(self, index: int) -> str:
-        return f"Frame {index}"
-
-    def close(self) -> None:
-        self._capture.release()
-
-
-def _frame_times(path: Path) -> Float[np.ndarray, "T"]:
-    """When each frame is shown, in milliseconds, from the container alone: 30,000 frames take a tenth of a second.
-
-    Empty if OpenCV's backend cannot read a file without decoding it.
-    """
-    packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
-    times = []
-    while packets.grab():
-        times.append(packets.get(cv2.CAP_PROP_POS_MSEC))
-    packets.release()
-    return np.sort(np.array(times, dtype=float))  # Packets come in the order of decoding.

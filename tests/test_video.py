@@ -9,8 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core import video_file
 from fitting_core.errors import InputError
 from fitting_core.video import FrameSource
+from fitting_core.video_container import ends_early
 
 STEP = 8
 
@@ -72,6 +74,114 @@ def test_video_in_sequence_and_at_random(write_video, name, codec):
         assert [shown(frame) for frame in frames] == list(range(30))
         order = [29, 0, 17, 18, 18, 3, 25, 24, 10, 29, 1]
         assert [shown(frames.frame(index)) for index in order] == order
+
+
+@pytest.mark.parametrize("name, codec", [
+    ("walk.avi", "MPG2"), ("walk.avi", "PIM1"), ("walk.mpg", "MPG2"), ("walk.mpg", "PIM1"), ("walk.m2v", "MPG2"),
+    ("walk.ts", "MPG2"),
+])  # fmt: skip
+def test_frames_that_are_stored_in_another_order(write_video, name, codec):
+    """MPEG with B-frames: AVI has no times of presentation, program streams have wrong ones, .m2v is no container."""
+    with FrameSource(write_video(30, name, codec)) as frames:
+        assert frames.count == frames.declared_count == 30 and not frames.uneven
+        order = np.random.default_rng(0).permutation(30).tolist()
+        assert [shown(frames.frame(index)) for index in order] == order
+        assert [shown(frame) for frame in frames] == list(range(30))
+
+
+TIMES = 40.0 * np.arange(30)
+WRONG_TIMES = {
+    "none": TIMES[:0],
+    "all the same": 0 * TIMES,
+    "two the same": TIMES - 40 * (np.arange(30) > 12),
+    "half of them": TIMES[::2],
+    "shifted": TIMES + 20,
+    "one moved": TIMES + 7 * (np.arange(30) == 15),
+    "drifting": TIMES + 0.01 * np.arange(30),
+    "too far apart": 2 * TIMES,
+}
+
+
+@pytest.mark.parametrize("times", WRONG_TIMES.values(), ids=WRONG_TIMES)
+def test_times_that_are_not_the_frames(write_video, monkeypatch, times):
+    """Then it is decoded from the start: slow, but the frame that was asked for."""
+    monkeypatch.setattr(video_file, "packet_times", lambda path: times)
+    with FrameSource(write_video(30, "walk.mp4", "mp4v")) as frames:
+        order = np.random.default_rng(0).permutation(30).tolist()
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+def test_times_that_turn_out_not_to_be_the_frames(write_video, monkeypatch):
+    """One too many after the fifth, one too few after the twentieth: found where decoding comes past them."""
+    times = np.sort(np.append(np.delete(TIMES, 20), TIMES[5] + 20))
+    monkeypatch.setattr(video_file, "packet_times", lambda path: times)
+    with FrameSource(write_video(30, "walk.mp4", "mp4v")) as frames:
+        order = [*range(30), *np.random.default_rng(0).permutation(30).tolist()]
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+def blocks(mkv: bytes | bytearray) -> list[int]:
+    """Where the frames of a video in Matroska start: track, time since the cluster's (int16), flags, packet."""
+    starts, cluster = [], mkv.index(b"\x1f\x43\xb6\x75")
+    position = cluster + 4 + 9 - mkv[cluster + 4].bit_length()
+    while position < len(mkv) and mkv[position] in (0xBF, 0xE7, 0xA3, 0xAB):
+        length_bytes = 9 - mkv[position + 1].bit_length()
+        start = position + 1 + length_bytes
+        length = int.from_bytes(mkv[position + 1 : start], "big") & ((1 << 7 * length_bytes) - 1)
+        if mkv[position] == 0xA3:
+            starts.append(start)
+        position = start + length
+    return starts
+
+
+def test_a_packet_that_is_never_shown(write_video):
+    """VP8 stores some pictures only to refer to them."""
+    file = write_video(30, "walk.mkv", "VP80")
+    content = bytearray(file.read_bytes())
+    content[blocks(content)[10] + 4] &= ~0x10
+    file.write_bytes(content)
+    with FrameSource(file) as frames:
+        assert frames.count == frames.declared_count == 29
+        expected = [*range(10), *range(11, 30)]
+        order = np.random.default_rng(0).permutation(29).tolist()
+        assert [shown(frames.frame(index)) for index in order] == [expected[index] for index in order]
+
+
+def at_variable_rate(mkv: bytes) -> bytes:
+    """The video of 30 frames in Matroska with 10 at 25 per second and 20 at 5, and the length that goes with it."""
+    result, starts = bytearray(mkv), blocks(mkv)
+    assert len(starts) == 30
+    for index, start in enumerate(starts):
+        struct.pack_into(">h", result, start + 1, 40 * min(index, 10) + 200 * max(index - 10, 0))
+    struct.pack_into(">d", result, mkv.index(b"\x44\x89\x88") + 3, 4400.0)
+    return bytes(result)
+
+
+def test_the_rate_of_uneven_frames_is_that_of_their_times(write_video):
+    file = write_video(30, "phone.mkv", "mp4v")
+    file.write_bytes(at_variable_rate(file.read_bytes()))
+    with FrameSource(file) as frames:
+        assert (frames.uneven, frames.declared_frame_rate) == (True, 25.0)
+        assert frames.frame_rate == pytest.approx(29 / 4.2, rel=1e-6)
+        assert frames.count == frames.declared_count == 30, "the header's length times its rate makes 110"
+        order = np.random.default_rng(0).permutation(30).tolist()
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+@pytest.mark.parametrize("name", ["walk.avi", "walk.mkv", "walk.mp4", "walk.mov", "walk.webm"])
+def test_a_file_that_ends_early(write_video, name):
+    file = write_video(30, name, {"walk.webm": "VP80"}.get(name, "mp4v"))
+    content = file.read_bytes()
+    assert not ends_early(file)
+    for part in (0.5, 0.9):
+        file.write_bytes(content[: int(len(content) * part)])
+        assert ends_early(file)
+
+
+@pytest.mark.parametrize("content", [b"", b"RIFF", b"RIFF" + bytes(8), b"\x1a\x45\xdf\xa3", b"abcdmoov"])
+def test_the_end_of_what_is_no_video(tmp_path, content):
+    (tmp_path / "a.avi").write_bytes(content)
+    assert ends_early(tmp_path / "a.avi") == (content == b"abcdmoov")
 
 
 def with_frame_durations(mp4: bytes, durations: list[tuple[int, float]]) -> bytes:

@@ -220,9 +220,11 @@ def _footage(path: Path | None) -> _Footage:
                 "be decoded; these are used."
             )
         if frames.uneven:
+            says = f" (its header says {frames.declared_frame_rate:.4g})" if frames.declared_frame_rate else ""
             notes.append(
-                f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were. Re-encode it "
-                "at a constant frame rate if motion looks jerky, and detect the keypoints on the result."
+                f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were: "
+                f"{frames.frame_rate:.4g} per second on average{says}. Re-encode it at a constant frame rate if motion "
+                "looks jerky, and detect the keypoints on the result."
             )
         timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
         return _Footage(

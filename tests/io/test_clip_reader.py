@@ -2,6 +2,7 @@
 
 import json
 import math
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -257,7 +258,25 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
 
 def test_unevenly_spaced_frames_are_noted(video, walk, monkeypatch):
     monkeypatch.setattr(FrameSource, "uneven", True)
-    assert "The frames of walk.avi are not evenly spaced in time" in read_clip(video(1), walk([0])).notes[0]
+    monkeypatch.setattr(FrameSource, "frame_rate", 14.98765)
+    clip = read_clip(video(1), walk([0]))
+    assert clip.frame_rate == 14.98765
+    assert clip.notes[0].startswith(
+        "The frames of walk.avi are not evenly spaced in time, but are taken as if they were: 14.99 per second on "
+        "average (its header says 25)."
+    )
+
+
+def test_a_whole_video_is_not_called_truncated(video, walk):
+    """Many headers say more frames than there are: length times rate, or what an edit list hides."""
+    path = video(20)
+    content = bytearray(path.read_bytes())
+    for length in (b"avih", b"strh"):
+        place = content.index(length) + 8 + {b"avih": 16, b"strh": 32}[length]
+        assert content[place : place + 4] == struct.pack("<I", 20)
+        struct.pack_into("<I", content, place, 30)
+    path.write_bytes(content)
+    assert not any("truncated" in note for note in read_clip(path, walk(range(20))).notes)
 
 
 def test_nothing_detected_in_the_whole_clip(video, write_people):
