@@ -111,8 +111,8 @@ class Coupling:
 class Sequence(OnFrames):
     """Sum of E_o over free frames + w_T^2 sum over centres |sum_k s_k J_{centre + k}|^2: phase 3, a window, a re-run.
 
-    With L the stencil at every centre and c = L^T L, the half gradient of frame i is w^2 D_i^T sum_j c_ij J_j and the blocks of
-    the half matrix are w^2 c_ij D_i^T D_j: block-pentadiagonal, so that a step costs O(frames).
+    With L the stencil at every centre and c = L^T L, the half gradient of frame i is w^2 D_i^T sum_j c_ij J_j and the
+    blocks of the half matrix are w^2 c_ij D_i^T D_j: block-pentadiagonal, so that a step costs O(frames).
 
     Args:
         objective: E_o with fixed betas.

@@ -67,12 +67,13 @@ def _riff(file: BinaryIO) -> int | None:
 
 
 def _box(file: BinaryIO) -> int | None:
-    """Bytes of the MP4 box that starts here; a length of 1 stands for a longer number, 0 for the rest of the file."""
+    """Bytes of the MP4 box that starts here; a length of 1 stands for a longer number, 0 for the rest: not told."""
     head = file.read(16)
     if len(head) < 8:
         return None
     (length,) = struct.unpack_from(">I", head)
-    return int.from_bytes(head[8:], "big") if length == 1 else length
+    length = int.from_bytes(head[8:], "big") if length == 1 else length
+    return length if length >= 8 else None  # its own head
 
 
 def _element(file: BinaryIO) -> int | None:

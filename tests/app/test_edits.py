@@ -85,6 +85,14 @@ def test_restored_keypoints_are_as_sure_as_before(detected: Keypoints):
     assert history.keypoints.confidence[1, 3] == 0.6
 
 
+def test_a_confidence_brings_nothing_that_is_nowhere(detected: Keypoints):
+    lost = Keypoints(xy=detected.xy, confidence=detected.confidence * (np.arange(137) != 5))
+    where: Any = {"frames": (1, 2), "joints": (3, 5)}
+    history = after(lost, MarkBad(**where), SetConfidence(confidence=0.5, **where))
+    assert (history.keypoints.confidence[1:3, 3] == 0.5).all() and (history.keypoints.confidence[1:3, 5] == 0).all()
+    assert history.corrected.edited[1, 3] and not history.corrected.edited[1, 5]
+
+
 def test_nudge_moves_what_is_there(detected: Keypoints):
     history = after(detected, Nudge(frames=(0, 5), joints=(2, 12), by=(1.0, -2.0)))
     found = history.keypoints

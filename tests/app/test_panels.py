@@ -3,15 +3,17 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import viser
 
+from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
 from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import Curve
-from tcfit_app.edits import MarkBad, Restore, SetConfidence, SwapSides
+from tcfit_app.edits import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.fits import FitChoice
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
@@ -172,6 +174,38 @@ def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     assert last_edit(page) == SetConfidence(frames=(1, 2, 3), joints=(4,), confidence=0.5)
 
 
+def test_copies_go_to_all_selected_frames(tested: LonePage):
+    page = tested.page
+    there = np.flatnonzero(page.session.project.detections.confidence[1] > 0)
+    page.set(frames=range(2, 4), selection=(int(there[0]),))
+    page.seek(3)
+    tested.press("action", "copy")
+    assert last_edit(page) == CopyFrom(frames=(2, 3), joints=(int(there[0]),), source=1)
+
+
+def test_what_is_nowhere_is_not_copied_moved_or_made_sure(tested: LonePage):
+    page = tested.page
+    missing = int(np.flatnonzero(page.session.project.detections.confidence[1] == 0)[0])
+    page.seek(1)
+    page.set(selection=(missing,))
+    assert "missing" in tested.html()
+    correcting = page.correcting
+    for correct in (lambda: correcting.nudge(1.0, 0.0), lambda: correcting.set_confidence(1.0)):
+        with pytest.raises(InputError, match=f"none of the selected keypoints is anywhere in frame {FIRST + 1}"):
+            correct()
+    page.seek(2)
+    with pytest.raises(InputError, match=f"Nothing to be copied.* frame {FIRST + 1}"):
+        correcting.copy_previous()
+    assert not page.session.project.log
+
+
+def test_all_keypoints_are_those_on_show(tested: LonePage):
+    page = tested.page
+    page.set(groups=frozenset({"body", "left_hand"}))
+    tested.press("action", "all")
+    assert page.state.selection == tuple(range(46))
+
+
 def last_edit(page) -> object:
     return page.session.project.log[-1].action
 
@@ -233,6 +267,36 @@ def test_the_review_queue(tested: LonePage):
     page.seek(0)
     tested.press("review.frame", "2")
     assert page.state.frame == 2 and "Take flag away" in tested.html()
+
+
+def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
+    page, queue = tested.page, [suspect(frame) for frame in (4, 2, 5, 3)]
+    with_suspects(tested, *queue)
+    for _ in range(2):
+        tested.press("action", "next_suspect")
+    assert page.state.frame == 2
+
+    def made_anew(shown: object) -> tuple[Suspect, ...] | None:
+        checked = page.session.project.marks.all()
+        return tuple(found for found in queue if found.frame not in checked) if ready else None
+
+    ready = True
+    page.desk.suspects = made_anew  # pyright: ignore[reportAttributeAccessIssue]
+    mark = page.session.mark
+
+    def marked(*given: Any, **named: Any) -> None:
+        nonlocal ready
+        mark(*given, **named)
+        ready = False
+
+    page.session.mark = marked  # pyright: ignore[reportAttributeAccessIssue]
+    tested.press("action", "fine")
+    assert page.state.frame == 5, "the one after it, though the queue is being made anew"
+    ready = True
+    tested.press("action", "next_suspect")
+    assert page.state.frame == 3
+    tested.press("action", "next_suspect")
+    assert page.state.frame == 4
 
 
 def test_the_review_queue_while_there_is_none(tested: LonePage):

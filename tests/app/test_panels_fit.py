@@ -13,6 +13,7 @@ from fitting_core.config import PRESETS
 from fitting_core.config_file import as_toml
 from fitting_core.settings import changed
 from tcfit_app.edits import MarkBad
+from tcfit_app.fits import FitChoice
 from tcfit_app.panels.fit import FitPanel
 from tcfit_app.panels.fit_progress import POINTS, charted, curves
 from tcfit_app.panels.fit_settings import differences, nearest_preset
@@ -165,6 +166,21 @@ def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: py
     assert "MemoryError: no &lt;b&gt;memory&lt;/b&gt;" in tested.html()
     tested.click("Fit everything")
     assert "MemoryError" not in tested.html()
+
+
+def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: LonePage):
+    page, run = tested.page, tested.fit()
+    other = tested.fit()
+    page.set(b=FitChoice(run=run.id), selection=(4,))
+    page.correcting.toggle_bad()
+    page.correcting.show_corrections()
+    assert page.state.b.run == run.id, "not before they are fitted"
+    tested.until(lambda: page.correcting.show_corrections() or page.state.b.run != run.id)
+    corrections = page.session.fits.run(page.state.b.run)  # pyright: ignore[reportArgumentType]
+    assert corrections is not None and (corrections.kind, corrections.parent) == ("corrections", run.id)
+    page.set(b=FitChoice(run=other.id))
+    page.correcting.show_corrections()
+    assert page.state.b.run == other.id, "what was chosen since stays"
 
 
 def test_edited_and_flagged_frames_are_re_run(tested: LonePage):

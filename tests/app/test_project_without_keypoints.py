@@ -13,9 +13,11 @@ import pytest
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
+from tcfit_app.bodies import Bodies
 from tcfit_app.cli import main
-from tcfit_app.edits import MoveKeypoint
+from tcfit_app.edits import SIDES, MoveKeypoint, SwapSides
 from tcfit_app.project import Project
+from tcfit_app.session import Session
 from tcfit_app.storage import clip as clip_storage
 from tcfit_app.storage.database import Database
 from tests.app.processes import killed_after, needs_fork
@@ -40,6 +42,15 @@ def images(tmp_path: Path) -> Path:
     for number in range(FRAMES):
         cv2.imwrite(str(images / f"{number}.png"), np.zeros((48, 64, 3), np.uint8))
     return images
+
+
+def test_nothing_is_corrected_before_there_is_something(folder: Path):
+    with Project.open(folder) as project:
+        session = Session(project, Bodies())
+        with pytest.raises(InputError, match="no keypoints yet: import or detect them first"):
+            session.edit(SwapSides(frames=(0,), joints=SIDES["arms"]), author="test")
+        session.close()
+        assert not project.log
 
 
 def test_a_project_takes_its_keypoints_once(folder: Path):
