@@ -59,6 +59,11 @@ class Correcting:
         state = self._page.state
         return tuple(state.frames) if state.frames is not None else (state.frame,)
 
+    @property
+    def dragging(self) -> bool:
+        """Whether keypoints are under this page's pointer."""
+        return self._dragging is not None
+
     def take(self, event: DragEvent) -> None:
         """A drag in the page begins, goes on or ends."""
         if event.phase == "start":

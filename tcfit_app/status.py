@@ -38,6 +38,8 @@ class Status:
             chips.append(Chip(text="Open read-only: nothing can be changed", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
+        if session.following.busy and not page.correcting.dragging:
+            chips.append(Chip(text="The fit follows", kind="busy"))
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
         if not session.project.has_detections:

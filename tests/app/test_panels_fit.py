@@ -175,6 +175,7 @@ def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: Lo
     page.correcting.toggle_bad()
     page.correcting.show_corrections()
     assert page.state.b.run == run.id, "not before they are fitted"
+    assert "The fit follows" in [chip.text for chip in page.status._chips(0.0)]
     tested.until(lambda: page.correcting.show_corrections() or page.state.b.run != run.id)
     corrections = page.session.fits.run(page.state.b.run)  # pyright: ignore[reportArgumentType]
     assert corrections is not None and (corrections.kind, corrections.parent) == ("corrections", run.id)

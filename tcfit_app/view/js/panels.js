@@ -50,8 +50,8 @@ const PANEL_SHEET = `
 .tcfit-warn { color: ${COLORS.flagged}; } .tcfit-strong { font-weight: 600; }
 .tcfit-badge { margin-left: 4px; padding: 0 4px; border-radius: 3px; color: #111; font-size: 10.5px; }
 .tcfit-panel .tcfit-track { --kind: ${COLORS.accent}; margin: 5px 0 7px; }
-.tcfit-panel dl { display: grid; grid-template-columns: 74px 1fr; gap: 2px 4px; margin: 4px 0; font-size: 11.5px; }
-.tcfit-panel dt { color: ${COLORS.dim}; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
+.tcfit-panel dl { display: grid; grid-template-columns: minmax(74px, auto) 1fr; gap: 2px 6px; margin: 4px 0; font-size: 11.5px; }
+.tcfit-panel dt { color: ${COLORS.dim}; overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
 .tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 11.5px; overflow-wrap: anywhere; }
 .tcfit-panel pre { margin: 0; font-size: 11px; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere; }
 .tcfit-table { width: 100%; border-collapse: collapse; font: 11.5px/1.35 ${FONT}; font-variant-numeric: tabular-nums; }
