@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from websockets.datastructures import Headers
+from websockets.http11 import Response
 
 from fitting_core.keypoints import COUNT
 from tcfit_app.server import ReviewServer, review_server
@@ -419,6 +421,49 @@ def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewSe
     tab.settle()
     assert tab.text(".tcfit-card") is None and tab.page.locator(".tcfit").count() == 1
     assert len(tab.clients) == 2
+
+
+def test_without_a_server_nothing_is_taken_until_it_is_back(
+    tab: Tab, server: ReviewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page says that it is cut off, drops what is being done, and lets go of a drag that has begun."""
+    busy, saved = states.Chip(text="Fit walk: stage 1", kind="busy"), states.Chip(text="Saved: right wrist moved")
+    tab.send("chips", states.Chips(chips=(busy, saved)))
+    tab.show()
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y + 40, steps=3)
+    tab.await_event(Drag, 2)
+    with monkeypatch.context() as closed:
+        refusal = Response(503, "Service Unavailable", Headers({"Connection": "close", "Content-Length": "0"}))
+        closed.setattr(server.gate, "answer", lambda request: refusal)
+        server.viser._websock_server.disconnect_all_clients()
+        tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
+        assert "ended or cannot be reached" in (tab.text(".tcfit-card h2") or "")
+        assert tab.page.locator(".tcfit-chip").all_text_contents() == [saved.text]
+        tab.page.mouse.up()
+        known = len(tab.events)
+        tab.page.mouse.click(x, y)
+        assert not tab.painted_now(x + 60, y + 40) and tab.painted_now(x, y)
+        tab.drag((x, y), (40, 0))
+        assert not tab.painted_now(x + 40, y)
+        tab.page.mouse.click(*strip_place(tab, 100))
+        tab.page.keyboard.press("b")
+        tab.page.wait_for_timeout(1500)  # viser has tried again, in vain
+        assert tab.text(".tcfit-card h2") and len(tab.events) == known
+    tab.await_event(Hello)
+    assert tab.events[known:] == [tab.await_event(Hello)]
+    assert tab.text(".tcfit-card h2") is None
+    for name, state in (("skeleton", states.Skeleton()), ("style", states.Style(bones=False)), ("layout", POSTER)):
+        tab.send(name, state)
+    tab.send("keys", KEYS)
+    tab.show()
+    tab.look(300.0)
+    tab.drag(tab.screen(*PLACES[WRIST]), (33, 21))
+    assert tab.await_event(Drag, 3).phase
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
 
 
 def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(

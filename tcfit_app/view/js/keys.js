@@ -32,7 +32,7 @@ function bindingFor(event) {
 }
 
 function keyDown(event) {
-  if (event.isComposing || field === null) return;
+  if (event.isComposing) return;
   if (event.key === "Escape" && (closeWindow() || cancelGesture())) return swallow(event);
   if (keyIsTaken(event)) return;
   const plain = !event.ctrlKey && !event.metaKey && !event.altKey;

@@ -39,6 +39,11 @@ const STYLE_SHEET = `
 .tcfit, .tcfit * { box-sizing: border-box; }
 .tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: ${COLORS.text};
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
+.tcfit-lost { pointer-events: auto; background: rgba(12, 14, 18, 0.5); }
+.tcfit-lost > canvas { opacity: 0.5; }
+.tcfit-lost ~ .tcfit-strip { pointer-events: none; }
+.tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: rgba(12, 14, 18, 0.5); }
+body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
   gap: 8px; }
