@@ -49,11 +49,15 @@ class Picture:
         self._view.reset_view()
 
     def zoom_to_selection(self) -> None:
-        """Zoom to the selected keypoints. Raises InputError without any."""
+        """Zoom to the selected keypoints. Raises InputError without any that are in the picture."""
         page = self._page
         if not page.state.selection or page.state.mode == "space":
             raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
-        xy = page.session.project.corrected.xy[page.state.frame, list(page.state.selection)]
+        chosen = page.session.project.corrected.at((page.state.frame,), tuple(page.state.selection))
+        # Undetected ones lie at (0, 0), and so do copies of them.
+        xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
+        if not len(xy):
+            raise InputError("None of the selected keypoints was detected in this frame: there is nothing to zoom to.")
         low, high = xy.min(0) - _MARGIN, xy.max(0) + _MARGIN
         self._view.zoom_to((*low.tolist(), *high.tolist()))
 
