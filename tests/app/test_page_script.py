@@ -276,6 +276,9 @@ def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
     tab.settle()
     assert set(map(type, tab.events)) <= {Gesture}
     assert np.abs(np.array(tab.clients[-1].camera.wxyz) - before).max() > 0.01
+    tab.events.clear()
+    tab.page.keyboard.press("w")  # viser's key: the camera has been moved
+    tab.await_event(Gesture)
     tab.send("layout", POSTER)
     tab.look(300.0)
 

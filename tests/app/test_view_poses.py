@@ -186,6 +186,36 @@ def test_resetting_space_twice_takes_the_camera_into_view(tab: Tab, view: Camera
     assert view.pose.close_to(space_pose(BOUNDS, WINDOW))
 
 
+def test_in_space_a_larger_box_and_another_window_are_refitted_and_a_step_is_not(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.show_space(BOUNDS + 0.05)  # the next frame
+    assert not tab.sent
+    wide = np.stack([BOUNDS[0] - 1.0, BOUNDS[1] + 1.0])
+    view.show_space(wide)
+    assert tab.sent and view.pose == space_pose(wide, WINDOW)
+    tab.obey()
+    tab.camera.image_width, tab.camera.image_height = 600, 700
+    view.follow()
+    narrow = Window(width=600, height=700, covered=WINDOW.covered)
+    assert tab.sent and view.pose == space_pose(wide, narrow)
+    tab.obey()
+    assert all(-1 < edge < 1 for edge in extent(view.pose, wide)[1::2])
+
+
+def test_in_space_a_camera_that_was_moved_or_shows_the_overview_stays(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.reset()  # to the overview
+    tab.obey()
+    for _ in range(2):
+        view.show_space(3 * BOUNDS)
+        tab.camera.image_width -= 300
+        view.follow()
+        assert not tab.sent
+        view.touched()
+
+
 def test_poses_are_told_apart_within_a_pixel():
     pose = poster_pose(ONE, ONE, WINDOW)
     x, y, z = pose.position
