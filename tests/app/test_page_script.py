@@ -279,6 +279,7 @@ def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
     tab.events.clear()
     tab.page.keyboard.press("w")  # viser's key: the camera has been moved
     tab.await_event(Gesture)
+    tab.page.wait_for_timeout(300)
     tab.send("layout", POSTER)
     tab.look(300.0)
 
@@ -335,6 +336,22 @@ def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
     tab.page.mouse.move(*strip_place(tab, 50))
     tab.settle()
     assert tab.text(".tcfit-strip .tcfit-tooltip") == "Frame 50  0:01.67\nrun A  51 px\nbad, flagged"
+
+
+def test_the_legend_lies_above_the_curves_highest_values(tab: Tab) -> None:
+    peak = np.ones(LENGTH)
+    peak[-40:] = 300.0  # where the legend is
+    curve = states.Curve(label="run A", color="#ff0000", values=states.curve_values(peak))
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, title="Error", unit="px", curves=(curve,)))
+    tab.settle()
+    look = """(x) => {
+      const strip = document.querySelector('.tcfit-strip > canvas');
+      const pixels = strip.getContext('2d').getImageData(x, 0, 1, strip.height).data;
+      return [...Array(strip.height).keys()].filter((y) => pixels[4 * y] > 180 && pixels[4 * y + 1] < 60);
+    }"""
+    x = round(strip_place(tab, LENGTH - 15)[0])
+    drawn = tab.page.evaluate(look, x)
+    assert drawn and min(drawn) > 36  # below the legend, over which nothing else is drawn
 
 
 def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:
