@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _AHEAD = 24
 """Frames that are decoded before they are played."""
 _LEGEND_COLORS = 9
+_LEGEND_HEIGHT = 34.0
+"""CSS pixels that posters leave free for the colour bar below them."""
 _SAMPLED = 120
 """Frames of a clip, at most, whose whole bodies the 3D camera is fitted to: 0.1 s."""
 _MARGIN = 40.0
@@ -171,7 +173,8 @@ class Picture:
         return self._desk.background.get(key, lambda: extent(meshes.batch(shown.params[::step])))
 
     def _show(self, snapshot: Posters | Space) -> None:
-        self._view.follow(self._size if self._size[0] else None)
+        covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
+        self._view.follow(self._size if self._size[0] else None, covered)
         for problem in self._view.show(snapshot):
             self._page.status.problem = problem
 
@@ -212,9 +215,13 @@ class Picture:
         page.channel.send("keypoints", keypoints)
 
     def _draw_legend(self) -> None:
-        shown = self._page.state.difference and self._page.state.bodies
-        if self._page.changes.of("legend", shown):
-            self._page.channel.send("legend", LEGEND if shown else None)
+        if self._page.changes.of("legend", self._compared):
+            self._page.channel.send("legend", LEGEND if self._compared else None)
+
+    @property
+    def _compared(self) -> bool:
+        """Whether colours tell how far A and B lie apart."""
+        return self._page.state.difference and self._page.state.bodies
 
 
 def _places(places: Sequence[float], labels: tuple[tuple[str, str], ...]) -> tuple[PosterPlace, ...]:

@@ -48,7 +48,7 @@ class Cameras:
     """
 
     def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
-        self._client, self._strip_height = client, strip_height
+        self._client, self._covered = client, strip_height
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
@@ -89,14 +89,16 @@ class Cameras:
         if self._scene is not None:
             self._places[self._scene].moved = self._places[self._scene].by_hand = True
 
-    def follow(self, canvas: tuple[float, float] | None = None) -> None:
+    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
         """Refits the scene to a new window unless the user has moved the camera.
 
         Args:
             canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
                 counts device pixels.
+            covered: CSS pixels at the canvas's bottom over which something else lies, where that changes.
         """
         self._canvas = canvas or self._canvas
+        self._covered = self._covered if covered is None else covered
         window = self._current_window()
         if self._scene is not None and window != self._window:
             self._window = window
@@ -130,7 +132,7 @@ class Cameras:
     def _current_window(self) -> Window:
         camera = self._client.camera
         width, height = self._canvas or (camera.image_width, camera.image_height)
-        return Window(width=max(width, 1), height=max(height, 1), covered=self._strip_height)
+        return Window(width=max(width, 1), height=max(height, 1), covered=self._covered)
 
     def _enter(self, scene: Scene) -> None:
         if scene == self._scene:

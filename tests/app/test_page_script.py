@@ -407,7 +407,7 @@ def test_text_stays_text(tab: Tab) -> None:
     tab.send("legend", states.Legend(title=HTML, unit="mm", low=0, high=50, colors=("#000000", "#ffffff")))
     tab.settle()
     assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == tab.text(".tcfit-chip") == HTML
-    assert tab.text(".tcfit-legend") == f"{HTML} [mm]02550"
+    assert tab.text(".tcfit-legend") == f"{HTML} [mm]050"
     assert tab.page.locator(".tcfit img").count() == 0
     tab.send("notice", None)
     tab.settle()

@@ -134,6 +134,18 @@ def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cam
     assert not tab.sent and view.moved
 
 
+def test_posters_make_room_for_what_is_laid_over_the_bottom(tab: Tab, view: Cameras):
+    view.follow((1000, 700), 0.0)
+    tab.obey()
+    for covered, lowest in ((34.0, 700 - 34), (0.0, 700)):
+        view.follow((1000, 700), covered)
+        assert tab.sent
+        tab.obey()
+        assert on_screen(view.pose, ONE[2:], Window(width=1000, height=700))[1] < lowest
+    view.follow()
+    assert not tab.sent
+
+
 def test_what_the_browser_reports_is_not_taken_for_the_user(tab: Tab, view: Cameras):
     """A busy browser reports where its camera was before the last command."""
     pose = view.pose

@@ -48,11 +48,10 @@ function chip({ text, kind, progress }) {
 watch("legend", (legend) => {
   legendBox.hidden = !legend;
   if (!legend) return;
-  const colors = element("div", "tcfit-colors");
+  const colors = element("div", "");
   colors.style.background = `linear-gradient(to right, ${legend.colors.join(", ")})`;
-  const ends = element("div", "tcfit-ends");
-  for (const value of [legend.low, (legend.low + legend.high) / 2, legend.high])
-    element("span", "", ends, String(Number(value.toPrecision(3))));
+  const [low, high] = [legend.low, legend.high].map((value) => String(Number(value.toPrecision(3))));
   const title = legend.unit ? `${legend.title} [${legend.unit}]` : legend.title;
-  legendBox.replaceChildren(element("div", "", null, title), colors, ends);
+  const [name, first, last] = [title, low, high].map((text) => element("span", "", null, text));
+  legendBox.replaceChildren(name, first, colors, last);
 });
