@@ -115,4 +115,5 @@ def test_the_camera_in_space_is_for_the_whole_clip_without_frames_that_are_throw
     space = Space(camera=CAMERA, bodies=(layer(standing[60]),) * 2, extents=(whole, None), apart=2.0)
     bounds = space.bounds()
     assert bounds is not None
-    np.testing.assert_allclose(bounds, [whole[0] - [1, 0, 0], standing[60].max(0) + [1, 0, 0]], atol=1e-6)
+    aside = np.array([1.0, 0.0, 0.0])
+    np.testing.assert_allclose(bounds, [whole[0] - aside, standing[60].max(0) + aside], atol=1e-6)
