@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import viser
+from viser import uplot
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
@@ -426,7 +426,7 @@ def test_a_plot_has_its_title_on_one_line_from_the_beginning(tab: Tab, server: R
       look();
     }""")
     line = np.array([0.0, 1.0])
-    series = viser.uplot.Series(label="s"), viser.uplot.Series(label="total", stroke="white")
+    series = uplot.Series(label="s"), uplot.Series(label="total", stroke="white")
     plot = server.viser.gui.add_uplot((line, line), series, title="Mean cost of a frame, by term", height=170)
     tab.page.wait_for_function("() => window.heights.length === 20")
     plot.remove()
