@@ -4,6 +4,7 @@ from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from tcfit_app.between_runs import vertex_distances
@@ -14,7 +15,7 @@ from tcfit_app.view.page_states import Keypoints, Layout, Legend, Style, pixel_p
 from tcfit_app.view.page_states import Poster as PosterPlace
 from tcfit_app.view.poster import Poster, Posters, poster_places
 from tcfit_app.view.scene import SceneView
-from tcfit_app.view.space import Space
+from tcfit_app.view.space import Space, extent
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 _AHEAD = 24
 """Frames that are decoded before they are played."""
 _LEGEND_COLORS = 9
+_LEGEND_HEIGHT = 34.0
+"""CSS pixels that posters leave free for the colour bar below them."""
+_SAMPLED = 120
+"""Frames of a clip, at most, whose whole bodies the 3D camera is fitted to: 0.1 s."""
 _MARGIN = 40.0
 """Pixels of the image around keypoints that are zoomed to."""
 
@@ -49,11 +54,15 @@ class Picture:
         self._view.reset_view()
 
     def zoom_to_selection(self) -> None:
-        """Zoom to the selected keypoints. Raises InputError without any."""
+        """Zoom to the selected keypoints. Raises InputError without any that are in the picture."""
         page = self._page
         if not page.state.selection or page.state.mode == "space":
             raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
-        xy = page.session.project.corrected.xy[page.state.frame, list(page.state.selection)]
+        chosen = page.session.project.corrected.at((page.state.frame,), tuple(page.state.selection))
+        # Undetected ones lie at (0, 0), and so do copies of them.
+        xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
+        if not len(xy):
+            raise InputError("None of the selected keypoints was detected in this frame: there is nothing to zoom to.")
         low, high = xy.min(0) - _MARGIN, xy.max(0) + _MARGIN
         self._view.zoom_to((*low.tolist(), *high.tolist()))
 
@@ -142,7 +151,9 @@ class Picture:
             camera = next((shown.camera for shown in (b, a) if shown is not None), camera)
             ground = self._desk.ground(b) if b is not None else None
             both = bodies[0] if bodies else ()
-            self._show(Space(camera=camera, bodies=both, image=image, ground=ground, apart=state.apart))
+            extents = tuple(self._extent(shown) for shown in (a, b) if shown is not None) if both else ()
+            space = Space(camera=camera, bodies=both, extents=extents, image=image, ground=ground, apart=state.apart)
+            self._show(space)
             labels = self._labels(a, b)
             if page.changes.of("layout", "space", labels):
                 page.channel.send("layout", Layout(mode="space", posters=_places((0.0,) * len(labels), labels)))
@@ -155,8 +166,15 @@ class Picture:
             places = _places(poster_places(count, camera.size), labels)
             page.channel.send("layout", Layout(mode="poster", image=camera.size, posters=places))
 
+    def _extent(self, shown: Shown) -> Float[np.ndarray, "2 3"] | None:
+        """Where a fit's body is in the clip; None while that is made."""
+        meshes, step = self._desk.meshes(shown), -(-len(shown.params) // _SAMPLED)
+        key = ("extent", shown.run.id, shown.phase, shown.revision)
+        return self._desk.background.get(key, lambda: extent(meshes.batch(shown.params[::step])))
+
     def _show(self, snapshot: Posters | Space) -> None:
-        self._view.follow(self._size if self._size[0] else None)
+        covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
+        self._view.follow(self._size if self._size[0] else None, covered)
         for problem in self._view.show(snapshot):
             self._page.status.problem = problem
 
@@ -197,9 +215,13 @@ class Picture:
         page.channel.send("keypoints", keypoints)
 
     def _draw_legend(self) -> None:
-        shown = self._page.state.difference and self._page.state.bodies
-        if self._page.changes.of("legend", shown):
-            self._page.channel.send("legend", LEGEND if shown else None)
+        if self._page.changes.of("legend", self._compared):
+            self._page.channel.send("legend", LEGEND if self._compared else None)
+
+    @property
+    def _compared(self) -> bool:
+        """Whether colours tell how far A and B lie apart."""
+        return self._page.state.difference and self._page.state.bodies
 
 
 def _places(places: Sequence[float], labels: tuple[tuple[str, str], ...]) -> tuple[PosterPlace, ...]:

@@ -26,6 +26,8 @@ _AXIS = "#909296"
 _GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.08)")
 _FINE_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.035)")
 """Of the logarithmic axis, which has nine lines for each power of ten."""
+_LABELS = 54
+"""Pixels for the labels of costs, which go to 1,000,000."""
 _POINTS = uplot.Series_Points(show=False)
 
 
@@ -117,14 +119,15 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     ticks = uplot.Axis_Ticks(stroke=_AXIS, width=1, size=3)
     font = "10px sans-serif"
     x_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=30, font=font)
-    y_axis = uplot.Axis(stroke=_AXIS, grid=_FINE_GRID, ticks=uplot.Axis_Ticks(show=False), size=44, font=font)
+    y_axis = uplot.Axis(stroke=_AXIS, grid=_FINE_GRID, ticks=uplot.Axis_Ticks(show=False), size=_LABELS, font=font)
     return gui.add_uplot(
         (none, *[none] * (1 + TERMS)),
         _all_series(("total",)),
         title="Mean cost of a frame, by term",
         scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
         axes=(x_axis, y_axis),
-        height=170,
+        height=178,
+        padding=(8, 20, 0, 0),
         visible=False,
     )
 

@@ -1,5 +1,6 @@
 """The viewer's camera in one browser tab: fits posters into the window, and remembers where the user went."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -24,6 +25,9 @@ Scene = Rectangle | Literal["space"]
 STRIP_HEIGHT = 132.0
 """Of the timeline that covers the canvas's bottom, CSS pixels."""
 
+_SLACK = 0.1
+"""Of the camera's distance: so far from where it should be it stays in 3D, rather than move with every frame."""
+
 
 @dataclass
 class _Place:
@@ -44,7 +48,7 @@ class Cameras:
     """
 
     def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
-        self._client, self._strip_height = client, strip_height
+        self._client, self._covered = client, strip_height
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
@@ -56,9 +60,14 @@ class Cameras:
         self._enter(whole)
 
     def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
-        """To 3D, with bodies in that box: where the user was, or where they are seen well."""
+        """To 3D, with bodies in that box: where the user was, or where they are seen well, also when the box becomes
+        quite another one.
+        """
         self._bounds = self._bounds if bounds is None else bounds
         self._enter("space")
+        fitted = self._fitted("space")
+        if not self.moved and math.dist(self.pose.position, fitted.position) > _SLACK * fitted.distance:
+            self._go(fitted)
 
     def reset(self) -> None:
         """Back to the whole view of the current scene. In 3D, where nothing is left to reset, it takes the video camera
@@ -67,9 +76,8 @@ class Cameras:
         if self._scene is None:
             return
         fitted = self._fitted(self._scene)
-        if self._scene == "space" and self.pose.close_to(fitted):
-            fitted = overview_pose(self._bounds, self._window)
-        self._go(fitted)
+        overview = self._scene == "space" and self.pose.close_to(fitted)
+        self._go(overview_pose(self._bounds, self._window) if overview else fitted, moved=overview)
 
     def zoom_to(self, rectangle: Rectangle) -> None:
         """In 2D: a part of the poster world fills the window."""
@@ -81,18 +89,20 @@ class Cameras:
         if self._scene is not None:
             self._places[self._scene].moved = self._places[self._scene].by_hand = True
 
-    def follow(self, canvas: tuple[float, float] | None = None) -> None:
-        """Refits posters to a new window unless they are zoomed.
+    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
+        """Refits the scene to a new window unless the user has moved the camera.
 
         Args:
             canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
                 counts device pixels.
+            covered: CSS pixels at the canvas's bottom over which something else lies, where that changes.
         """
         self._canvas = canvas or self._canvas
+        self._covered = self._covered if covered is None else covered
         window = self._current_window()
         if self._scene is not None and window != self._window:
             self._window = window
-            if self._scene != "space" and not self.moved:
+            if not self.moved:
                 self._go(self._fitted(self._scene))
 
     @property
@@ -122,7 +132,7 @@ class Cameras:
     def _current_window(self) -> Window:
         camera = self._client.camera
         width, height = self._canvas or (camera.image_width, camera.image_height)
-        return Window(width=max(width, 1), height=max(height, 1), covered=self._strip_height)
+        return Window(width=max(width, 1), height=max(height, 1), covered=self._covered)
 
     def _enter(self, scene: Scene) -> None:
         if scene == self._scene:

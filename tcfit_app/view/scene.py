@@ -50,9 +50,9 @@ class SceneView:
             self._space.set_visible(False)
         self._last = None
 
-    def follow(self, canvas: tuple[float, float] | None = None) -> None:
+    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
         """For the draw loop, often: see `Cameras.follow`."""
-        self.cameras.follow(canvas)
+        self.cameras.follow(canvas, covered)
 
     def reset_view(self) -> None:
         """All posters, or the bodies in 3D, fill the window again."""

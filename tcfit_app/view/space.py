@@ -16,6 +16,8 @@ from tcfit_app.view.poster import PLATE
 FRUSTUM_DEPTH = 0.9
 """Metres from the video camera to its image."""
 _SLOTS = 2
+_STRAY = 2.0
+"""Percent of the frames that need not be in view."""
 _ROOT = "/space"
 _CELL_COLOR: RGB = (62, 66, 74)
 _SECTION_COLOR: RGB = (104, 110, 122)
@@ -34,11 +36,15 @@ class Space:
     """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
     ground: float | None = None
     """Height of the ground grid: y in camera space, downwards, metres. None: no grid."""
+    extents: tuple[Float[np.ndarray, "2 3"] | None, ...] = ()
+    """Of each body, where it is in the whole clip (see `extent`), so that the viewer's camera can stay where it is.
+    None or none at all: not known yet."""
     apart: float = 0.0
     """Metres between two bodies along x that are drawn side by side; 0 leaves both in place."""
 
     def __post_init__(self) -> None:
         assert len(self.bodies) <= _SLOTS
+        assert len(self.extents) in (0, len(self.bodies))
 
     @property
     def offsets(self) -> tuple[float, ...]:
@@ -46,13 +52,26 @@ class Space:
         return tuple(self.apart * (i - (len(self.bodies) - 1) / 2) for i in range(len(self.bodies)))
 
     def bounds(self) -> Float[np.ndarray, "2 3"] | None:
-        """Least and greatest coordinates of the bodies as drawn; None without any that can be drawn."""
+        """Least and greatest coordinates of the bodies as drawn, over the clip as far as that is known; None without
+        any that can be drawn.
+        """
+        extents = self.extents or (None,) * len(self.bodies)
         corners = [
-            np.stack([body.vertices.min(0), body.vertices.max(0)]) + np.array([x, 0.0, 0.0])
-            for body, x in zip(self.bodies, self.offsets, strict=True)
+            (extent(body.vertices[None]) if known is None else known) + np.array([x, 0.0, 0.0])
+            for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
             if body.problem() is None
         ]
         return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
+
+
+def extent(vertices: Float[np.ndarray, "T V 3"]) -> Float[np.ndarray, "2 3"]:
+    """Least and greatest coordinates of a body's frames, but for the few in which a fit throws it far away."""
+    least, most = vertices.min(1), vertices.max(1)
+    usual = np.isfinite(least + most).all(1)
+    least, most = least[usual], most[usual]
+    if not len(least):
+        return np.zeros((2, 3))
+    return np.stack([np.percentile(least, _STRAY, axis=0), np.percentile(most, 100 - _STRAY, axis=0)])
 
 
 class SpaceNodes:

@@ -103,8 +103,13 @@ class Tab:
         return self.screen(1, 0)[0] - self.screen(0, 0)[0]
 
     def painted(self, x: float, y: float) -> bool:
-        """Whether the overlay has something there."""
+        """Whether the overlay has something there, once all that was sent is drawn."""
         self.settle()
+        return self.painted_now(x, y)
+
+    def painted_now(self, x: float, y: float) -> bool:
+        """Whether it has something there, after the frames that the page draws by itself."""
+        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 1, 1).data[3]"
         return self.page.evaluate(look, [round(x), round(y)]) > 100
 

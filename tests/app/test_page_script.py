@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from viser import uplot
+from websockets.datastructures import Headers
+from websockets.http11 import Response
 
 from fitting_core.keypoints import COUNT
 from tcfit_app.server import ReviewServer, review_server
@@ -190,6 +193,19 @@ def test_a_missing_keypoint_is_only_there_when_selected(tab: Tab) -> None:
     assert tab.text(".tcfit > .tcfit-tooltip") == "left_ear  missing"
 
 
+def test_of_several_selected_keypoints_the_missing_ones_are_not_drawn_in_the_corner(tab: Tab) -> None:
+    tab.show(selection=(MISSING, KNEE))
+    x, y = tab.screen(0, 0)
+    tab.page.mouse.move(x + 3, y + 3)
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") is None
+    tab.show(selection=(MISSING,))
+    tab.settle()
+    tab.drag(tab.screen(0, 0), (40, 30))  # from there it is put in its place
+    tab.settle()
+    assert tab.await_event(Drag).joints == (MISSING,)
+
+
 def test_the_body_comes_before_a_hand_at_the_same_place(tab: Tab) -> None:
     hand = COUNT - 71  # the last point of a hand
     tab.show(joints={hand: (100.0, 100.0), WRIST: (100.0, 100.0)})
@@ -264,6 +280,10 @@ def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
     tab.settle()
     assert set(map(type, tab.events)) <= {Gesture}
     assert np.abs(np.array(tab.clients[-1].camera.wxyz) - before).max() > 0.01
+    tab.events.clear()
+    tab.page.keyboard.press("w")  # viser's key: the camera has been moved
+    tab.await_event(Gesture)
+    tab.page.wait_for_timeout(300)
     tab.send("layout", POSTER)
     tab.look(300.0)
 
@@ -322,6 +342,22 @@ def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
     assert tab.text(".tcfit-strip .tcfit-tooltip") == "Frame 50  0:01.67\nrun A  51 px\nbad, flagged"
 
 
+def test_the_legend_lies_above_the_curves_highest_values(tab: Tab) -> None:
+    peak = np.ones(LENGTH)
+    peak[-40:] = 300.0  # where the legend is
+    curve = states.Curve(label="run A", color="#ff0000", values=states.curve_values(peak))
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, title="Error", unit="px", curves=(curve,)))
+    tab.settle()
+    look = """(x) => {
+      const strip = document.querySelector('.tcfit-strip > canvas');
+      const pixels = strip.getContext('2d').getImageData(x, 0, 1, strip.height).data;
+      return [...Array(strip.height).keys()].filter((y) => pixels[4 * y] > 180 && pixels[4 * y + 1] < 60);
+    }"""
+    x = round(strip_place(tab, LENGTH - 15)[0])
+    drawn = tab.page.evaluate(look, x)
+    assert drawn and min(drawn) > 36  # below the legend, over which nothing else is drawn
+
+
 def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:
     before = tuple(tab.clients[-1].camera.position)
     keyboard = tab.page.keyboard
@@ -375,11 +411,29 @@ def test_text_stays_text(tab: Tab) -> None:
     tab.send("legend", states.Legend(title=HTML, unit="mm", low=0, high=50, colors=("#000000", "#ffffff")))
     tab.settle()
     assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == tab.text(".tcfit-chip") == HTML
-    assert tab.text(".tcfit-legend") == f"{HTML} [mm]02550"
+    assert tab.text(".tcfit-legend") == f"{HTML} [mm]050"
     assert tab.page.locator(".tcfit img").count() == 0
     tab.send("notice", None)
     tab.settle()
     assert not tab.page.locator(".tcfit-card").is_visible()
+
+
+def test_a_plot_has_its_title_on_one_line_from_the_beginning(tab: Tab, server: ReviewServer) -> None:
+    tab.page.evaluate("""() => {
+      window.heights = [];
+      const look = () => {
+        const title = document.querySelector('.uplot .u-title');
+        if (title) window.heights.push(title.getBoundingClientRect().height);
+        if (window.heights.length < 20) requestAnimationFrame(look);
+      };
+      look();
+    }""")
+    line = np.array([0.0, 1.0])
+    series = uplot.Series(label="s"), uplot.Series(label="total", stroke="white")
+    plot = server.viser.gui.add_uplot((line, line), series, title="Mean cost of a frame, by term", height=170)
+    tab.page.wait_for_function("() => window.heights.length === 20")
+    plot.remove()
+    assert max(tab.page.evaluate("() => window.heights")) < 40
 
 
 def test_what_is_no_event_is_dropped(tab: Tab, caplog: pytest.LogCaptureFixture) -> None:
@@ -419,6 +473,51 @@ def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewSe
     tab.settle()
     assert tab.text(".tcfit-card") is None and tab.page.locator(".tcfit").count() == 1
     assert len(tab.clients) == 2
+
+
+def test_without_a_server_nothing_is_taken_until_it_is_back(
+    tab: Tab, server: ReviewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page says that it is cut off, drops what is being done, and lets go of a drag that has begun."""
+    busy, saved = states.Chip(text="Fit walk: stage 1", kind="busy"), states.Chip(text="Saved: right wrist moved")
+    tab.send("chips", states.Chips(chips=(busy, saved)))
+    tab.settle()
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y + 40, steps=3)
+    tab.await_event(Drag, 2)
+    with monkeypatch.context() as closed:
+        refusal = Response(503, "Service Unavailable", Headers({"Connection": "close", "Content-Length": "0"}))
+        closed.setattr(server.gate, "answer", lambda request: refusal)
+        server.viser._websock_server.disconnect_all_clients()
+        tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
+        assert "ended or cannot be reached" in (tab.text(".tcfit-card h2") or "")
+        assert tab.page.locator(".tcfit-chip").all_text_contents() == [saved.text]
+        tab.page.mouse.up()
+        known = len(tab.events)
+        tab.page.mouse.click(x, y)
+        assert not tab.painted_now(x + 60, y + 40) and tab.painted_now(x, y)
+        tab.drag((x, y), (40, 0))
+        assert not tab.painted_now(x + 40, y)
+        tab.page.mouse.click(*strip_place(tab, 100))
+        tab.page.keyboard.press("b")
+        tab.page.wait_for_timeout(1500)  # viser has tried again, in vain
+        assert tab.text(".tcfit-card h2") and len(tab.events) == known
+    tab.await_event(Hello)
+    assert tab.events[known:] == [tab.await_event(Hello)]
+    assert tab.text(".tcfit-card h2") is None
+    for name, state in (("skeleton", states.Skeleton()), ("style", states.Style(bones=False)), ("layout", POSTER)):
+        tab.send(name, state)
+    tab.send("keys", KEYS)
+    tab.show()
+    tab.look(300.0)
+    tab.events.clear()
+    tab.drag(tab.screen(*PLACES[WRIST]), (33, 21))
+    tab.settle()
+    assert tab.await_event(Drag).phase == "end"
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
 
 
 def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(

@@ -56,6 +56,20 @@ def test_nothing_is_sent_when_nothing_has_changed(tested: LonePage):
     assert not tested.draw()
 
 
+def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    page, seen = tested.page, []
+    monkeypatch.setattr(page.picture._view, "zoom_to", seen.append)
+    detected = page.session.project.corrected.confidence[0] > 0
+    there, absent = np.flatnonzero(detected)[:2].tolist(), int(np.flatnonzero(~detected)[0])
+    xy = page.session.project.corrected.xy[0, there]
+    page.set(selection=(*there, absent))
+    page.picture.zoom_to_selection()
+    assert seen == [(*(xy.min(0) - 40).tolist(), *(xy.max(0) + 40).tolist())]
+    page.set(selection=(absent,))
+    with pytest.raises(InputError, match="nothing to zoom to"):
+        page.picture.zoom_to_selection()
+
+
 def test_playing_sends_little(tested: LonePage):
     with_suspects(tested)
     tested.page.toggle_playing()

@@ -134,6 +134,18 @@ def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cam
     assert not tab.sent and view.moved
 
 
+def test_posters_make_room_for_what_is_laid_over_the_bottom(tab: Tab, view: Cameras):
+    view.follow((1000, 700), 0.0)
+    tab.obey()
+    for covered, lowest in ((34.0, 700 - 34), (0.0, 700)):
+        view.follow((1000, 700), covered)
+        assert tab.sent
+        tab.obey()
+        assert on_screen(view.pose, ONE[2:], Window(width=1000, height=700))[1] < lowest
+    view.follow()
+    assert not tab.sent
+
+
 def test_what_the_browser_reports_is_not_taken_for_the_user(tab: Tab, view: Cameras):
     """A busy browser reports where its camera was before the last command."""
     pose = view.pose
@@ -184,6 +196,36 @@ def test_resetting_space_twice_takes_the_camera_into_view(tab: Tab, view: Camera
     assert view.pose.close_to(overview_pose(BOUNDS, WINDOW))
     view.reset()
     assert view.pose.close_to(space_pose(BOUNDS, WINDOW))
+
+
+def test_in_space_a_larger_box_and_another_window_are_refitted_and_a_step_is_not(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.show_space(BOUNDS + 0.05)  # the next frame
+    assert not tab.sent
+    wide = np.stack([BOUNDS[0] - 1.0, BOUNDS[1] + 1.0])
+    view.show_space(wide)
+    assert tab.sent and view.pose == space_pose(wide, WINDOW)
+    tab.obey()
+    tab.camera.image_width, tab.camera.image_height = 600, 700
+    view.follow()
+    narrow = Window(width=600, height=700, covered=WINDOW.covered)
+    assert tab.sent and view.pose == space_pose(wide, narrow)
+    tab.obey()
+    assert all(-1 < edge < 1 for edge in extent(view.pose, wide)[1::2])
+
+
+def test_in_space_a_camera_that_was_moved_or_shows_the_overview_stays(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.reset()  # to the overview
+    tab.obey()
+    for _ in range(2):
+        view.show_space(3 * BOUNDS)
+        tab.camera.image_width -= 300
+        view.follow()
+        assert not tab.sent
+        view.touched()
 
 
 def test_poses_are_told_apart_within_a_pixel():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fitting_core.camera import Camera
 from tcfit_app.view.layers import BodyLayer, color_index, color_table, drawable
 from tcfit_app.view.poster import GAP, Poster, Posters, pixels_of_world, relief, world_of_pixels
-from tcfit_app.view.space import Space, frustum
+from tcfit_app.view.space import Space, extent, frustum
 
 CAMERA = Camera(focal=(900.0, 950.0), center=(300.0, 410.0), size=(1280, 720))
 FACES = np.array([[0, 1, 2]])
@@ -101,3 +101,19 @@ def test_bounds_of_bodies_side_by_side():
     assert bounds is not None
     np.testing.assert_allclose(bounds, np.stack([vertices.min(0) - aside, vertices.max(0) + aside]), rtol=1e-6)
     assert Space(camera=CAMERA, bodies=(layer(-vertices),)).bounds() is None
+
+
+def test_the_camera_in_space_is_for_the_whole_clip_without_frames_that_are_thrown_away():
+    standing = np.tile(points(), (100, 1, 1))
+    standing[:30, :, 1] -= 0.4
+    thrown = standing.copy()
+    thrown[50] += 40.0
+    thrown[51] = np.nan
+    whole = extent(thrown)
+    np.testing.assert_allclose(whole, extent(standing), atol=1e-6)
+    np.testing.assert_allclose(whole[0], standing.min((0, 1)), atol=1e-6)
+    space = Space(camera=CAMERA, bodies=(layer(standing[60]),) * 2, extents=(whole, None), apart=2.0)
+    bounds = space.bounds()
+    assert bounds is not None
+    aside = np.array([1.0, 0.0, 0.0])
+    np.testing.assert_allclose(bounds, [whole[0] - aside, standing[60].max(0) + aside], atol=1e-6)

@@ -101,6 +101,31 @@ function connect(uuid) {
   emit({ type: "hello", tab: tabName(), ...canvasSize() });
 }
 
+/** The connection has ended. Nothing more goes out, for nobody would take it, until `connect`. */
+function loseConnection() {
+  if (field === null) return;
+  field = null;
+  waiting.clear();
+  receive("fit", null); // whether it goes on is not known here
+  receive("chips", { chips: (states.chips?.chips ?? []).filter(({ kind }) => kind !== "busy") });
+  receive("lost", true);
+}
+
+// viser gives itself another function to send with when a connection has ended or begun, and tells in no other way.
+let send = viewer().sendMessage;
+const sender = { configurable: true, enumerable: true };
+Object.defineProperty(viewer(), "sendMessage", {
+  ...sender,
+  get: () => send,
+  set(next) {
+    send = next;
+    loseConnection();
+  },
+});
+ending.signal.addEventListener("abort", () =>
+  Object.defineProperty(viewer(), "sendMessage", { ...sender, writable: true, value: send }),
+);
+
 /** Tells when an element's size changes. */
 function watchSize(watched, change) {
   const observer = new ResizeObserver(change);

@@ -132,6 +132,10 @@ watch("keypoints", (keypoints) => {
   cancelGesture();
   held = null;
 });
+watch("lost", () => {
+  cancelGesture();
+  held = null; // whether the server took what was let go just now is not known
+});
 watch("layout", () => {
   cancelGesture();
   lastMaps = [];

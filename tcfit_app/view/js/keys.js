@@ -32,15 +32,17 @@ function bindingFor(event) {
 }
 
 function keyDown(event) {
-  if (event.isComposing || field === null) return;
+  if (event.isComposing) return;
   if (event.key === "Escape" && (closeWindow() || cancelGesture())) return swallow(event);
   if (keyIsTaken(event)) return;
   const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
-  if (states.layout?.mode === "space" && plain && CAMERA_LETTERS.includes(event.code)) return;
-  const binding = bindingFor(event);
+  const letter = CAMERA_LETTERS.includes(event.code);
+  const camera = plain && (letter || CAMERA_ARROWS.includes(event.code));
+  const space = states.layout?.mode === "space";
+  const binding = space && plain && letter ? undefined : bindingFor(event);
   if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
-  const camera = [...CAMERA_LETTERS, ...CAMERA_ARROWS].includes(event.code);
-  if (binding || (camera && plain && states.layout?.mode === "poster")) swallow(event);
+  else if (space && camera) emitSoon({ type: "gesture" });
+  if (binding || (camera && states.layout?.mode === "poster")) swallow(event);
 }
 
 function swallow(event) {

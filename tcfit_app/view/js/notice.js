@@ -1,6 +1,16 @@
 // What the app says over the picture: a card, lines at the lower edge, a colour bar.
 
-watch("notice", (notice) => {
+const LOST = {
+  title: "tcfit has ended or cannot be reached",
+  text:
+    "All that was said to be saved is on the disk.\nThis page goes on by itself once it is connected again. " +
+    "If tcfit has ended, start it again (tcfit review ...) and open the link that it prints.",
+  kind: "error",
+  progress: null,
+};
+
+function drawCard() {
+  const notice = states.lost ? LOST : states.notice;
   card.hidden = !notice;
   if (!notice) return;
   card.style.setProperty("--kind", KIND_COLORS[notice.kind]);
@@ -9,6 +19,12 @@ watch("notice", (notice) => {
   if (notice.text) parts.push(element("p", "", null, notice.text));
   if (notice.kind === "loading" || notice.progress !== null) parts.push(progressTrack(notice.progress));
   card.replaceChildren(...parts);
+}
+
+watch("notice", drawCard);
+watch("lost", (lost) => {
+  layer.classList.toggle("tcfit-lost", Boolean(lost));
+  drawCard();
 });
 
 function progressTrack(progress) {
@@ -32,11 +48,10 @@ function chip({ text, kind, progress }) {
 watch("legend", (legend) => {
   legendBox.hidden = !legend;
   if (!legend) return;
-  const colors = element("div", "tcfit-colors");
+  const colors = element("div", "");
   colors.style.background = `linear-gradient(to right, ${legend.colors.join(", ")})`;
-  const ends = element("div", "tcfit-ends");
-  for (const value of [legend.low, (legend.low + legend.high) / 2, legend.high])
-    element("span", "", ends, String(Number(value.toPrecision(3))));
+  const [low, high] = [legend.low, legend.high].map((value) => String(Number(value.toPrecision(3))));
   const title = legend.unit ? `${legend.title} [${legend.unit}]` : legend.title;
-  legendBox.replaceChildren(element("div", "", null, title), colors, ends);
+  const [name, first, last] = [title, low, high].map((text) => element("span", "", null, text));
+  legendBox.replaceChildren(name, first, colors, last);
 });

@@ -103,7 +103,7 @@ function drawBad(context, x, y, radius) {
 /** Where edited keypoints were detected, and the way from there. */
 function drawGhosts(context, map) {
   for (const [joint, ...xy] of states.keypoints.detections) {
-    if (!groupShown(joint)) continue;
+    if (!groupShown(joint) || !located(joint)) continue;
     const [x, y] = toScreen(map, xy);
     const way = new Path2D();
     way.moveTo(x, y);

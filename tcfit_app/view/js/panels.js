@@ -69,9 +69,11 @@ const PANEL_SHEET = `
 .tcfit-detected { color: #9fc6ea; } .tcfit-corrected { color: ${COLORS.edited}; }
 .tcfit-missing { color: ${COLORS.dim}; }
 .mantine-Slider-markLabel { display: none; }
+.uplot-container .uplot { width: 100%; }
 div[style*="flex-shrink: 0"]:has(> p > label) { width: 78px !important; padding-right: 4px; }
 div[style*="flex-shrink: 0"] > p:has(> label) { font-size: 12px !important; letter-spacing: 0 !important; }
 `;
+// A plot of viser's learns its width only after it has been drawn: until then its title would have a word a line.
 const panelSheet = element("style", "", document.head, PANEL_SHEET);
 ending.signal.addEventListener("abort", () => panelSheet.remove());
 

@@ -45,10 +45,17 @@ function position(joint) {
 
 const groupShown = (joint) => states.style.groups.includes(states.skeleton.groups[groupOf[joint]].name);
 
-/** Whether it is drawn, and can be picked. */
+/** Whether it is anywhere: undetected ones lie in the image's corner, and so do copies of them. */
+function located(joint) {
+  const { confidence, xy } = states.keypoints;
+  return confidence[joint] > 0 || (editedJoints.has(joint) && xy[joint].some((pixels) => pixels !== 0));
+}
+
+/** Whether it is drawn, and can be picked. An undetected one is while it alone is selected: it can then be dragged from
+ * the corner to its place. */
 function shown(joint) {
   if (!groupShown(joint)) return false;
-  if (selected.has(joint)) return true;
+  if (selected.has(joint)) return selected.size === 1 || located(joint);
   const confidence = states.keypoints.confidence[joint];
   return states.style.points && confidence > 0 && confidence >= states.style.minimum;
 }

@@ -39,10 +39,15 @@ const STYLE_SHEET = `
 .tcfit, .tcfit * { box-sizing: border-box; }
 .tcfit { position: absolute; inset: 0; z-index: 2; pointer-events: none; overflow: hidden; color: ${COLORS.text};
   font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
+.tcfit-lost { pointer-events: auto; background: rgba(12, 14, 18, 0.5); }
+.tcfit-lost > canvas { opacity: 0.5; }
+.tcfit-lost ~ .tcfit-strip { pointer-events: none; }
+.tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: rgba(12, 14, 18, 0.5); }
+body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
   gap: 8px; }
-.tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { right: 264px; }
+.tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { bottom: 42px; }
 .tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 4px 12px; border-radius: 14px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12.5px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
@@ -61,11 +66,13 @@ const STYLE_SHEET = `
 .tcfit-waiting { width: 30%; animation: tcfit-wait 1.4s ease-in-out infinite alternate; }
 @keyframes tcfit-wait { from { margin-left: 0; } to { margin-left: 70%; } }
 @media (prefers-reduced-motion: reduce) { .tcfit-waiting { animation: none; width: 100%; opacity: 0.5; } }
-.tcfit-legend { position: absolute; right: 14px; bottom: 14px; width: 236px; padding: 8px 12px 7px; border-radius: 8px;
-  background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12px; }
-.tcfit-legend .tcfit-colors { height: 10px; margin: 6px 0 3px; border-radius: 3px; }
-.tcfit-legend .tcfit-ends { display: flex; justify-content: space-between; color: ${COLORS.dim};
+.tcfit-legend { position: absolute; right: 14px; bottom: 5px; display: flex; align-items: center; gap: 7px;
+  max-width: calc(100% - 28px); height: 24px; padding: 0 12px; border-radius: 8px; font-size: 12px; white-space: nowrap;
+  background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09);
   font-variant-numeric: tabular-nums; }
+.tcfit-legend div { flex: none; width: 130px; height: 9px; border-radius: 3px; }
+.tcfit-legend span { color: ${COLORS.dim}; }
+.tcfit-legend span:first-child { color: ${COLORS.text}; overflow: hidden; text-overflow: ellipsis; margin-right: 4px; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
   background: rgba(12, 14, 18, 0.94); border: 1px solid rgba(255, 255, 255, 0.14); font-size: 12px; color: #e8edf3;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 10px rgba(0, 0, 0, 0.4); }

@@ -1,18 +1,19 @@
 // Draws the strip below the canvas: ruler, curves, marks, the running fit, the chosen range, the cursor.
 
 const RULER = 19;
-const CURVES = { top: 22, bottom: 78 };
+const LEGEND = { top: 20, height: 16 }; // above the curves, whose peaks are what is looked for
+const CURVES = { top: 37, bottom: 88 };
 const MARK_ROWS = [
-  { name: "edited", y: 84 },
-  { name: "bad", y: 94 },
-  { name: "flagged", y: 104 },
-  { name: "checked", y: 114 },
-  { name: "apart", y: 124 },
+  { name: "edited", y: 94 },
+  { name: "bad", y: 104 },
+  { name: "flagged", y: 114 },
+  { name: "checked", y: 124 },
+  { name: "apart", y: 134 },
 ];
 const ROW = 7; // height of a mark
-const FIT_ROW = 135;
+const FIT_ROW = 145;
 const LEGEND_ENTRY = 170; // widest
-const FULL_HEIGHT = 146;
+const FULL_HEIGHT = 156;
 
 let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
 let pointedCursor = null; // the frame that is being pointed at: { frame, until }
@@ -156,10 +157,10 @@ function drawCurveLegend(context, curves) {
   const widths = entries.map(({ text, color }) => context.measureText(text).width + (color ? 30 : 14));
   const whole = widths.reduce((sum, width) => sum + width, 0);
   let x = strip.clientWidth - MARGIN - whole;
-  fillBox(context, "rgba(20, 23, 28, 0.82)", x - 6, CURVES.top, whole + 6, 16);
+  fillBox(context, "rgba(20, 23, 28, 0.82)", x - 6, LEGEND.top, whole + 6, LEGEND.height);
   entries.forEach(({ text, color }, i) => {
-    if (color) fillBox(context, color, x, CURVES.top + 6.5, 11, 3);
-    write(context, text, x + (color ? 16 : 0), CURVES.top + 8.5, color ? COLORS.text : COLORS.dim, "left", 11);
+    if (color) fillBox(context, color, x, LEGEND.top + 6.5, 11, 3);
+    write(context, text, x + (color ? 16 : 0), LEGEND.top + 8.5, color ? COLORS.text : COLORS.dim, "left", 11);
     x += widths[i];
   });
 }

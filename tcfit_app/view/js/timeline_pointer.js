@@ -135,6 +135,11 @@ watch("cursor", (cursor) => {
   if (cursor && states.timeline && !stripGesture) followCursor(cursor.frame);
   invalidate("timeline");
 });
+watch("lost", () => {
+  stripGesture = pointedCursor = null;
+  pointedRange = undefined;
+  leaveStrip();
+});
 watch("range", () => {
   if (!stripGesture) pointedRange = undefined;
   invalidate("timeline");
