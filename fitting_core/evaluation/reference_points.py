@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.errors import InputError
-from fitting_core.evaluation.reference import Reference, stated_rate
+from fitting_core.evaluation.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.evaluation.world_camera import WorldCamera
 
 FEWEST = 4
@@ -58,7 +58,7 @@ def in_places(
 
 
 def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | None) -> Reference:
-    """The npz form: `points` (T, n, 3) in metres, `names` (n), and `fps` if it is known.
+    """The npz form: `points` (T, n, 3) in metres, `names` (n), and `fps` and `first_frame` if they are known.
 
     Raises:
         InputError: It does not hold these.
@@ -69,7 +69,7 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
             f"{path}: has points of the shape {points.shape} and {len(names)} names; expected (frames, names, 3)."
         )
     rate = stated_rate(path, arrays, ("fps", "frame_rate"))
-    return _reference(path, "3D points", points, names, camera, rate, 0)
+    return _reference(path, "3D points", points, names, camera, rate, stated_first_frame(path, arrays))
 
 
 def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
@@ -98,7 +98,8 @@ def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
         )
     rows = [(5 + i, line.split("\t")) for i, line in enumerate(lines[5:], 1) if line.strip()]
     times, points = _rows(path, rows, len(names))
-    first = round(times[0] * rate)
+    # Programs that cut a trial begin it at 0 again as often as not.
+    first = round(times[0] * rate) or None
     return _reference(path, "OpenSim TRC", _UNITS[unit] * points, names, camera, rate, first)
 
 
@@ -125,7 +126,7 @@ def _reference(
     names: Sequence[str],
     camera: WorldCamera | None,
     rate: float | None,
-    first_frame: int,
+    first_frame: int | None,
 ) -> Reference:
     placed, notes = in_places(path, points, names)
     if not np.isfinite(placed).any():
@@ -141,7 +142,8 @@ def _reference(
         name=path.name,
         kind=kind,
         frame_rate=rate,
-        first_frame=first_frame,
+        first_frame=first_frame or 0,
+        first_frame_known=first_frame is not None,
         in_camera=camera is not None,
         points=placed,
         notes=notes,

@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -209,12 +210,55 @@ def test_a_reference_at_another_rate_begins_at_its_own_time(tmp_path: Path):
         found.frames_of(4, 0, 30.0)
 
 
+def cut(frames: int, folder: Path, **keys: Any) -> Reference:
+    np.savez(folder / "cut.npz", points=np.tile(POINTS, (frames // 4, 1, 1)), names=np.array(NAMES), **keys)
+    return read_reference(folder / "cut.npz")
+
+
+def test_a_reference_as_long_as_a_later_fit_must_say_where_it_begins(tmp_path: Path):
+    found = cut(40, tmp_path)
+    with pytest.raises(InputError, match=r"40 frames, which last as long .* frame 20\. Say it with .*frame .*: 20 if"):
+        found.frames_of(40, 20, 25.0)
+    with pytest.raises(InputError, match="last as long as the fit's 10"):
+        cut(40, tmp_path, fps=100.0).frames_of(10, 20, 25.0)
+    assert found.frames_of(40, 0, 25.0)[0] == 0 and found.frames_of(10, 20, 25.0)[0] == 20
+    assert found.starting_at(20, 25.0).frames_of(40, 20, 25.0).tolist() == list(range(40))
+    assert found.starting_at(0, 25.0).frames_of(40, 20, 25.0)[:20].tolist() == list(range(20, 40))
+    faster = cut(40, tmp_path, fps=100.0).starting_at(20, 25.0)
+    assert faster.frames_of(10, 20, 25.0).tolist() == list(range(0, 40, 4))
+
+
+@pytest.mark.parametrize("form", ["points", "trc", "amass", "stored"])
+def test_files_say_where_a_reference_begins(tmp_path: Path, free_body: BodyModel, form: str):
+    read = {"points": lambda first: cut(4, tmp_path, **first)}
+    body = free_body
+
+    def of_trc(first: dict[str, Any]) -> Reference:
+        (tmp_path / "x.trc").write_text(trc(POINTS, first=first.get("first_frame", 0) / 50))
+        return read_reference(tmp_path / "x.trc")
+
+    def of_amass(first: dict[str, Any]) -> Reference:
+        np.savez(tmp_path / "a.npz", body_hash=np.array(body.hash), **amass(body, random_params(4)), **first)
+        return read_reference(tmp_path / "a.npz")
+
+    def stored(first: dict[str, Any]) -> Reference:
+        write_reference(tmp_path / "stored.npz", cut(4, tmp_path, **first))
+        return read_reference(tmp_path / "stored.npz")
+
+    read |= {"trc": of_trc, "amass": of_amass, "stored": stored}
+    told, untold = read[form]({"first_frame": 10}), read[form]({})
+    assert (told.first_frame, told.first_frame_known) == (10, True)
+    assert (untold.first_frame, untold.first_frame_known) == (0, False)
+
+
 def test_what_is_no_reference(tmp_path: Path):
     (tmp_path / "x.npz").write_bytes(b"PK broken")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     np.savez(tmp_path / "objects.npz", points=np.array([{}], dtype=object))
     np.savez(tmp_path / "shape.npz", points=np.zeros((3, 4, 3)), names=np.array(["Nose"]))
-    said = {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "no npz archive", "shape.npz": "1 names"}
+    np.savez(tmp_path / "half.npz", points=POINTS, names=np.array(NAMES), first_frame=np.array(0.5))
+    said = {"half.npz": "first_frame is 0.5; expected a whole number"}
+    said |= {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "no npz archive", "shape.npz": "1 names"}
     for name, words in said.items():
         with pytest.raises(InputError, match=words):
             read_reference(tmp_path / name)
