@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,19 @@ FEWEST = 4
 _SIDED = "shoulder elbow wrist hip knee ankle eye ear bigtoe smalltoe heel".split()
 _MIDDLE = {"nose": "nose", "neck": "neck", "midhip": "mid_hip", "chip": "mid_hip", "hip": "mid_hip"}
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_LIMBS = {
+    ("shoulder", "hip"): 0.50,
+    ("hip", "knee"): 0.43,
+    ("knee", "ankle"): 0.41,
+    ("shoulder", "elbow"): 0.30,
+    ("elbow", "wrist"): 0.26,
+}
+"""Metres between joints of an adult."""
+_GROWN = (0.25, 2.0)
+"""Shares of these that the limbs of people and their measurement may have: infants' are a quarter, feet make 3.3."""
+_MISTAKEN = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281}
+_FARTHEST = 300.0
+"""Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
 _TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
 
@@ -131,12 +145,18 @@ def _reference(
     placed, notes = in_places(path, points, names)
     if not np.isfinite(placed).any():
         raise InputError(f"{path}: has no finite point in any frame; expected places in metres, NaN where unknown.")
+    _check_metres(path, placed)
     if camera is not None:
         placed = camera(placed)
         if np.nanmedian(placed[..., 2]) <= 0:
             raise InputError(
                 f"{path}: lies behind the camera; expected points in the world of --camera's R and t. Files for "
                 "OpenSim often have y up where a calibration has z up: exchange the axes in one of them."
+            )
+        if np.nanmedian(placed[..., 2]) > _FARTHEST:
+            raise InputError(
+                f"{path}: lies {np.nanmedian(placed[..., 2]):.0f} m in front of the camera; expected less than "
+                f"{_FARTHEST:g} m. Give t of --camera in metres."
             )
     return Reference(
         name=path.name,
@@ -148,3 +168,29 @@ def _reference(
         points=placed,
         notes=notes,
     )
+
+
+def _check_metres(path: Path, placed: Float[np.ndarray, "T 137 3"]) -> None:
+    """Raises InputError for limbs that no person has; where no limb has both its ends, nothing can be told."""
+    found = _limb_lengths(placed)
+    share = float(np.median([length / _LIMBS[limb] for (limb, _), length in found.items()])) if found else 1.0
+    if _GROWN[0] <= share <= _GROWN[1]:
+        return
+    (((start, end), side), length), *_ = found.items()
+    unit = next((name for name, factor in _MISTAKEN.items() if 0.5 < share / factor < 1.5), None)
+    advice = f"They look like {unit}: divide them by {_MISTAKEN[unit]:g}." if unit else "Scale the points to metres."
+    raise InputError(
+        f"{path}: {side}_{start} and {side}_{end} are {length:.3g} m apart; expected metres (in a TRC file, the unit "
+        f"that its header says), in which these are some {_LIMBS[start, end]:g} m apart. {advice}"
+    )
+
+
+def _limb_lengths(placed: Float[np.ndarray, "T 137 3"]) -> dict[tuple[tuple[str, str], str], float]:
+    """Medians over the frames, by limb and side, of those that are known in any."""
+    found = {}
+    for limb, side in product(_LIMBS, ("left", "right")):
+        start, end = (placed[:, kp.INDEX[f"{side}_{joint}"]] for joint in limb)
+        lengths = np.linalg.norm(end - start, axis=-1)
+        if np.isfinite(lengths).any():
+            found[limb, side] = float(np.nanmedian(lengths))
+    return found

@@ -147,7 +147,7 @@ def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch
 def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(compare, "SETTLING", 0.0)
     tested = panel_of(ComparePanel)
-    points = np.random.default_rng(0).normal(size=(FRAMES, len(kp.LIMBS), 3))
+    points = np.random.default_rng(0).normal(0, 0.2, (FRAMES, len(kp.LIMBS), 3))
     np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
     tested.draw()
     assert "only be compared with each other" in tested.html()

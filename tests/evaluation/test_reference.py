@@ -167,6 +167,41 @@ def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
         read_reference(tmp_path / "w.npz")
 
 
+STANDING = {"Shoulder": 1.4, "Hip": 0.9, "Knee": 0.47, "Ankle": 0.06}
+
+
+def standing(scale: float, folder: Path) -> Path:
+    """Somebody's sides at 30 cm from each other, in a unit of which so many make a metre."""
+    places = {f"{side}{part}": (x, y, 0.0) for side, x in (("L", 0.15), ("R", -0.15)) for part, y in STANDING.items()}
+    points = scale * np.tile(list(places.values()), (3, 1, 1))
+    np.savez(folder / "standing.npz", points=points, names=np.array(list(places)))
+    return folder / "standing.npz"
+
+
+@pytest.mark.parametrize(
+    "scale, said",
+    [
+        (
+            1000,
+            "left_shoulder and left_hip are 500 m apart; expected metres .* They look like millimetres: divide them",
+        ),
+        (100, "look like centimetres: divide them by 100"),
+        (3.3, "look like feet"),
+        (39.4, "look like inches"),
+        (0.001, "Scale the points to metres"),
+        (0, "Scale the points to metres"),
+    ],
+)
+def test_points_in_another_unit_are_refused(tmp_path: Path, scale: float, said: str):
+    with pytest.raises(InputError, match=said):
+        read_reference(standing(scale, tmp_path))
+
+
+@pytest.mark.parametrize("size", [0.4, 1, 1.3])
+def test_people_of_all_sizes_are_taken(tmp_path: Path, size: float):
+    assert len(read_reference(standing(size, tmp_path))) == 3
+
+
 def test_a_stored_reference_is_the_same(tmp_path: Path, free_body: BodyModel):
     params = random_params(2)
     made = replace(reference_of("x", "made here", free_body, params, frame_rate=None, in_camera=True), notes=("a", "b"))
@@ -278,3 +313,6 @@ def test_bad_cameras(tmp_path: Path):
     np.savez(tmp_path / "behind.npz", R=np.eye(3), t=-SHIFT)
     with pytest.raises(InputError, match="behind the camera"):
         read_reference(tmp_path / "p.npz", camera=tmp_path / "behind.npz")
+    np.savez(tmp_path / "mm.npz", R=np.eye(3), t=1e3 * SHIFT)
+    with pytest.raises(InputError, match=r"lies 60\d\d m in front of the camera.* Give t of --camera in metres"):
+        read_reference(tmp_path / "p.npz", camera=tmp_path / "mm.npz")
