@@ -12,10 +12,9 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
+from fitting_core.frame_rates import frames_for_one
 
 FORMAT = "tcfit reference 1"
-_SAME_RATE = 1.5e-3
-"""Share by which two frame rates that mean the same may differ: 29.97 and 30 do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,9 +106,7 @@ class Reference:
 
     def _frames_for_one(self, frame_rate: float) -> float:
         """How many of its frames pass in one frame of a video."""
-        ratio = 1.0 if self.frame_rate is None else self.frame_rate / frame_rate
-        whole = max(1.0, float(round(ratio)))
-        return whole if abs(ratio / whole - 1) < _SAME_RATE else ratio
+        return 1.0 if self.frame_rate is None else frames_for_one(self.frame_rate, frame_rate)
 
 
 def stated_rate(path: Path, arrays: Mapping[str, np.ndarray], keys: Sequence[str]) -> float | None:

@@ -231,6 +231,7 @@ def test_frames_are_matched_by_number_or_time():
     assert of_length(50, rate=100.0).frames_of(4, 1, 25.0).tolist() == [4, 8, 12, 16]
     assert of_length(5000, rate=29.97).frames_of(1, 4000, 30.0) == of_length(5000, rate=30.0).frames_of(1, 4000, 29.97)
     assert of_length(5000, rate=60.0).frames_of(2, 1000, 29.97).tolist() == [2000, 2002]
+    assert of_length(5000, rate=29.97).frames_of(2, 4000, 60.0)[0] == 2000
     with pytest.raises(InputError, match="expected a reference of the same clip"):
         of_length(5).frames_of(4, 10, 25.0)
 

@@ -227,3 +227,16 @@ def test_frames_of_another_rate(tiny_body: BodyModel, tmp_path: Path):
     np.savez(tmp_path / "a.npz", poses=np.zeros((12, 165)), trans=np.zeros((12, 3)), mocap_frame_rate=100.0)
     covered = cover(read_motion(tmp_path / "a.npz"), 3, clip_first=0, clip_rate=25)
     assert covered.places.tolist() == [0, 4, 8] and "100 frames per second and the clip 25" in covered.notes[0]
+
+
+NTSC = 30000 / 1001
+
+
+@pytest.mark.parametrize(
+    "rate, clip_rate, step", [(29.97, 30.0, 1), (30.0, 29.97, 1), (NTSC, 30.0, 1), (30.0, NTSC, 1), (59.94, 30.0, 2)]
+)
+def test_rates_that_mean_the_same_do_not_drift(tmp_path: Path, rate: float, clip_rate: float, step: int):
+    frames = 4000 * step + 1
+    np.savez(tmp_path / "a.npz", poses=np.zeros((frames, 165)), trans=np.zeros((frames, 3)), mocap_frame_rate=rate)
+    covered = cover(read_motion(tmp_path / "a.npz"), 4000, clip_first=0, clip_rate=clip_rate)
+    assert covered.places.tolist() == list(range(0, 4000 * step, step)) and covered.there.all()
