@@ -69,7 +69,10 @@ ALIGNMENTS = {
     "gaps": ([0, 1, 4, 5], [0, 1, None, None, 4, 5], "There are 4 keypoint files, walk.avi has 6 frames; they were "
              "aligned by the numbers in their names. 2 frames have no keypoints and count as not detected."),
     "part in the middle": ([2, 3], [None, None, 2, 3, None, None], "2 keypoint files, walk.avi has 6 frames; they were "
-                           "aligned by the numbers in their names. 4 frames have no keypoints"),
+                           "aligned by the numbers in their names, counted from 0. Counted from 1 they fit as well"),
+    "perhaps from 1": ([1, 2, 3, 4, 5], [None, 1, 2, 3, 4, 5], "they were aligned by the numbers in their names, "
+                       "counted from 0. Counted from 1 they fit as well: if the points come a frame after the person, "
+                       "number them from 0. 1 frames have no keypoints"),
     "numbered from 1": ([1, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, 6], ""),
     "numbered from 1, one missing": ([1, 2, 4, 5, 6], [1, 2, None, 4, 5, 6], "5 keypoint files, walk.avi has 6 frames; "
                                      "they were aligned by their numbers, counted from 1. 1 frames have no"),
