@@ -73,7 +73,8 @@ class Motion:
     def one_shape(self) -> "Motion":
         """With the mean of the betas in all frames: phase 1 finds others in each, and a rig has one.
 
-        Its pelvis stays where it is: with the translation alone kept, joints of a phase 1 moved by up to 12 mm.
+        Its pelvis stays where it is: with the translation kept instead, that of the demo clip's phase 1 moved by up to
+        1 mm, in each world to another place.
         """
         if self.has_one_shape:
             return self
