@@ -41,6 +41,10 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     reference = fit.reference
     if options.reference is not None:
         reference = read_reference(options.reference, camera=options.camera, search=options.models)
+    if options.reference_first_frame is not None:
+        if reference is None:
+            raise InputError(f"--reference-first-frame: {options.fit} has no reference: give --reference too.")
+        reference = reference.starting_at(options.reference_first_frame, fit.frame_rate)
     evaluation = evaluated(fit, reference, every=options.every, models=options.models)
     evaluation = replace(evaluation, settings=evaluation.settings | {"Command": command})
     drawn = drawable(fit, reference, options.models)
@@ -58,8 +62,11 @@ def _check(options: EvaluateOptions) -> None:
     """Raises InputError for options that do not go together."""
     if options.suite == (options.fit is not None):
         raise InputError(_NEEDED if not options.suite else "--suite makes its own fits: leave out FIT, or --suite.")
-    if options.suite and (options.reference or options.run or options.camera):
-        raise InputError("--suite has its own truth: leave out --reference, --camera and --run.")
+    own = (options.reference, options.run, options.camera, options.reference_first_frame)
+    if options.suite and any(option is not None for option in own):
+        raise InputError(
+            "--suite has its own truth: leave out --reference, --camera, --reference-first-frame and --run."
+        )
     if options.ablations and not options.suite:
         raise InputError("--ablations vary settings on the suite: give --suite too.")
     if options.camera is not None and options.reference is None:

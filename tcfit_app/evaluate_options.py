@@ -22,6 +22,10 @@ class EvaluateOptions:
     """3D points (npz, or TRC of OpenSim), an AMASS-style npz, the truth.npz of a generated clip, or another fit.npz."""
     camera: Annotated[Path | None, arg(metavar="FILE.npz", help_behavior_hint="(default: none)")] = None
     """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
+    reference_first_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: as it says, or 0)")] = (
+        None
+    )
+    """Number in the video of the reference's first frame, where it was cut and does not say so."""
     run: Annotated[str | None, arg(metavar="NAME|N", help_behavior_hint="(default: the latest)")] = None
     """Which of a project's runs."""
     suite: bool = False

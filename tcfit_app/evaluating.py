@@ -1,7 +1,7 @@
 """Measuring one fit: all of its phases against a reference, or by themselves, and the report about it."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
 
@@ -66,7 +66,7 @@ def evaluated(
         title=f"Evaluation of {fit.name}",
         records=tuple(records),
         settings=_settings(fit, reference),
-        notes=notes_about(reference, fit.frame_rate),
+        notes=(*_coverage(fit, reference, records), *notes_about(reference, fit.frame_rate)),
     )
 
 
@@ -93,6 +93,23 @@ def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ..
     if reference.params is None:
         notes.append("The reference has points and no surface: joints are compared, volumes and surfaces are not.")
     return tuple(notes)
+
+
+def _coverage(fit: EvaluatedFit, reference: Reference | None, records: Sequence[Record]) -> tuple[str, ...]:
+    """A note where a reference does not tell all frames of a fit."""
+    count, compared = records[0].frames, records[0].comparison.compared_frames
+    if reference is None or compared is None or compared == count:
+        return ()
+    rate = f" at {reference.frame_rate:g} per second" if reference.frame_rate else ""
+    known = "" if reference.first_frame_known else ", as nothing else was said"
+    reached = int((reference.frames_of(count, fit.first_frame, fit.frame_rate) >= 0).sum())
+    unknown = f" In {reached - compared} of those that it has too few of its points are known." * (compared < reached)
+    return (
+        f"Compared in {compared} of {count} frames: the fit has the video's frames {fit.first_frame} to "
+        f"{fit.first_frame + count - 1}, and the reference {len(reference)} frames{rate} that begin at its own frame "
+        f"{reference.first_frame}, counted from the video's first{known}. If it begins elsewhere, say where with "
+        f"--reference-first-frame.{unknown}",
+    )
 
 
 def drawable(fit: EvaluatedFit, reference: Reference | None, models: Path | None) -> Drawable | None:

@@ -68,11 +68,12 @@ def as_csv(records: Sequence[Record]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     names = [name for name in titles if any(r.comparison.figures.get(name) is not None for r in records)]
     units = [f"{name} [{titles[name][1]}]" if titles[name][1] else name for name in names]
-    writer.writerow(["sequence", "motion", "method", "frames", "seconds", *units])
+    writer.writerow(["sequence", "motion", "method", "frames", "compared_frames", "seconds", *units])
     for r in records:
         values = [r.comparison.figures.get(name) for name in names]
         shown = ["" if value is None else f"{value:.6g}" for value in values]
-        writer.writerow([r.sequence, r.motion, r.method, r.frames, f"{r.seconds:.3f}", *shown])
+        compared = r.comparison.compared_frames
+        writer.writerow([r.sequence, r.motion, r.method, r.frames, compared, f"{r.seconds:.3f}", *shown])
     return text.getvalue()
 
 

@@ -37,7 +37,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
         return folder
     print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
-    reference = reference_given(options.truth)
+    reference = reference_given(options.truth, clip.frame_rate)
     if reference is not None:
         reference.frames_of(len(clip), clip.first_frame, clip.frame_rate)
     with Project.create(folder, clip, copy_media=options.copy_video) as project:
@@ -66,8 +66,8 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
     return folder
 
 
-def reference_given(options: ReferenceOptions) -> Reference | None:
-    """What the options say that fits are compared with.
+def reference_given(options: ReferenceOptions, frame_rate: float) -> Reference | None:
+    """What the options say that fits of a clip with so many frames per second are compared with.
 
     Raises:
         InputError: It cannot be read.
@@ -75,10 +75,13 @@ def reference_given(options: ReferenceOptions) -> Reference | None:
     if options.reference is None:
         if options.reference_camera is not None:
             raise InputError("--reference-camera says where a reference's world is: give --reference too.")
+        if options.reference_first_frame is not None:
+            raise InputError("--reference-first-frame says where a reference begins: give --reference too.")
         return None
     from fitting_core.evaluation.reference_files import read_reference
 
-    return read_reference(options.reference, camera=options.reference_camera)
+    found, first = read_reference(options.reference, camera=options.reference_camera), options.reference_first_frame
+    return found if first is None else found.starting_at(first, frame_rate)
 
 
 def folder_of(clip: Clip) -> Path:

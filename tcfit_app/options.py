@@ -46,7 +46,7 @@ class ClipOptions:
     """Which part of the clip, and how its files are read."""
 
     person: Annotated[int | None, _shown("N", "follow the most prominent")] = None
-    """Entry of each frame's list of people, from 0."""
+    """Whoever has this place, from 0, in the first frame whose list of people has it; followed from there."""
     first_frame: Annotated[int | None, _shown("N", "the first")] = None
     """Number of the first frame to fit, from 0."""
     last_frame: Annotated[int | None, _shown("N", "the last")] = None

@@ -45,12 +45,14 @@ def reference_metrics(
         frame_rate=fit.clip.frame_rate,
         first_frame=fit.clip.first_frame,
     )
-    found, titles = compare(estimate, reference, truth_body=truth_body(), every=every).figures, figure_titles()
+    compared, titles = compare(estimate, reference, truth_body=truth_body(), every=every), figure_titles()
+    found, part = compared.figures, compared.compared_frames
     sampled = "" if every == 1 else f", every {every} frames"
+    covered = "" if part == len(fit) else f", {part} of {len(fit)} frames"
     return tuple(
         Metric(
             name=REFERENCE + name,
-            title=titles[name][0] + (sampled if name in _SAMPLED else ""),
+            title=titles[name][0] + (sampled if name in _SAMPLED else "") + covered,
             unit=titles[name][1],
             value=value,
             better="lower",

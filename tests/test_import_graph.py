@@ -16,7 +16,7 @@ MODULES = {
 }
 
 LAYERS = [
-    ["errors", "config", "config_file", "settings", "frame_names", "io.atomic", "npz"],
+    ["errors", "config", "config_file", "settings", "frame_names", "frame_rates", "io.atomic", "npz"],
     ["rotations"],
     ["camera", "keypoints", "body", "reliability"],
     ["clip"],
@@ -28,7 +28,7 @@ LAYERS = [
     ["result", "events", "fitting", "objective_values"],
 ]
 """A module imports from its own layer and from those above; packages stand for all their modules."""
-DATA_TYPES = "errors npz rotations camera keypoints body clip config events result frame_names".split()
+DATA_TYPES = "errors npz rotations camera keypoints body clip config events result frame_names frame_rates".split()
 OUTER = {
     # The summary of a fit tells figures: metrics and reliability are arithmetic on arrays and import nothing else.
     "io": ["io", "video", "config_file", "evaluation.metrics", "reliability", *DATA_TYPES],

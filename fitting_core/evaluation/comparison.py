@@ -23,6 +23,8 @@ class Comparison:
     """By name in CURVES, a number for each frame; None where there is none."""
     figures: dict[str, float | None]
     """By name: of CURVES with the statistic behind it (`vertex_to_surface_mean`), and of FIGURES."""
+    compared_frames: int | None = None
+    """In how many frames the reference's form was known; None without a reference."""
 
 
 def figure_titles() -> dict[str, tuple[str, str, str]]:
@@ -78,6 +80,7 @@ def compare(
         first_frame=estimate.first_frame,
         curves={name: [_plain(v) for v in values] for name, values in curves.items()},
         figures=figures | {name: kind.value(pair) for name, kind in FIGURES.items()},
+        compared_frames=None if reference is None else int(np.isfinite(curves.get("pa_mpjpe", np.empty(0))).sum()),
     )
 
 

@@ -1,7 +1,7 @@
 """What a fit is compared with: points in space, and the body that they belong to where one is known."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,9 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
+from fitting_core.frame_rates import frames_for_one
 
 FORMAT = "tcfit reference 1"
-_SAME_RATE = 1.5e-3
-"""Share by which two frame rates that mean the same may differ: 29.97 and 30 do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +39,8 @@ class Reference:
     """Frames per second; None: as the clip's."""
     first_frame: int = 0
     """Number of its first frame, counted at its own rate from the video's first one."""
+    first_frame_known: bool = True
+    """Whether that was said; else it is taken to begin with the video."""
     in_camera: bool
     """Whether it stands in the camera's space (x right, y down, z away); else only its form can be compared."""
     points: Float[np.ndarray, "T 137 3"]
@@ -60,6 +61,10 @@ class Reference:
     def __len__(self) -> int:
         return len(self.points)
 
+    def starting_at(self, frame: int, frame_rate: float) -> "Reference":
+        """The same where its first frame is said to be this one of a video of that many frames per second."""
+        return replace(self, first_frame=round(frame * self._frames_for_one(frame_rate)), first_frame_known=True)
+
     def frames_of(self, count: int, first_frame: int, frame_rate: float) -> Int[np.ndarray, "count"]:
         """For each frame of a fit the reference's frame of that moment; -1 where it has none.
 
@@ -69,9 +74,17 @@ class Reference:
             frame_rate: Frames per second of the video.
 
         Raises:
-            InputError: They have no moment in common.
+            InputError: They have no moment in common; or both last as long, the fit begins later than the video, and
+                nobody said where the reference does.
         """
         ratio = self._frames_for_one(frame_rate)
+        if first_frame and not self.first_frame_known and round(len(self) / ratio) == count:
+            raise InputError(
+                f"{self.name}: has {len(self)} frames, which last as long as the fit's {count}, and does not say where "
+                f"it begins; expected that to be known, as the fit begins at the video's frame {first_frame}. Say it "
+                f"with --reference-first-frame (in the review: Begins at frame): {first_frame} if the reference was "
+                "cut to the fit's frames, 0 if it begins with the video."
+            )
         numbers = first_frame + np.arange(count)
         found = np.round(numbers * ratio).astype(int) - self.first_frame
         found = np.where((found >= 0) & (found < len(self)), found, -1)
@@ -93,9 +106,7 @@ class Reference:
 
     def _frames_for_one(self, frame_rate: float) -> float:
         """How many of its frames pass in one frame of a video."""
-        ratio = 1.0 if self.frame_rate is None else self.frame_rate / frame_rate
-        whole = max(1.0, float(round(ratio)))
-        return whole if abs(ratio / whole - 1) < _SAME_RATE else ratio
+        return 1.0 if self.frame_rate is None else frames_for_one(self.frame_rate, frame_rate)
 
 
 def stated_rate(path: Path, arrays: Mapping[str, np.ndarray], keys: Sequence[str]) -> float | None:
@@ -110,11 +121,25 @@ def stated_rate(path: Path, arrays: Mapping[str, np.ndarray], keys: Sequence[str
     return rate
 
 
+def stated_first_frame(path: Path, arrays: Mapping[str, np.ndarray]) -> int | None:
+    """What a file's key `first_frame` says, counted at its own rate from the video's first frame; None: nothing.
+
+    Raises:
+        InputError: It says something impossible.
+    """
+    if "first_frame" not in arrays:
+        return None
+    number = float(arrays["first_frame"])
+    if not number.is_integer():
+        raise InputError(f"{path}: its first_frame is {number:g}; expected a whole number.")
+    return int(number)
+
+
 def write_reference(path: Path, reference: Reference) -> None:
     """Write a reference as npz; `read_stored` has it back.
 
-    Keys: format, name, kind, frame_rate (0: as the clip's), first_frame, in_camera, notes, points, and where they are
-    known joints, the fields of `BodyParams`, body_kind, body_gender, body_hash.
+    Keys: format, name, kind, frame_rate (0: as the clip's), first_frame, first_frame_known, in_camera,
+    notes, points, and where they are known joints, the fields of `BodyParams`, body_kind, body_gender, body_hash.
     """
     arrays: dict[str, object] = {
         "format": FORMAT,
@@ -122,6 +147,7 @@ def write_reference(path: Path, reference: Reference) -> None:
         "kind": reference.kind,
         "frame_rate": reference.frame_rate or 0.0,
         "first_frame": reference.first_frame,
+        "first_frame_known": reference.first_frame_known,
         "in_camera": reference.in_camera,
         "notes": np.array(reference.notes, np.str_),
         "points": reference.points,
@@ -153,6 +179,7 @@ def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
         kind=str(arrays["kind"]),
         frame_rate=float(arrays["frame_rate"]) or None,
         first_frame=int(arrays["first_frame"]),
+        first_frame_known=bool(arrays.get("first_frame_known", True)),
         in_camera=bool(arrays["in_camera"]),
         points=points,
         joints=joints,

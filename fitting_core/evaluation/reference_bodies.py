@@ -13,7 +13,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from fitting_core.body.registry import FREE_FOLDER, find_body, list_bodies
 from fitting_core.errors import InputError
-from fitting_core.evaluation.reference import BodyOf, Reference, of_body, stated_rate
+from fitting_core.evaluation.reference import BodyOf, Reference, of_body, stated_first_frame, stated_rate
 from fitting_core.evaluation.truth import read_truth
 from fitting_core.evaluation.world_camera import WorldCamera, in_camera
 from fitting_core.io.result_files import read_fit
@@ -125,7 +125,8 @@ def read_amass(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | 
         params = in_camera(params, rest[0], camera.rotation, camera.translation)
     kind = f"AMASS-style npz of {body.kind.upper()}"
     found = reference_of(path.name, kind, body, params, frame_rate=rate, in_camera=camera is not None)
-    return replace(found, first_frame=int(arrays.get("first_frame", 0)))
+    first = stated_first_frame(path, arrays)
+    return replace(found, first_frame=first or 0, first_frame_known=first is not None)
 
 
 def _amass_body(path: Path, arrays: dict[str, np.ndarray], kind: str, search: Path | None) -> BodyModel:

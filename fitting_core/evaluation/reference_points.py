@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.errors import InputError
-from fitting_core.evaluation.reference import Reference, stated_rate
+from fitting_core.evaluation.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.evaluation.world_camera import WorldCamera
 
 FEWEST = 4
@@ -17,6 +18,19 @@ FEWEST = 4
 _SIDED = "shoulder elbow wrist hip knee ankle eye ear bigtoe smalltoe heel".split()
 _MIDDLE = {"nose": "nose", "neck": "neck", "midhip": "mid_hip", "chip": "mid_hip", "hip": "mid_hip"}
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_LIMBS = {
+    ("shoulder", "hip"): 0.50,
+    ("hip", "knee"): 0.43,
+    ("knee", "ankle"): 0.41,
+    ("shoulder", "elbow"): 0.30,
+    ("elbow", "wrist"): 0.26,
+}
+"""Metres between joints of an adult."""
+_GROWN = (0.25, 2.0)
+"""Shares of these that the limbs of people and their measurement may have: infants' are a quarter, feet make 3.3."""
+_MISTAKEN = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281}
+_FARTHEST = 300.0
+"""Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
 _TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
 
@@ -58,7 +72,7 @@ def in_places(
 
 
 def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | None) -> Reference:
-    """The npz form: `points` (T, n, 3) in metres, `names` (n), and `fps` if it is known.
+    """The npz form: `points` (T, n, 3) in metres, `names` (n), and `fps` and `first_frame` if they are known.
 
     Raises:
         InputError: It does not hold these.
@@ -69,7 +83,7 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
             f"{path}: has points of the shape {points.shape} and {len(names)} names; expected (frames, names, 3)."
         )
     rate = stated_rate(path, arrays, ("fps", "frame_rate"))
-    return _reference(path, "3D points", points, names, camera, rate, 0)
+    return _reference(path, "3D points", points, names, camera, rate, stated_first_frame(path, arrays))
 
 
 def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
@@ -98,7 +112,8 @@ def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
         )
     rows = [(5 + i, line.split("\t")) for i, line in enumerate(lines[5:], 1) if line.strip()]
     times, points = _rows(path, rows, len(names))
-    first = round(times[0] * rate)
+    # Programs that cut a trial begin it at 0 again as often as not.
+    first = round(times[0] * rate) or None
     return _reference(path, "OpenSim TRC", _UNITS[unit] * points, names, camera, rate, first)
 
 
@@ -125,11 +140,12 @@ def _reference(
     names: Sequence[str],
     camera: WorldCamera | None,
     rate: float | None,
-    first_frame: int,
+    first_frame: int | None,
 ) -> Reference:
     placed, notes = in_places(path, points, names)
     if not np.isfinite(placed).any():
         raise InputError(f"{path}: has no finite point in any frame; expected places in metres, NaN where unknown.")
+    _check_metres(path, placed)
     if camera is not None:
         placed = camera(placed)
         if np.nanmedian(placed[..., 2]) <= 0:
@@ -137,12 +153,44 @@ def _reference(
                 f"{path}: lies behind the camera; expected points in the world of --camera's R and t. Files for "
                 "OpenSim often have y up where a calibration has z up: exchange the axes in one of them."
             )
+        if np.nanmedian(placed[..., 2]) > _FARTHEST:
+            raise InputError(
+                f"{path}: lies {np.nanmedian(placed[..., 2]):.0f} m in front of the camera; expected less than "
+                f"{_FARTHEST:g} m. Give t of --camera in metres."
+            )
     return Reference(
         name=path.name,
         kind=kind,
         frame_rate=rate,
-        first_frame=first_frame,
+        first_frame=first_frame or 0,
+        first_frame_known=first_frame is not None,
         in_camera=camera is not None,
         points=placed,
         notes=notes,
     )
+
+
+def _check_metres(path: Path, placed: Float[np.ndarray, "T 137 3"]) -> None:
+    """Raises InputError for limbs that no person has; where no limb has both its ends, nothing can be told."""
+    found = _limb_lengths(placed)
+    share = float(np.median([length / _LIMBS[limb] for (limb, _), length in found.items()])) if found else 1.0
+    if _GROWN[0] <= share <= _GROWN[1]:
+        return
+    (((start, end), side), length), *_ = found.items()
+    unit = next((name for name, factor in _MISTAKEN.items() if 0.5 < share / factor < 1.5), None)
+    advice = f"They look like {unit}: divide them by {_MISTAKEN[unit]:g}." if unit else "Scale the points to metres."
+    raise InputError(
+        f"{path}: {side}_{start} and {side}_{end} are {length:.3g} m apart; expected metres (in a TRC file, the unit "
+        f"that its header says), in which these are some {_LIMBS[start, end]:g} m apart. {advice}"
+    )
+
+
+def _limb_lengths(placed: Float[np.ndarray, "T 137 3"]) -> dict[tuple[tuple[str, str], str], float]:
+    """Medians over the frames, by limb and side, of those that are known in any."""
+    found = {}
+    for limb, side in product(_LIMBS, ("left", "right")):
+        start, end = (placed[:, kp.INDEX[f"{side}_{joint}"]] for joint in limb)
+        lengths = np.linalg.norm(end - start, axis=-1)
+        if np.isfinite(lengths).any():
+            found[limb, side] = float(np.nanmedian(lengths))
+    return found

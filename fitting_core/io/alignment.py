@@ -15,6 +15,9 @@ from fitting_core.keypoints import COUNT
 _MOST_MISSING = 1000
 _MOST_MISSING_PER_FILE = 10
 _BY_NUMBER, _FROM_FIRST = "by the numbers in their names", "by their numbers, from the first file on"
+_PERHAPS_FROM_1 = (
+    ", counted from 0. Counted from 1 they fit as well: if the points come a frame after the person, number them from 0"
+)
 _IN_ORDER = "in their order, from the start"
 
 
@@ -116,7 +119,10 @@ def _counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], s
     # Past the clip's end: numbers from 1 on count from 1, and those that begin outside from wherever they begin.
     past_end = frames[0] if frames[0] + 1 < lowest <= frames[-1] else lowest
     start = fitting[0] if fitting else past_end
-    return {k: number - start for k, number in enumerate(numbers)}, next(how for s, how in starts if s == start)
+    how = next(how for s, how in starts if s == start)
+    # Result lists leave frames out in which nobody was found: without the last one, 1 to 119 fit 120 frames either way.
+    doubtful = bool(fitting) and start == frames[0] == 0 < lowest
+    return {k: number - start for k, number in enumerate(numbers)}, how + _PERHAPS_FROM_1 * doubtful
 
 
 def _notes(detections: Detections, used: int, timeline: Timeline, how: str) -> tuple[str, ...]:

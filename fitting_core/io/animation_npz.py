@@ -8,7 +8,7 @@
 | betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
 | axes, camera_to_world, camera_focal, camera_center, image_size, first_frame, \
-body_kind, body_hash, generator | | tcfit's own |
+body_kind, body_hash, betas_source, generator | | tcfit's own |
 
 Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
 add-on's format "AMASS"; its format "SMPL-X" has y up.
@@ -63,6 +63,6 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
         "camera_focal": camera.focal,
         "camera_center": camera.center,
         "image_size": camera.size,
-        **{name: facts[name] for name in ("first_frame", "body_kind", "body_hash", "generator")},
+        **{name: facts[name] for name in ("first_frame", "body_kind", "body_hash", "betas_source", "generator")},
     }
     return {name: np.asarray(value) for name, value in arrays.items()}

@@ -62,7 +62,8 @@ def read_clip(
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
             default is the image diagonal.
         center: Principal point in pixels; the image's centre by default.
-        person: Entry of each frame's list of people, from 0; by default, the most prominent person is followed.
+        person: Whoever has this place, from 0, in the first frame whose list of people has it; by default, the most
+            prominent person is followed.
         keypoint_scale: "auto", "pixels", "0..1" or "-1..1".
         frame_rate: Frames per second; by default the video's.
         image_size: Width and height in pixels, where there is no video; by default guessed from the keypoints.

@@ -15,10 +15,9 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.frame_names import image_numbers, spans
+from fitting_core.frame_rates import frames_for_one
 from fitting_core.io.motion import Motion
 
-_SAME_RATE = 1e-3
-"""Share by which two frame rates that mean the same may differ: 29.97 and 30 do."""
 _NEAREST = 0.5
 """Metres: a body of which something is nearer to the camera is not in front of it."""
 _IN_VIEW = 1.2
@@ -151,8 +150,7 @@ def cover(
     whole = motion.numbers[-1] - motion.numbers[0] + 1 == len(motion)
     if first_frame is None and len(motion) == frames and whole and not named:
         return CoveredFrames(places=np.arange(frames), there=np.ones(frames, bool), notes=())
-    ratio = (motion.frame_rate or clip_rate) / clip_rate
-    ratio = 1.0 if named or abs(ratio - 1) < _SAME_RATE else ratio
+    ratio = 1.0 if named else frames_for_one(motion.frame_rate or clip_rate, clip_rate)
     numbers = np.array(_places(motion, images) if first_frame is None else motion.numbers, float) / ratio
     start = float(first_frame) if first_frame is not None else numbers[0] if motion.numbered else float(clip_first)
     numbers += start - numbers[0]

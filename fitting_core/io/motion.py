@@ -71,11 +71,22 @@ class Motion:
 
     @property
     def one_shape(self) -> "Motion":
-        """With the mean of the betas in all frames: phase 1 finds others in each, and a rig has one."""
-        betas = self.params.betas.mean(0, keepdim=True).expand(len(self), -1)
-        return (
-            self if torch.equal(betas, self.params.betas) else replace(self, params=replace(self.params, betas=betas))
-        )
+        """With the mean of the betas in all frames: phase 1 finds others in each, and a rig has one.
+
+        Its pelvis stays where it is: with the translation kept instead, that of the demo clip's phase 1 moved by up to
+        1 mm, in each world to another place.
+        """
+        if self.has_one_shape:
+            return self
+        mean = self.params.betas.mean(0, keepdim=True).expand(len(self), -1)
+        shaped = replace(self, params=replace(self.params, betas=mean))
+        kept = (self.rest_joints[:, 0] - shaped.rest_joints[:, 0]).to(mean)
+        return replace(shaped, params=replace(shaped.params, camera_translation=self.params.camera_translation + kept))
+
+    @property
+    def has_one_shape(self) -> bool:
+        """Whether the betas are the same in all frames."""
+        return bool((self.params.betas == self.params.betas[:1]).all())
 
     def in_axes(self, axes: str) -> "Motion":
         """The same motion in another world.
@@ -146,6 +157,7 @@ def stated(motion: Motion) -> dict[str, Any]:
         "gender": body.gender,
         "body_kind": body.kind,
         "body_hash": body.hash,
+        "betas_source": "the fit's" if motion.has_one_shape else "mean of the frames' own",
         "intrinsics": {
             "focal_px": list(camera.focal),
             "center_px": list(camera.center),
@@ -158,10 +170,13 @@ def stated(motion: Motion) -> dict[str, Any]:
 
 
 def stated_by_frame(motion: Motion) -> dict[str, Any]:
-    """What a file of meshes or of a skeleton alone does not have: shape, and translation and pelvis by frame."""
-    params = motion.params
+    """What a file of meshes or of a skeleton alone does not have: shape, and translation and pelvis by frame.
+
+    The translation is the one that belongs to these betas.
+    """
+    params = motion.one_shape.params
     return stated(motion) | {
-        "betas": motion.one_shape.params.betas[0].tolist() if len(motion) else [],
+        "betas": params.betas[0].tolist() if len(motion) else [],
         "translation": params.camera_translation.tolist(),
         "pelvis": motion.pelvis.tolist(),
     }

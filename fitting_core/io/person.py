@@ -94,7 +94,8 @@ def choose_person(detections: Detections, *, person: int | None = None, first_fr
 
     Args:
         detections: In pixels.
-        person: Take this entry (from 0) of every frame's list of people instead.
+        person: Take the one who has this place (from 0) in the list of people of the first frame that has such a place,
+            instead. Detectors do not keep their order, so that others can have this place in other frames.
         first_frame: Number of the first frame, for the note.
 
     Raises:
@@ -105,28 +106,33 @@ def choose_person(detections: Detections, *, person: int | None = None, first_fr
             f"No keypoint is detected in any of the {len(detections)} frames of {detections.source}. "
             "Check that the detector ran on the right video, and lower its threshold if it did."
         )
-    if person is not None:
-        return _nth_entry(detections, person)
     tracks = sorted(_follow(detections), key=lambda track: track.score, reverse=True)
-    entries = tuple(tracks[0].entries.get(t) for t in range(len(detections)))
-    return PersonChoice(
-        keypoints=_keypoints(detections, entries), entries=entries, note=_describe(tracks, len(detections), first_frame)
-    )
+    if person is not None:
+        chosen, start = _asked(detections, tracks, person)
+        note = _describe_asked(chosen, len(detections), first_frame, person, start)
+    else:
+        chosen, note = tracks[0], _describe(tracks, detections, first_frame)
+    entries = tuple(chosen.entries.get(t) for t in range(len(detections)))
+    return PersonChoice(keypoints=_keypoints(detections, entries), entries=entries, note=note)
 
 
-def _nth_entry(detections: Detections, person: int) -> PersonChoice:
+def _asked(detections: Detections, tracks: list[_Track], person: int) -> tuple[_Track, int]:
+    """The track that an option means, and the frame that tells."""
     if not 0 <= person < detections.most_people:
         raise InputError(
             f"person={person}, but no frame of {detections.source} has more than {detections.most_people} people; "
             f"expected 0 to {detections.most_people - 1}. Leave the option out to have the person followed."
         )
-    entries = tuple(person if person < len(people) else None for people in detections.frames)
-    keypoints = _keypoints(detections, entries)
-    if not keypoints.confidence.any():
+    start = _first_with(detections, person)
+    if start is None:
         raise InputError(f"person={person} has no detected keypoint in any frame of {detections.source}.")
-    found = sum(entry is not None for entry in entries)
-    note = f"Person: entry {person} of each frame's list, as asked; {found} of {len(entries)} frames have it."
-    return PersonChoice(keypoints=keypoints, entries=entries, note=note)
+    return next(track for track in tracks if track.entries.get(start) == person), start
+
+
+def _first_with(detections: Detections, place: int) -> int | None:
+    """The first frame of whose list this place is somebody."""
+    frames = enumerate(detections.frames)
+    return next((t for t, people in frames if place < len(people) and (people[place, :, 2] > 0).any()), None)
 
 
 def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypoints:
@@ -182,13 +188,24 @@ def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
     return np.average(after.body[:, :2] - before.body[:, :2], axis=0, weights=weights)
 
 
-def _describe(tracks: list[_Track], count: int, first_frame: int) -> str:
-    chosen, others = tracks[0], tracks[1:]
-    missing = [first_frame + t for t in range(count) if t not in chosen.entries]
-    if not others and not missing:
+def _found(track: _Track, count: int, first_frame: int) -> str:
+    missing = [first_frame + t for t in range(count) if t not in track.entries]
+    found = f"found in {len(track.entries)} of {count} frames"
+    return f"{found}, not in frames {spans(missing)}." if missing else f"{found}."
+
+
+def _describe_asked(track: _Track, count: int, first_frame: int, person: int, start: int) -> str:
+    asked = f"Person: whoever is at place {person} of the list of frame {first_frame + start}, as asked"
+    elsewhere = sorted(first_frame + t for t, entry in track.entries.items() if entry != person)
+    moved = f" In frames {spans(elsewhere)} the same person has another place." if elsewhere else ""
+    return f"{asked}; {_found(track, count, first_frame)}{moved}"
+
+
+def _describe(tracks: list[_Track], detections: Detections, first_frame: int) -> str:
+    chosen, others, count = tracks[0], tracks[1:], len(detections)
+    if not others and len(chosen.entries) == count:
         return ""
-    found = f"Person: found in {len(chosen.entries)} of {count} frames"
-    sentences = [f"{found}, not in frames {spans(missing)}." if missing else f"{found}."]
+    sentences = [f"Person: {_found(chosen, count, first_frame)}"]
     if others:
         frames = sorted({first_frame + t for track in others for t in track.entries})
         sentences.append(
@@ -197,8 +214,10 @@ def _describe(tracks: list[_Track], count: int, first_frame: int) -> str:
         )
     if others and others[0].score > _RIVAL * chosen.score:
         start, place = next(iter(others[0].entries.items()))
+        # Where somebody else had that place before, the clip must begin later for it to mean this one.
+        cut = "" if _first_with(detections, place) == start else f"first_frame={first_frame + start} and "
         sentences.append(
-            f"Another person is nearly as prominent, from frame {first_frame + start} on at place {place} of the "
-            f"list: use person={place} if that is who you want."
+            f"Another person is nearly as prominent, in frame {first_frame + start} at place {place} of the list: use "
+            f"{cut}person={place} if that is who you want."
         )
     return " ".join(sentences)

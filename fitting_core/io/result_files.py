@@ -7,7 +7,7 @@ fit.npz of N frames reads with np.load(allow_pickle=False). Axis-angle in radian
 | poses | (N, 165) | all joints: root, 21 of the body, jaw, eyes, left and right hand with their mean pose |
 | root_orient, pose_body, pose_jaw, pose_eye, pose_hand | (N, 3), (N, 63), (N, 3), (N, 6), (N, 90) | its parts |
 | trans, expressions | (N, 3), (N, 10) | |
-| betas | (10,) | the shared shape; where only phase 1 has run, the mean over its frames |
+| betas | (10,) | the shared shape; where only phase 1 has run, the mean over its frames, and trans keeps the pelvis |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | for the tools that read AMASS |
 | global_orient, body_pose, left_hand_pose, right_hand_pose, jaw_pose, leye_pose, reye_pose, expression, \
 camera_translation | (N, ...) | the same as `BodyParams` has it: hands as components over their mean |
@@ -37,6 +37,7 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.atomic import replacing
+from fitting_core.io.motion import Motion
 from fitting_core.io.summary import summary
 from fitting_core.npz import read_npz
 from fitting_core.result import FitResult
@@ -120,8 +121,10 @@ def is_result(folder: Path) -> bool:
 def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True) -> dict[str, np.ndarray]:
     """The arrays of fit.npz by name, as the table above describes them."""
     last, first = fit.last.params, fit.phases[0].params
-    arrays: dict[str, Any] = _smplx_arrays(body, last)
-    arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": _one_shape(last)}
+    motion = Motion(body=body, params=last, camera=fit.camera, frame_rate=clip.frame_rate, name=clip.name)
+    shaped = motion.one_shape.params
+    arrays: dict[str, Any] = _smplx_arrays(body, shaped)
+    arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": shaped.betas[0].numpy()}
     arrays |= {PHASE1 + name: getattr(first, name).numpy() for name in _NAMES}
     arrays |= {"joints": joints_in_space(body, last), f"{PHASE1}joints": joints_in_space(body, first)}
     camera = fit.camera
@@ -162,12 +165,6 @@ def _smplx_arrays(body: BodyModel, params: BodyParams) -> dict[str, Any]:
         "trans": params.camera_translation.numpy(),
         "expressions": params.expression.numpy(),
     }
-
-
-def _one_shape(params: BodyParams) -> Float[np.ndarray, "10"]:
-    """The shared betas; where only phase 1 has run, their mean over the frames."""
-    betas = params.betas.numpy()
-    return betas[0] if (betas == betas[0]).all() else betas.mean(0)
 
 
 def read_fit(path: Path) -> StoredFit:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _HINT = "npz of 3D points, TRC, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
 _CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: only form is compared"
+_FIRST_HINT = "Number in the video of the reference's first frame; empty: as it says, or 0"
 _NONE = "Without a reference fits can only be compared with each other."
 _READING = "The reference is being read …"
 
@@ -33,6 +34,7 @@ class ReferenceField:
             self._told = Board(page)
             self._path = gui.add_text("File", "", hint=_HINT)
             self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
+            self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
             self._buttons = Board(page)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
         self._upload.on_upload(lambda event: page.do(lambda: self._uploaded(event.target.value)))
@@ -57,11 +59,11 @@ class ReferenceField:
         given = self._path.value.strip().strip("\"'")
         if not given:
             raise InputError("Type where the reference is: a file, or a folder with a truth.npz or fit.npz.")
-        camera = self._camera_given()
-        self._read(lambda: read_reference(Path(given).expanduser(), camera=camera))
+        camera, placed = self._camera_given(), self._start_given()
+        self._read(lambda: placed(read_reference(Path(given).expanduser(), camera=camera)))
 
     def _uploaded(self, file) -> None:
-        shown, camera = name_of_file(file.name), self._camera_given()
+        shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
 
         def read() -> Reference:
             with tempfile.TemporaryDirectory(prefix="tcfit-") as folder:
@@ -69,7 +71,7 @@ class ReferenceField:
                 path = Path(folder) / ("upload.trc" if shown.lower().endswith(".trc") else "upload.npz")
                 path.write_bytes(file.content)
                 try:
-                    return replace(read_reference(path, camera=camera), name=shown)
+                    return replace(placed(read_reference(path, camera=camera)), name=shown)
                 except InputError as error:
                     raise InputError(str(error).replace(str(path), shown).replace(path.name, shown)) from error
 
@@ -79,6 +81,13 @@ class ReferenceField:
         self._page.refuse_read_only()
         given = self._camera.value.strip().strip("\"'")
         return Path(given).expanduser() if given else None
+
+    def _start_given(self) -> Callable[[Reference], Reference]:
+        """What puts a reference where the user says that it begins."""
+        first, rate = self._first.value.strip(), self._page.session.project.clip.frame_rate
+        if first and not (first.isdecimal() and len(first) < 12):
+            raise InputError(f"Begins at frame is {first[:20]!r}; expected a whole number, or nothing.")
+        return lambda found: found.starting_at(int(first), rate) if first else found
 
     def _read(self, read: Callable[[], Reference]) -> None:
         """Read in a thread of its own: a body's joints over a clip take seconds, in which the page must live."""

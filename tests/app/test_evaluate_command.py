@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
@@ -69,13 +70,14 @@ def test_a_result_against_its_truth(finished: Finished, truth: Path, tmp_path: P
     assert page.count("data:image/jpeg") == 6 and "Worst frames" in page
 
 
-def project_with_fit(folder: Path, body: BodyModel, *, reference: bool) -> Path:
+def project_with_fit(folder: Path, body: BodyModel, *, reference: bool, first_frame: int = 0) -> Path:
     """Two runs, of which the first is the truth itself; the second stands 10 cm farther away."""
     params = motion()
     points, exists = keypoints_in_space(body, params)
     seen = np.tile(0.9 * exists, (FRAMES, 1))
     xy = points[..., :2] / np.where(exists[:, None], points[..., 2:], 1) * CAMERA.focal + CAMERA.center
-    clip = Clip(keypoints=Keypoints(xy=xy, confidence=seen), camera=CAMERA, frame_rate=25.0, name="walk & turn")
+    found = Keypoints(xy=xy, confidence=seen)
+    clip = Clip(keypoints=found, camera=CAMERA, frame_rate=25.0, name="walk & turn", first_frame=first_frame)
     with Project.create(folder, clip) as project:
         if reference:
             made = reference_of("truth", "made here", body, params, frame_rate=25.0, in_camera=True)
@@ -124,12 +126,39 @@ def test_without_a_reference_only_smoothness_is_told(
     assert "There is no reference" in told.err and "Jitter" in told.out and "MPJPE" not in told.out
 
 
+def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    """Cut to the fit's later half, it is refused where it does not say so, and else compared there, with a note."""
+    project = project_with_fit(tmp_path / "x.tcfit", free_body, reference=False, first_frame=FRAMES // 2)
+    points, exists = keypoints_in_space(free_body, motion())
+    points[:, ~exists] = np.nan
+    part, names = FRAMES - FRAMES // 2, np.array(kp.NAMES)[kp.LIMBS]
+    for name, frames in (("whole", FRAMES), ("late", part)):
+        np.savez(tmp_path / f"{name}.npz", points=points[-frames:, kp.LIMBS], names=names)
+    arguments = ["evaluate", str(project), "--run", "exact", "--pictures", "0", "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--reference", str(tmp_path / "whole.npz")]) == 2
+    assert (
+        f"Say it with --reference-first-frame (in the review: Begins at frame): {FRAMES // 2}"
+        in capsys.readouterr().err
+    )
+    for name, first, compared in (("whole", FRAMES // 2, FRAMES), ("late", FRAMES, part)):
+        given = ["--reference", str(tmp_path / f"{name}.npz"), "--reference-first-frame", str(first)]
+        assert main([*arguments, *given]) == 0
+        final = records_in(tmp_path / "out")[-1]
+        assert float(final["pa_mpjpe_mean [mm]"]) == pytest.approx(0, abs=1e-3)
+        assert (final["frames"], final["compared_frames"]) == (str(FRAMES), str(compared))
+        said = f"Compared in {part} of {FRAMES} frames: the fit has the video's frames {FRAMES // 2} to"
+        assert (said in capsys.readouterr().err) == (compared < FRAMES)
+    assert main([*arguments, "--reference-first-frame", "3"]) == 2
+    assert "has no reference: give --reference too" in capsys.readouterr().err
+
+
 WRONG = {
     "nothing": ([], "Name a fit"),
     "both": (["x", "--suite"], "leave out FIT"),
     "ablations": (["x", "--ablations"], "give --suite too"),
     "camera": (["x", "--camera", "c.npz"], "give --reference too"),
     "reference": (["--suite", "--reference", "r.npz"], "its own truth"),
+    "first frame": (["--suite", "--reference-first-frame", "0"], "its own truth"),
     "every": (["x", "--every", "0"], "expected 1 or more"),
     "no fit": (["nowhere"], "neither a project nor"),
     "level": (["--suite", "--level", "worst"], "no worst"),

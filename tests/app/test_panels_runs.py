@@ -147,17 +147,22 @@ def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch
 def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(compare, "SETTLING", 0.0)
     tested = panel_of(ComparePanel)
-    points = np.random.default_rng(0).normal(size=(FRAMES, len(kp.LIMBS), 3))
+    points = np.random.default_rng(0).normal(0, 0.2, (FRAMES, len(kp.LIMBS), 3))
     np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
     tested.draw()
     assert "only be compared with each other" in tested.html()
     tested.click("Compare with it")
     assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
     tested.enter("File", str(tmp_path / "reference.npz"))
+    tested.enter("Begins at frame", "-2")
+    tested.click("Compare with it")
+    assert "expected a whole number" in tested.notices[-1].text
+    first = tested.page.session.project.clip.first_frame
+    tested.enter("Begins at frame", str(first + 2))
     tested.click("Compare with it")
     tested.until(lambda: "a world of its own" in tested.html())
     tested.fit()
-    tested.until(lambda: "PA-MPJPE" in tested.html())
+    tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
     assert tested.page.session.project.reference is not None
     tested.click("Forget the reference")
     tested.until(lambda: "PA-MPJPE" not in tested.html())

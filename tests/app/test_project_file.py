@@ -72,7 +72,7 @@ def test_round_trip(project: Path, packed: Path, tmp_path: Path):
 
 
 def test_a_reference_goes_along(project: Path, tmp_path: Path):
-    points = np.random.default_rng(0).normal(0, 1, (7 + len(sample_clip()), 4, 3))
+    points = np.random.default_rng(0).normal(0, 0.2, (7 + len(sample_clip()), 4, 3))
     np.savez(tmp_path / "points.npz", points=points, names=np.array(["LShoulder", "RShoulder", "LHip", "RHip"]))
     with Project.open(project) as made:
         made.set_reference(read_reference(tmp_path / "points.npz"))

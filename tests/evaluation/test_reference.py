@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -166,6 +167,41 @@ def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
         read_reference(tmp_path / "w.npz")
 
 
+STANDING = {"Shoulder": 1.4, "Hip": 0.9, "Knee": 0.47, "Ankle": 0.06}
+
+
+def standing(scale: float, folder: Path) -> Path:
+    """Somebody's sides at 30 cm from each other, in a unit of which so many make a metre."""
+    places = {f"{side}{part}": (x, y, 0.0) for side, x in (("L", 0.15), ("R", -0.15)) for part, y in STANDING.items()}
+    points = scale * np.tile(list(places.values()), (3, 1, 1))
+    np.savez(folder / "standing.npz", points=points, names=np.array(list(places)))
+    return folder / "standing.npz"
+
+
+@pytest.mark.parametrize(
+    "scale, said",
+    [
+        (
+            1000,
+            "left_shoulder and left_hip are 500 m apart; expected metres .* They look like millimetres: divide them",
+        ),
+        (100, "look like centimetres: divide them by 100"),
+        (3.3, "look like feet"),
+        (39.4, "look like inches"),
+        (0.001, "Scale the points to metres"),
+        (0, "Scale the points to metres"),
+    ],
+)
+def test_points_in_another_unit_are_refused(tmp_path: Path, scale: float, said: str):
+    with pytest.raises(InputError, match=said):
+        read_reference(standing(scale, tmp_path))
+
+
+@pytest.mark.parametrize("size", [0.4, 1, 1.3])
+def test_people_of_all_sizes_are_taken(tmp_path: Path, size: float):
+    assert len(read_reference(standing(size, tmp_path))) == 3
+
+
 def test_a_stored_reference_is_the_same(tmp_path: Path, free_body: BodyModel):
     params = random_params(2)
     made = replace(reference_of("x", "made here", free_body, params, frame_rate=None, in_camera=True), notes=("a", "b"))
@@ -195,6 +231,7 @@ def test_frames_are_matched_by_number_or_time():
     assert of_length(50, rate=100.0).frames_of(4, 1, 25.0).tolist() == [4, 8, 12, 16]
     assert of_length(5000, rate=29.97).frames_of(1, 4000, 30.0) == of_length(5000, rate=30.0).frames_of(1, 4000, 29.97)
     assert of_length(5000, rate=60.0).frames_of(2, 1000, 29.97).tolist() == [2000, 2002]
+    assert of_length(5000, rate=29.97).frames_of(2, 4000, 60.0)[0] == 2000
     with pytest.raises(InputError, match="expected a reference of the same clip"):
         of_length(5).frames_of(4, 10, 25.0)
 
@@ -209,12 +246,55 @@ def test_a_reference_at_another_rate_begins_at_its_own_time(tmp_path: Path):
         found.frames_of(4, 0, 30.0)
 
 
+def cut(frames: int, folder: Path, **keys: Any) -> Reference:
+    np.savez(folder / "cut.npz", points=np.tile(POINTS, (frames // 4, 1, 1)), names=np.array(NAMES), **keys)
+    return read_reference(folder / "cut.npz")
+
+
+def test_a_reference_as_long_as_a_later_fit_must_say_where_it_begins(tmp_path: Path):
+    found = cut(40, tmp_path)
+    with pytest.raises(InputError, match=r"40 frames, which last as long .* frame 20\. Say it with .*frame .*: 20 if"):
+        found.frames_of(40, 20, 25.0)
+    with pytest.raises(InputError, match="last as long as the fit's 10"):
+        cut(40, tmp_path, fps=100.0).frames_of(10, 20, 25.0)
+    assert found.frames_of(40, 0, 25.0)[0] == 0 and found.frames_of(10, 20, 25.0)[0] == 20
+    assert found.starting_at(20, 25.0).frames_of(40, 20, 25.0).tolist() == list(range(40))
+    assert found.starting_at(0, 25.0).frames_of(40, 20, 25.0)[:20].tolist() == list(range(20, 40))
+    faster = cut(40, tmp_path, fps=100.0).starting_at(20, 25.0)
+    assert faster.frames_of(10, 20, 25.0).tolist() == list(range(0, 40, 4))
+
+
+@pytest.mark.parametrize("form", ["points", "trc", "amass", "stored"])
+def test_files_say_where_a_reference_begins(tmp_path: Path, free_body: BodyModel, form: str):
+    read = {"points": lambda first: cut(4, tmp_path, **first)}
+    body = free_body
+
+    def of_trc(first: dict[str, Any]) -> Reference:
+        (tmp_path / "x.trc").write_text(trc(POINTS, first=first.get("first_frame", 0) / 50))
+        return read_reference(tmp_path / "x.trc")
+
+    def of_amass(first: dict[str, Any]) -> Reference:
+        np.savez(tmp_path / "a.npz", body_hash=np.array(body.hash), **amass(body, random_params(4)), **first)
+        return read_reference(tmp_path / "a.npz")
+
+    def stored(first: dict[str, Any]) -> Reference:
+        write_reference(tmp_path / "stored.npz", cut(4, tmp_path, **first))
+        return read_reference(tmp_path / "stored.npz")
+
+    read |= {"trc": of_trc, "amass": of_amass, "stored": stored}
+    told, untold = read[form]({"first_frame": 10}), read[form]({})
+    assert (told.first_frame, told.first_frame_known) == (10, True)
+    assert (untold.first_frame, untold.first_frame_known) == (0, False)
+
+
 def test_what_is_no_reference(tmp_path: Path):
     (tmp_path / "x.npz").write_bytes(b"PK broken")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     np.savez(tmp_path / "objects.npz", points=np.array([{}], dtype=object))
     np.savez(tmp_path / "shape.npz", points=np.zeros((3, 4, 3)), names=np.array(["Nose"]))
-    said = {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "no npz archive", "shape.npz": "1 names"}
+    np.savez(tmp_path / "half.npz", points=POINTS, names=np.array(NAMES), first_frame=np.array(0.5))
+    said = {"half.npz": "first_frame is 0.5; expected a whole number"}
+    said |= {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "no npz archive", "shape.npz": "1 names"}
     for name, words in said.items():
         with pytest.raises(InputError, match=words):
             read_reference(tmp_path / name)
@@ -234,3 +314,6 @@ def test_bad_cameras(tmp_path: Path):
     np.savez(tmp_path / "behind.npz", R=np.eye(3), t=-SHIFT)
     with pytest.raises(InputError, match="behind the camera"):
         read_reference(tmp_path / "p.npz", camera=tmp_path / "behind.npz")
+    np.savez(tmp_path / "mm.npz", R=np.eye(3), t=1e3 * SHIFT)
+    with pytest.raises(InputError, match=r"lies 60\d\d m in front of the camera.* Give t of --camera in metres"):
+        read_reference(tmp_path / "p.npz", camera=tmp_path / "mm.npz")

@@ -70,7 +70,10 @@ ALIGNMENTS = {
     "gaps": ([0, 1, 4, 5], [0, 1, None, None, 4, 5], "There are 4 keypoint files, walk.avi has 6 frames; they were "
              "aligned by the numbers in their names. 2 frames have no keypoints and count as not detected."),
     "part in the middle": ([2, 3], [None, None, 2, 3, None, None], "2 keypoint files, walk.avi has 6 frames; they were "
-                           "aligned by the numbers in their names. 4 frames have no keypoints"),
+                           "aligned by the numbers in their names, counted from 0. Counted from 1 they fit as well"),
+    "perhaps from 1": ([1, 2, 3, 4, 5], [None, 1, 2, 3, 4, 5], "they were aligned by the numbers in their names, "
+                       "counted from 0. Counted from 1 they fit as well: if the points come a frame after the person, "
+                       "number them from 0. 1 frames have no keypoints"),
     "numbered from 1": ([1, 2, 3, 4, 5, 6], [1, 2, 3, 4, 5, 6], ""),
     "numbered from 1, one missing": ([1, 2, 4, 5, 6], [1, 2, None, 4, 5, 6], "5 keypoint files, walk.avi has 6 frames; "
                                      "they were aligned by their numbers, counted from 1. 1 frames have no"),
@@ -186,7 +189,7 @@ def test_a_person_is_chosen_or_asked_for(video, write_people, figure):
     chosen, asked = read_clip(video(3), folder), read_clip(video(3), folder, person=0)
     assert neck_numbers(chosen) == [100, 100, 100] and neck_numbers(asked) == [-40, -40, -40]
     assert any("largest and surest of 2 people" in note for note in chosen.notes)
-    assert any("entry 0 of each frame's list, as asked" in note for note in asked.notes)
+    assert any("whoever is at place 0 of the list of frame 0, as asked" in note for note in asked.notes)
 
 
 def test_normalised_keypoints(video, write_people, figure):

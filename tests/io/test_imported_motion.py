@@ -24,7 +24,7 @@ from fitting_core.io import read_motion
 from fitting_core.io.animation_npz import write_animation_npz
 from fitting_core.io.imported_motion import cover
 from fitting_core.io.motion import Motion
-from fitting_core.io.result_files import fit_arrays
+from fitting_core.io.result_files import fit_arrays, read_fit
 from fitting_core.io.smplifyx import FOCAL, RESULTS, read_smplifyx, write_smplifyx
 from fitting_core.keypoints import Keypoints
 from fitting_core.priors.latent import LatentPrior
@@ -92,6 +92,22 @@ def test_a_fit_of_tcfit_reads_back(tiny_body: BodyModel, tmp_path: Path):
     posed = found.on(tiny_body, CAMERA)
     assert (found.numbers, found.camera, found.placed) == ((40, 41), CAMERA, True)
     assert np.abs(joints_in_space(tiny_body, posed) - joints_in_space(tiny_body, motion.params)).max() < 1e-9
+
+
+def test_a_fit_of_phase_1_alone_reads_back_where_it_was(tiny_body: BodyModel, tmp_path: Path):
+    """Other programs see the mean of its frames' betas, with which the pelvis must not move."""
+    motion = params(3, 4)
+    phase = PhaseResult(phase=1, params=motion, objective={}, frame_cost=np.zeros(4), seconds=0.0)
+    fit = FitResult(phases=(phase,), camera=CAMERA, config=PRESETS["paper"], observed=np.ones((4, 55), bool))
+    points = Keypoints(xy=np.zeros((4, 137, 2)), confidence=np.ones((4, 137)))
+    arrays = fit_arrays(fit, Clip(keypoints=points, camera=CAMERA, frame_rate=25.0, name="w"), tiny_body)
+    np.savez(tmp_path / "fit.npz", allow_pickle=False, **arrays)
+    posed = read_motion(tmp_path / "fit.npz").on(tiny_body, CAMERA)
+    pelvis = joints_in_space(tiny_body, posed)[:, 0]
+    assert np.abs(pelvis - arrays["joints"][:, 0]).max() < 1e-9
+    assert np.abs(arrays["trans"] - arrays["camera_translation"]).max() > 1e-3
+    own = read_fit(tmp_path).params
+    assert np.abs(joints_in_space(tiny_body, own) - arrays["joints"]).max() < 1e-9
 
 
 def test_a_pickle_is_what_smplifyx_writes(tiny_body: BodyModel, tmp_path: Path):
@@ -227,3 +243,16 @@ def test_frames_of_another_rate(tiny_body: BodyModel, tmp_path: Path):
     np.savez(tmp_path / "a.npz", poses=np.zeros((12, 165)), trans=np.zeros((12, 3)), mocap_frame_rate=100.0)
     covered = cover(read_motion(tmp_path / "a.npz"), 3, clip_first=0, clip_rate=25)
     assert covered.places.tolist() == [0, 4, 8] and "100 frames per second and the clip 25" in covered.notes[0]
+
+
+NTSC = 30000 / 1001
+
+
+@pytest.mark.parametrize(
+    "rate, clip_rate, step", [(29.97, 30.0, 1), (30.0, 29.97, 1), (NTSC, 30.0, 1), (30.0, NTSC, 1), (59.94, 30.0, 2)]
+)
+def test_rates_that_mean_the_same_do_not_drift(tmp_path: Path, rate: float, clip_rate: float, step: int):
+    frames = 4000 * step + 1
+    np.savez(tmp_path / "a.npz", poses=np.zeros((frames, 165)), trans=np.zeros((frames, 3)), mocap_frame_rate=rate)
+    covered = cover(read_motion(tmp_path / "a.npz"), 4000, clip_first=0, clip_rate=clip_rate)
+    assert covered.places.tolist() == list(range(0, 4000 * step, step)) and covered.there.all()

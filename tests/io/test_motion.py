@@ -1,5 +1,7 @@
 """A motion in other worlds: checked on posed meshes and joints."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -50,6 +52,21 @@ def test_a_part_knows_its_frames(tiny_body: BodyModel):
     said = stated_by_frame(part)
     assert said["frames"] == 3 and len(said["translation"]) == 3 and said["frame_rate"] == 29.97
     assert np.allclose(said["pelvis"], part.joints()[:, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_one_shape_leaves_the_pelvis_where_it_is_in_any_world(tiny_body: BodyModel, axes: str):
+    motion = swinging(tiny_body)
+    betas = torch.randn(motion.params.betas.shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    varied = replace(motion, params=replace(motion.params, betas=betas))
+    shaped = varied.in_axes(axes).one_shape
+    assert shaped.has_one_shape and not varied.has_one_shape
+    assert abs(shaped.in_axes("camera").pelvis - varied.pelvis).max() < 1e-12
+    moved = varied.params.camera_translation - shaped.in_axes("camera").params.camera_translation
+    assert moved.abs().max() > 1e-3, "the betas must move the pelvis for this to be seen"
+    said = stated_by_frame(varied)
+    assert said["betas_source"] == "mean of the frames' own" and stated(motion)["betas_source"] == "the fit's"
+    assert np.allclose(said["translation"], varied.one_shape.params.camera_translation)
 
 
 def test_all_that_users_miss_elsewhere_is_stated(tiny_body: BodyModel):

@@ -1,6 +1,7 @@
 """Choosing one person over a clip."""
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -96,7 +97,22 @@ def test_a_nearly_equal_rival_is_named(figure):
     frames = [[figure(400, 300, height=195), figure(100, 300)]] * 4
     choice = choose_person(clip(*frames))
     assert choice.entries == (1, 1, 1, 1)
-    assert "Another person is nearly as prominent, from frame 0 on at place 0 of the list: use person=0" in choice.note
+    assert "Another person is nearly as prominent, in frame 0 at place 0 of the list: use person=0" in choice.note
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("late", [0, 2])
+def test_the_advice_gives_the_rival(figure, seed, late):
+    """Whatever the order of each frame's list, and where a false detection had the rival's place before."""
+    frames = [[figure(400, 300 + t, height=205), figure(100, 300 - t)] for t in range(12)]
+    frames[:late] = [[figure(400, 300 + t, height=205), figure(900, 900, height=40)] for t in range(late)]
+    mixed, places = shuffled(frames, seed)
+    note = choose_person(clip(*mixed), first_frame=7).note
+    found = re.search(r"use (?:first_frame=(\d+) and )?person=(\d)", note)
+    assert found is not None, note
+    cut = int(found[1] or 7) - 7
+    choice = choose_person(clip(*mixed[cut:]), person=int(found[2]), first_frame=7 + cut)
+    assert choice.entries == tuple(None if t < late else place[1] for t, place in enumerate(places))[cut:]
 
 
 def test_one_person_throughout_needs_no_note(figure):
@@ -126,12 +142,15 @@ def test_a_single_point_is_a_person_of_no_size(figure):
     assert choose_person(clip([dot], [dot])).entries == (0, 0)
 
 
-def test_the_nth_entry_is_taken_as_asked(figure):
+def test_who_is_asked_for_is_followed_through_lists_of_any_order(figure):
     large, small = figure(100, 300), figure(500, 300, height=50)
-    choice = choose_person(clip([large, small], [large], [small, large]), person=1)
-    assert choice.entries == (1, None, 1)
-    assert choice.keypoints.xy[2, 0].tolist() == large[0, :2].tolist()
-    assert choice.note == "Person: entry 1 of each frame's list, as asked; 2 of 3 frames have it."
+    choice = choose_person(clip([large], [large, small], [large], [small, large]), person=1, first_frame=5)
+    assert choice.entries == (None, 1, None, 0)
+    assert choice.keypoints.xy[3, 0].tolist() == small[0, :2].tolist()
+    assert choice.note == (
+        "Person: whoever is at place 1 of the list of frame 6, as asked; found in 2 of 4 frames, not in frames 5, 7. "
+        "In frames 8 the same person has another place."
+    )
 
 
 @pytest.mark.parametrize("person", [2, 100, -1])
