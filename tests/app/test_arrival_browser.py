@@ -47,13 +47,17 @@ class Scene:
 
     def __init__(self, tab: Tab) -> None:
         self.tab, self.page, self.client = tab, tab.page, tab.clients[-1]
-        dressing = MeshDressing(self.client)
-        self._image = ImageNode(self.client, "/video", dressing, picture(1))
-        self._body = BodyNode(self.client, "/body", dressing)
+        self.make_nodes()
         self.page.evaluate(WATCH)
         self.show(1)
         tab.look(300.0)
         self.until_shown(1)
+
+    def make_nodes(self) -> None:
+        """As for a new connection."""
+        dressing = MeshDressing(self.client)
+        self._image = ImageNode(self.client, "/video", dressing, picture(1))
+        self._body = BodyNode(self.client, "/body", dressing)
 
     def show(self, frame: int, image: FrameImage | None = None) -> None:
         """All of a frame in one message."""
@@ -135,6 +139,18 @@ def test_panels_do_not_wait_and_keep_their_order(scene: Scene):
     scene.page.get_by_text("second").wait_for()
     text.remove()
     assert scene.drawn()[-1] == [31] * 3
+
+
+def test_a_node_that_is_made_anew_shows_its_new_picture(scene: Scene):
+    scene.show(32)
+    scene.until_shown(32)
+    with scene.client.atomic():
+        scene.make_nodes()
+        scene.show(33)
+    scene.until_shown(33)
+    scene.show(34)
+    scene.until_shown(34)
+    assert scene.drawn()[-1] == [34] * 3
 
 
 def test_a_broken_picture_holds_nothing_up(scene: Scene):

@@ -43,7 +43,9 @@ async function decode(messages) {
   const bitmaps = await Promise.all([...newest.values()].map(decoded));
   if (decoding !== messages) return bitmaps.forEach((bitmap) => bitmap?.close()); // they were given back meanwhile
   decoding = null;
-  const hung = new Set([...newest.keys()].filter((name, i) => hang(name, bitmaps[i])));
+  // A node that comes with its picture, as after a new connection, is not there yet, or an older one is.
+  const added = new Set(messages.filter(({ type }) => type === "ImageMessage").map(({ name }) => name));
+  const hung = new Set([...newest.keys()].filter((name, i) => hang(name, added.has(name) ? null : bitmaps[i])));
   const done = (message) => isPicture(message) && hung.has(message.name);
   viewer().messageQueue.push(...messages.map((message) => (done(message) ? withoutPicture(message) : message)));
   apply();
