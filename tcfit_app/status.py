@@ -35,7 +35,7 @@ class Status:
         page, session = self._page, self._page.session
         chips = []
         if session.project.read_only:
-            chips.append(Chip(text="Open read-only: nothing can be changed", kind="warning"))
+            chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
         if session.following.busy and not page.correcting.dragging:
