@@ -1,7 +1,7 @@
 """The fit follows the hand: while a keypoint is dragged, and after edits."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -71,11 +71,13 @@ class Following:
         self._drags: dict[int, tuple[Drag, int]] = {}
         self._revisions = count(1)
         self._recent: dict[int, _Recent] = {}
+        self._settled: dict[int, _Recent] = {}
+        """Held until the run's corrections before them are through: then one job follows them all."""
 
     @property
     def busy(self) -> bool:
         """Whether the fit follows a drag, or is about to follow an edit."""
-        return bool(self._drags or self._recent)
+        return bool(self._drags or self._recent or self._settled)
 
     def begin_drag(
         self, shown: Shown, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]
@@ -126,27 +128,43 @@ class Following:
         found = set(frames) | (before.frames if before else set())
         self._recent[run.id] = _Recent(run=run, frames=found, since=time.monotonic())
 
-    def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
+    def forget(self, run: int) -> None:
+        """Do not follow the edits that wait for a run's corrections: the user cancelled those."""
+        self._recent.pop(run, None)
+        self._settled.pop(run, None)
+
+    def due(self, tell: Callable[[Notice], None], under_way: Container[int] = ()) -> CorrectionJob | None:
         """Fits the surroundings of recent edits again, once these have settled.
 
         Args:
             tell: gets to know of edits that the fit does not follow by itself: too many, or without the body model.
+            under_way: Runs whose corrections are being fitted, or wait for it: their further edits wait, and are
+                followed together.
         """
-        settled = time.monotonic() - SETTLING
-        recent = next((recent for recent in self._recent.values() if recent.since <= settled), None)
+        self._settle(tell)
+        recent = next((recent for run, recent in self._settled.items() if run not in under_way), None)
         if recent is None:
             return None
-        del self._recent[recent.run.id]
-        windows = around(recent.frames, REACH, len(self._project.detections))
-        if sum(map(len, windows)) > MOST_FOLLOWED:
-            text = f"{len(recent.frames)} frames were edited: re-run them when you are done."
-            tell(Notice(title="The fit does not follow by itself", text=text))
-            return None
+        del self._settled[recent.run.id]
         try:
-            return self._job(recent.run, frozenset(recent.frames), windows)
+            return self._job(recent.run, frozenset(recent.frames), self._windows(recent.frames))
         except InputError as error:
             tell(Notice(title="The fit cannot follow", text=str(error), kind="error"))
             return None
+
+    def _settle(self, tell: Callable[[Notice], None]) -> None:
+        """Edits that nothing was added to for a while go to those that wait."""
+        latest = time.monotonic() - SETTLING
+        for recent in [recent for recent in self._recent.values() if recent.since <= latest]:
+            del self._recent[recent.run.id]
+            if sum(map(len, self._windows(recent.frames))) > MOST_FOLLOWED:
+                text = f"{len(recent.frames)} frames were edited: re-run them when you are done."
+                tell(Notice(title="The fit does not follow by itself", text=text))
+            elif (waiting := self._settled.setdefault(recent.run.id, recent)) is not recent:
+                waiting.frames |= recent.frames
+
+    def _windows(self, frames: Iterable[int]) -> tuple[range, ...]:
+        return around(frames, REACH, len(self._project.detections))
 
     def _job(self, run: Run, frames: frozenset[int], windows: tuple[range, ...]) -> CorrectionJob:
         body = self._bodies.of(run.body)

@@ -40,6 +40,8 @@ class Picture:
         self._size = (0, 0)
         self._image: FrameImage | None = None
         self._layers: dict[Hashable, BodyLayer] = {}
+        self._compared = False
+        """Whether colours tell how far A and B lie apart."""
 
     def resized(self, width: int, height: int) -> None:
         """The canvas has another size, in CSS pixels."""
@@ -78,6 +80,7 @@ class Picture:
         except InputError as error:
             page.status.problem = str(error)
             bodies = []
+        self._compared = any(body.values is not None for place in bodies for body in place)
         with page.client.atomic():
             self._draw_scene(image, bodies, a, b)
             self._draw_keypoints()
@@ -217,11 +220,6 @@ class Picture:
     def _draw_legend(self) -> None:
         if self._page.changes.of("legend", self._compared):
             self._page.channel.send("legend", LEGEND if self._compared else None)
-
-    @property
-    def _compared(self) -> bool:
-        """Whether colours tell how far A and B lie apart."""
-        return self._page.state.difference and self._page.state.bodies
 
 
 def _places(places: Sequence[float], labels: tuple[tuple[str, str], ...]) -> tuple[PosterPlace, ...]:

@@ -13,6 +13,8 @@ class RunningJob:
     number: int
     run: int | None
     """The run that it fits; None: edits are being followed."""
+    follows: int | None = None
+    """The run whose edits are being followed."""
     title: str
     phases: tuple[int, ...]
     started: bool = False

@@ -237,9 +237,9 @@ class Session:
             raise InputError(f"{run.name}, in which frames were to be fitted again, did not finish: take another run.")
         return self.fits.fit(run)
 
-    def _enqueue(self, job: Job, run: int | None) -> None:
+    def _enqueue(self, job: Job, run: int | None, *, follows: int | None = None) -> None:
         number = self.worker.submit(job)
-        self.jobs[number] = RunningJob(number=number, run=run, title=job.title, phases=job.phases)
+        self.jobs[number] = RunningJob(number=number, run=run, follows=follows, title=job.title, phases=job.phases)
         self.changes += 1
 
     def cancel(self, run: int | None = None) -> None:
@@ -306,9 +306,10 @@ class Session:
         while not self.fits.late.empty():
             late = self.fits.late.get()
             self.following.follow(late.run, late.frames)
-        correction = self.following.due(self.tell)
+        under_way = {job.follows for job in self.jobs.values()}
+        correction = self.following.due(self.tell, under_way)
         if correction is not None:
-            self._enqueue(correction, None)
+            self._enqueue(correction, None, follows=correction.origin)
 
     def _take_keypoints(self) -> None:
         """Take up what has ended of getting keypoints."""
@@ -350,6 +351,8 @@ class Session:
         self.ended = self.ended if job.run is None else job
         if isinstance(report, JobCancelled):
             self._end_run(job, "cancelled", "")
+            if job.follows is not None:
+                self.following.forget(job.follows)
         elif isinstance(report, JobFailed):
             self._end_run(job, "failed", report.reason)
             self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))

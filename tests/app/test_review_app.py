@@ -123,6 +123,10 @@ def test_every_key_is_taken(review: Reviewing):
         before = getattr(page.state, name)
         review.press(key, lambda name=name, before=before: getattr(page.state, name) != before)
         review.press(key, lambda name=name, before=before: getattr(page.state, name) == before)
+    review.press("d", lambda: review.tab.locator(".tcfit-legend").is_visible())
+    review.press("m", lambda: review.tab.locator(".tcfit-legend").is_hidden())
+    review.press("m", lambda: review.tab.locator(".tcfit-legend").is_visible())
+    review.press("d", lambda: review.tab.locator(".tcfit-legend").is_hidden())
     review.press("Control+a", lambda: len(page.state.selection) == 137)
     review.press("Escape", lambda: page.state.selection == ())
 
@@ -164,6 +168,8 @@ def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "
         texts = until(lambda: chips(found), "the status line")
         assert any("No fit yet" in text for text in texts) and any("Read-only" in text for text in texts)
         assert any("made without a video" in text for text in texts)
+        found.press("d", lambda: found.page.state.difference)
+        assert found.tab.locator(".tcfit-legend").is_hidden(), "there is nothing between two fits yet"
         found.tab.keyboard.press("Shift+R")
         found.tab.get_by_text("open read-only").first.wait_for()
         assert not found.session.jobs and not found.complaints

@@ -278,6 +278,40 @@ def test_an_edit_that_came_while_the_fit_followed_is_not_written_over(
     assert after.kind == "corrections" and after.edits_seen == 2, "both are in: frame 0 was followed again"
 
 
+def test_edits_made_while_the_fit_follows_others_are_followed_together(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(following, "SETTLING", 0.0)
+    monkeypatch.setattr(following, "MOST_FOLLOWED", FRAMES - 1)
+    before = newest(session)
+    session.worker.pause()  # as behind a long fit
+    for frame in (0, 7, 1, 6, 0):
+        nudge(session, frame, before)
+        session.take_news()
+    assert len(session.jobs) == 1 and session.following.busy
+    session.worker.resume()
+    idle(session)
+    assert not told(session), "each of them is few frames: that they wait together is nothing to refuse"
+    assert session.edits_since(newest(session).run) == 0
+    for frame in (0, 7):
+        assert not torch.equal(pose(session, frame), before.params.body_pose[frame])
+
+
+def test_cancelling_what_follows_edits_cancels_those_that_wait_for_it(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(following, "SETTLING", 0.0)
+    before = newest(session)
+    session.worker.pause()
+    for frame in (0, 7):
+        nudge(session, frame, before)
+        session.take_news()
+    session.cancel()
+    session.worker.resume()
+    idle(session)
+    assert newest(session).run.id == before.run.id and session.edits_since(before.run) == 2
+
+
 def test_edits_of_two_runs_are_both_followed(session: Session):
     before = newest(session)
     other = session.rerun_frames(before, QUICK, (range(0, 2),))
