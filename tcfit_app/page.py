@@ -29,12 +29,14 @@ from tcfit_app.submitting import Submitting
 from tcfit_app.view import page_events
 from tcfit_app.view.channel import Channel
 from tcfit_app.view.page_events import PageEvent
-from tcfit_app.view.page_states import Cursor, Keys, Selection, Skeleton
+from tcfit_app.view.page_states import Beat, Cursor, Keys, Selection, Skeleton
 from tcfit_app.view_state import Mode, ViewState
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
 _COLORS: dict[str, Literal["blue", "green", "red"]] = {"info": "blue", "done": "green", "error": "red"}
+_BEAT = 5.0
+"""Seconds between two signs of life."""
 _SHORT, _LONG = 4.0, 12.0
 """Seconds for which a message stays."""
 _log = logging.getLogger(__name__)
@@ -290,6 +292,8 @@ class Page:
         """Send what has changed since the last time, once the page is ready for it."""
         if not self.ready:
             return
+        if self.changes.of("beat", now // _BEAT):
+            self.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT)))
         if self.state.playing and not self._advance(now):
             return
         window = self.session.following.live

@@ -214,6 +214,13 @@ class Chips(_State, frozen=True, kw_only=True):
     chips: tuple[Chip, ...] = ()
 
 
+class Beat(_State, frozen=True, kw_only=True):
+    """The server is there; the next one follows after `milliseconds`. A page that misses some says so, and takes
+    nothing more."""
+
+    milliseconds: int
+
+
 class Legend(_State, frozen=True, kw_only=True):
     """A colour bar."""
 
@@ -240,12 +247,13 @@ STATES: dict[str, type[_State]] = {
     "notice": Notice,
     "chips": Chips,
     "legend": Legend,
+    "beat": Beat,
 }
 """By the name under which each is sent; None in place of one takes it away."""
 
 PageState = (
     Layout | Skeleton | Keypoints | Style | Selection | Timeline | Marks | Fit | ChosenRange | Cursor | Keys
-) | (Notice | Chips | Legend)
+) | (Notice | Chips | Legend | Beat)
 
 
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:

@@ -15,7 +15,7 @@ from fitting_core.keypoints import COUNT
 from tcfit_app.server import ReviewServer, review_server
 from tcfit_app.view import page_states as states
 from tcfit_app.view.channel import script
-from tcfit_app.view.page_events import Drag, Gesture, Hello, Key, Range, Resized, Seek, Select
+from tcfit_app.view.page_events import Drag, Drawn, Gesture, Hello, Key, Range, Resized, Seek, Select
 from tests.app.page_tab import (
     ELBOW,
     HEIGHT,
@@ -473,6 +473,32 @@ def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewSe
     tab.settle()
     assert tab.text(".tcfit-card") is None and tab.page.locator(".tcfit").count() == 1
     assert len(tab.clients) == 2
+
+
+def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
+    """The page then takes nothing, lets go of a drag, and goes on in the same connection once it hears again."""
+    clients = len(tab.clients)
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y + 40, steps=3)
+    tab.await_event(Drag, 2)
+    tab.send("beat", states.Beat(milliseconds=250))
+    tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
+    assert "does not answer" in (tab.text(".tcfit-card h2") or "")
+    assert tab.await_event(Drag, 3).phase == "cancel"
+    known = len(tab.events)
+    tab.page.mouse.up()
+    tab.drag((x, y), (40, 0))
+    tab.page.keyboard.press("b")
+    tab.send("beat", states.Beat(milliseconds=60_000))
+    tab.page.wait_for_selector(".tcfit-card", state="hidden")
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
+    tab.settle()
+    assert [event for event in tab.events[known:] if not isinstance(event, Drawn)] == [tab.await_event(Key)]
+    tab.send("beat", None)
+    assert len(tab.clients) == clients
 
 
 def test_without_a_server_nothing_is_taken_until_it_is_back(

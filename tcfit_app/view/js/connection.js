@@ -92,7 +92,7 @@ const canvasSize = () => ({ width: viewer().canvas.clientWidth, height: viewer()
 
 /** Begins anew with an empty page: the first time, and whenever viser has connected again. */
 function connect(uuid) {
-  field = null; // what ends now belongs to a connection that is gone
+  field = resting = null; // what ends now belongs to a connection that is gone
   for (const name of Object.keys(states)) receive(name, null);
   field = uuid;
   eventCount = 0;
@@ -103,12 +103,37 @@ function connect(uuid) {
 
 /** The connection has ended. Nothing more goes out, for nobody would take it, until `connect`. */
 function loseConnection() {
-  if (field === null) return;
-  field = null;
+  if (field === null && resting === null) return;
+  field = resting = null;
+  clearTimeout(silence);
   waiting.clear();
   receive("fit", null); // whether it goes on is not known here
   receive("chips", { chips: (states.chips?.chips ?? []).filter(({ kind }) => kind !== "busy") });
   receive("lost", true);
+}
+
+const MISSED_BEATS = 4; // after which the server counts as silent
+let silence = 0; // the timer of that
+let resting = null; // `field` while it is
+
+/** The server is there. A tunnel may hang for minutes before the connection ends, and a server may be stopped. */
+watch("beat", (beat) => {
+  clearTimeout(silence);
+  if (!beat) return;
+  if (resting !== null) {
+    [field, resting] = [resting, null];
+    receive("lost", null);
+  }
+  silence = setTimeout(fallSilent, MISSED_BEATS * beat.milliseconds, beat);
+});
+
+/** Nothing more goes out but the end of a drag. */
+function fallSilent(beat) {
+  if (document.hidden) return void (silence = setTimeout(fallSilent, beat.milliseconds, beat)); // it hears late
+  if (field === null) return;
+  waiting.clear();
+  receive("lost", "silent");
+  [field, resting] = [null, field];
 }
 
 // viser gives itself another function to send with when a connection has ended or begun, and tells in no other way.

@@ -8,9 +8,17 @@ const LOST = {
   kind: "error",
   progress: null,
 };
+const SILENT = {
+  title: "tcfit does not answer",
+  text:
+    "All that was said to be saved is on the disk.\nEither tcfit is held up, or the connection to it hangs. " +
+    "This page goes on by itself once it answers; until then it takes nothing. Reloading it may help.",
+  kind: "error",
+  progress: null,
+};
 
 function drawCard() {
-  const notice = states.lost ? LOST : states.notice;
+  const notice = states.lost ? (states.lost === "silent" ? SILENT : LOST) : states.notice;
   card.hidden = !notice;
   if (!notice) return;
   card.style.setProperty("--kind", KIND_COLORS[notice.kind]);
