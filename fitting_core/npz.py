@@ -44,6 +44,22 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
         raise ValueError(f"is no complete npz archive, it is damaged or was cut off ({error})") from error
 
 
+def npz_names(path: Path) -> tuple[str, ...]:
+    """Names of an archive's arrays, of which none is read.
+
+    Raises:
+        OSError: It cannot be opened.
+        ValueError: It is no npz archive.
+    """
+    try:
+        with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+            return tuple(name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy"))
+    except OSError:
+        raise
+    except Exception as error:  # as in `read_npz`
+        raise ValueError(f"is no npz archive, it is damaged or was cut off ({error})") from error
+
+
 def _array(archive: zipfile.ZipFile, name: str, member: zipfile.ZipInfo) -> np.ndarray:
     try:
         with archive.open(member) as stream:

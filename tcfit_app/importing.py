@@ -110,7 +110,8 @@ def imported_fit(
     body, motion = _with_body(motion, bodies, choices)
     camera = _camera(motion, clip, choices.focal_length)
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
-    told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *covered.notes))
+    put = () if motion.placed else (f"{path.name} tells no camera: its body was put before the clip's camera.",)
+    told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes))
     notes = (f"Imported from {source}, read as {motion.format}.", *told)
     phase = PhaseResult(
         phase=PHASE, params=params, objective={}, frame_cost=np.full(len(clip), np.nan), seconds=0.0, notes=notes

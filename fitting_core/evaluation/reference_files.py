@@ -11,7 +11,7 @@ from fitting_core.evaluation import reference, reference_bodies, reference_point
 from fitting_core.evaluation.reference import Reference
 from fitting_core.evaluation.world_camera import WorldCamera, read_world_camera
 from fitting_core.io.result_files import FIT_NAME
-from fitting_core.npz import read_npz
+from fitting_core.npz import npz_names, read_npz
 
 TRUTH_NAME = "truth.npz"
 
@@ -21,9 +21,19 @@ class Source:
     """What a reader gets."""
 
     path: Path
-    arrays: dict[str, np.ndarray]
     camera: WorldCamera | None
     search: Path | None
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of the file's. Raises InputError if one is no plain array."""
+        try:
+            return read_npz(self.path)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{self.path}: {error}. Expected an npz archive of plain arrays: save it again with numpy.savez, "
+                "without objects in it."
+            ) from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +67,13 @@ FORMS = (
         title="3D points (points, names)",
         read=lambda s: reference_points.read_points(s.path, s.arrays, s.camera),
     ),
-    ReferenceForm(
-        keys=("poses", "trans", "betas"),
-        title="an AMASS-style npz (poses, trans, betas)",
-        read=lambda s: reference_bodies.read_amass(s.path, s.arrays, s.camera, s.search),
+    *(
+        ReferenceForm(
+            keys=keys,
+            title=f"an AMASS-style npz ({', '.join(keys)})",
+            read=lambda s: reference_bodies.read_amass(s.path, s.camera, s.search),
+        )
+        for keys in (("poses", "trans"), ("root_orient", "pose_body", "trans"))
     ),
 )
 """Tried in this order. TRC, which is text, stands beside."""
@@ -81,18 +94,18 @@ def read_reference(path: Path, *, camera: Path | None = None, search: Path | Non
     world = None if camera is None else read_world_camera(camera)
     if file.suffix.lower() == ".trc":
         return reference_points.read_trc(file, world)
-    arrays = _arrays(file)
+    names = _names(file)
     for form in FORMS:
-        if all(key in arrays for key in form.keys):
+        if all(key in names for key in form.keys):
             try:
-                return form.read(Source(path=file, arrays=arrays, camera=world, search=search))
+                return form.read(Source(path=file, camera=world, search=search))
             except (KeyError, IndexError, TypeError) as error:
                 raise InputError(f"{file}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
             except ValueError as error:
                 if isinstance(error, InputError):
                     raise
                 raise InputError(f"{file}: is {form.title}, but damaged ({error}). Take it from a backup.") from error
-    found = ", ".join(list(arrays)[:8]) or "nothing"
+    found = ", ".join(names[:8]) or "nothing"
     known = "; ".join(form.title for form in FORMS)
     raise InputError(f"{file}: holds {found}; expected {known}; or a .trc file.")
 
@@ -108,11 +121,8 @@ def _file(path: Path) -> Path:
     raise InputError(f"{path}: is a folder without {TRUTH_NAME} and {FIT_NAME}; name a file in it.")
 
 
-def _arrays(file: Path) -> dict[str, np.ndarray]:
+def _names(file: Path) -> tuple[str, ...]:
     try:
-        return read_npz(file)
+        return npz_names(file)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"{file}: is no npz archive of plain arrays ({error}); expected one, or a .trc file. Save it again with "
-            "numpy.savez, without objects in it."
-        ) from error
+        raise InputError(f"{file}: is no npz archive ({error}); expected one, or a .trc file.") from error

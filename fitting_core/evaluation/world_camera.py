@@ -29,7 +29,7 @@ class WorldCamera:
 
 def in_camera(
     params: BodyParams,
-    rest_root: Float[np.ndarray, "3"],
+    rest_root: Float[np.ndarray, "*T 3"],
     rotation: Float[np.ndarray, "3 3"],
     translation: Float[np.ndarray, "3"],
 ) -> BodyParams:

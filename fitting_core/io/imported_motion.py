@@ -74,15 +74,29 @@ class ImportedMotion:
             body: Of the motion's kind; its mean hand is the one that whole hands are taken against.
             camera: Which sees the motion; only used where `placed` is not.
         """
-        params = self.params
-        if self.whole_hands:
-            left, right = (torch.as_tensor(mean).to(params.body_pose) for mean in body.hand_mean)
-            params = replace(
-                params, left_hand_pose=params.left_hand_pose - left, right_hand_pose=params.right_hand_pose - right
-            )
+        params = self._over_mean_hands(body)
         if (self.turn != torch.eye(3, dtype=self.turn.dtype)).any():
             params = _turned(body, params, self.turn)
         return params if self.placed else _in_view(body, params, camera)
+
+    def in_own_space(self, body: BodyModel) -> BodyParams:
+        """The parameters in the file's own space, for this body."""
+        params = self._over_mean_hands(body)
+        return replace(params, camera_translation=(params.camera_translation[:, None] @ self.turn)[:, 0])
+
+    def pelvis(self, body: BodyModel) -> Float[Tensor, "T 3"]:
+        """The root joint at rest."""
+        return _pelvis(body, self.params)
+
+    def _over_mean_hands(self, body: BodyModel) -> BodyParams:
+        """Hands as BodyParams has them."""
+        params = self.params
+        if not self.whole_hands:
+            return params
+        left, right = (torch.as_tensor(mean).to(params.body_pose) for mean in body.hand_mean)
+        return replace(
+            params, left_hand_pose=params.left_hand_pose - left, right_hand_pose=params.right_hand_pose - right
+        )
 
 
 def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -> BodyParams:

@@ -92,7 +92,7 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
         raise _Wrong(f"'poses' has {poses.shape[1]} columns{smpl}, expected 165 (SMPL-X) or 156 (SMPL-H)")
     kind, columns = _LAYOUTS[poses.shape[1]]
     frames = len(poses)
-    turn, placed = turn_into_camera(arrays)
+    turn, placed = _turn_into_camera(arrays)
     trans = _numbers(arrays, "trans", (frames, 3), _MAX_LENGTH)
     betas, notes = _betas(arrays, frames)
     found = {name: poses[:, part] for name, part in columns.items()}
@@ -115,7 +115,7 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
         numbered=first is not None,
         frame_rate=_frame_rate(arrays),
         camera=_camera(arrays),
-        notes=notes if placed else (*notes, f"{path.name} tells no camera: its body was put before the clip's camera."),
+        notes=notes,
     )
 
 
@@ -164,12 +164,8 @@ def _betas(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray
     return np.broadcast_to(betas[:, :N_BETAS], (frames, N_BETAS)), notes
 
 
-def turn_into_camera(arrays: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, "3 3"], bool]:
-    """Rotation of an animation's world into camera space, and whether it stands before a camera.
-
-    Raises:
-        ValueError: What it says of its world is no rotation.
-    """
+def _turn_into_camera(arrays: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, "3 3"], bool]:
+    """Rotation of an animation's world into camera space, and whether it stands before a camera."""
     if "camera_to_world" in arrays:
         matrix = _numbers(arrays, "camera_to_world", (3, 3), 2.0)
         if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix) < 0:

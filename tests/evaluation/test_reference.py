@@ -134,6 +134,35 @@ def test_amass_of_a_world_gets_into_the_camera(tmp_path: Path, camera: Path, fre
     np.testing.assert_allclose(found.joints, joints_in_space(free_body, params) @ TURN.T + SHIFT, atol=1e-9)
 
 
+def test_amass_of_any_make_is_the_same_reference(tmp_path: Path, camera: Path, free_body: BodyModel):
+    """Objects beside, parts in place of `poses`, a frame rate or shape for each frame: as `import` reads them."""
+    params = random_params(3)
+    arrays = amass(free_body, replace(params, betas=params.betas[:1].expand(3, -1)))
+    arrays["body_hash"] = np.array(free_body.hash)
+    np.savez(tmp_path / "a.npz", **arrays)
+    expected = read_reference(tmp_path / "a.npz", camera=camera)
+    ends = {
+        "root_orient": (0, 3),
+        "pose_body": (3, 66),
+        "pose_jaw": (66, 69),
+        "pose_eye": (69, 75),
+        "pose_hand": (75, 165),
+    }
+    parts = {name: arrays["poses"][:, start:stop] for name, (start, stop) in ends.items()}
+    changed = arrays | {
+        "labels_obs": np.array([["C7"], None], object),
+        "mocap_frame_rate": np.array([100.0]),
+        "betas": np.repeat(arrays["betas"][None], 3, axis=0),
+    }
+    np.savez(tmp_path / "b.npz", **changed)
+    np.savez(tmp_path / "c.npz", **parts, **{k: v for k, v in changed.items() if k != "poses"})
+    for name in ("b.npz", "c.npz"):
+        found = read_reference(tmp_path / name, camera=camera)
+        assert found.frame_rate == 100
+        np.testing.assert_allclose(found.joints, expected.joints, atol=1e-12)
+        np.testing.assert_allclose(found.points, expected.points, atol=1e-12)
+
+
 @pytest.mark.parametrize("axes", AXES)
 def test_tcfits_own_export_of_any_world_gets_into_the_camera(tmp_path: Path, free_body: BodyModel, axes: str):
     motion = swinging(free_body)
@@ -163,7 +192,7 @@ def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
     with pytest.raises(InputError, match="SMPL-H"):
         read_reference(tmp_path / "h.npz")
     np.savez(tmp_path / "w.npz", **(arrays | {"poses": arrays["poses"][:, :72]}))
-    with pytest.raises(InputError, match=r"expected \(frames, 165\)"):
+    with pytest.raises(InputError, match=r"72 columns .*, expected 165 \(SMPL-X\)"):
         read_reference(tmp_path / "w.npz")
 
 
@@ -290,11 +319,11 @@ def test_files_say_where_a_reference_begins(tmp_path: Path, free_body: BodyModel
 def test_what_is_no_reference(tmp_path: Path):
     (tmp_path / "x.npz").write_bytes(b"PK broken")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    np.savez(tmp_path / "objects.npz", points=np.array([{}], dtype=object))
+    np.savez(tmp_path / "objects.npz", points=np.array([{}], dtype=object), names=NAMES)
     np.savez(tmp_path / "shape.npz", points=np.zeros((3, 4, 3)), names=np.array(["Nose"]))
     np.savez(tmp_path / "half.npz", points=POINTS, names=np.array(NAMES), first_frame=np.array(0.5))
     said = {"half.npz": "first_frame is 0.5; expected a whole number"}
-    said |= {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "no npz archive", "shape.npz": "1 names"}
+    said |= {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "Python objects", "shape.npz": "1 names"}
     for name, words in said.items():
         with pytest.raises(InputError, match=words):
             read_reference(tmp_path / name)

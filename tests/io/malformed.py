@@ -80,17 +80,19 @@ def npz(**arrays: Any) -> bytes:
     return file.getvalue()
 
 
-def endless_npz(key: str) -> bytes:
-    """An archive of 200 bytes whose array says that it has 8 TB."""
+def endless_npz(key: str, *others: str) -> bytes:
+    """An archive of 200 bytes whose array says that it has 8 TB; nothing is in the others."""
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
-    return zipped({f"{key}.npy": header.getvalue()})
+    return zipped({f"{key}.npy": header.getvalue()} | {f"{other}.npy": b"" for other in others})
 
 
-def zip_bomb(key: str) -> bytes:
-    """An archive of 4 MB that unpacks to 4 GB, of which the zip's table tells."""
+def zip_bomb(key: str, *others: str) -> bytes:
+    """An archive of 4 MB that unpacks to 4 GB, of which the zip's table tells; nothing is in the others."""
     raw = io.BytesIO()
     with zipfile.ZipFile(raw, "w", zipfile.ZIP_DEFLATED) as archive:
+        for other in others:
+            archive.writestr(f"{other}.npy", b"")
         archive.writestr(f"{key}.npy", bytes(1000))
     data = bytearray(raw.getvalue())
     at = data.rindex(b"PK\x01\x02") + 24  # the uncompressed size in the central directory
