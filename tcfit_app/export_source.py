@@ -14,7 +14,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
-from fitting_core.result import FitResult
+from fitting_core.result import FitResult, PhaseResult
 from tcfit_app.fits import Shown
 from tcfit_app.meshes import Meshes
 from tcfit_app.posed_fit import PosedFit
@@ -61,13 +61,20 @@ class ExportedFit:
 
     def __getitem__(self, frames: slice) -> "ExportedFit":
         """Consecutive frames of it."""
-        phases = tuple(
-            replace(phase, params=phase.params[frames], frame_cost=phase.frame_cost[frames])
-            for phase in self.fit.phases
-        )
-        fit = replace(self.fit, phases=phases, observed=self.fit.observed[frames])
+        whole, observed = len(self.fit.observed), self.fit.observed[frames]
+        if len(observed) == whole:
+            return self
+        note = f"A part of a fit of {whole} frames: seconds and the other warnings are those of the whole."
+        phases = tuple(_part(phase, frames) for phase in self.fit.phases)
+        fit = replace(self.fit, phases=phases, observed=observed, warnings=(*self.fit.warnings, note))
         shown = replace(self.shown, params=self.shown.params[frames])
         return replace(self, fit=fit, shown=shown)
+
+
+def _part(phase: PhaseResult, frames: slice) -> PhaseResult:
+    """Consecutive frames of a phase. Costs are known by frame, and not by term."""
+    cost = phase.frame_cost[frames]
+    return replace(phase, params=phase.params[frames], frame_cost=cost, objective={"by frame": float(cost.mean())})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """`tcfit export`: of a project and of a result, chosen runs, phases and frames, and what a cancelled one leaves."""
 
+import json
 import pickle
 import re
 import shutil
@@ -77,7 +78,8 @@ def test_run_and_phase_are_chosen(project: Path, tmp_path: Path, options: list[s
 
 
 def test_frames_are_those_of_the_video(project: Path, tmp_path: Path):
-    names = exported(project, tmp_path, "--formats", "obj", "openpose", "npz", "fit", "figures", "--frames", "8:9")
+    formats = ("obj", "openpose", "npz", "fit", "figures", "summary")
+    names = exported(project, tmp_path, "--formats", *formats, "--frames", "8:9")
     assert [n for n in names if n.endswith(".obj")] == ["walk-obj/walk_000008.obj", "walk-obj/walk_000009.obj"]
     assert [n for n in names if n.endswith("_keypoints.json")] == [
         f"walk-keypoints/walk_{n:012d}_keypoints.json" for n in (8, 9)
@@ -88,6 +90,10 @@ def test_frames_are_those_of_the_video(project: Path, tmp_path: Path):
     assert stored.first_frame == 8 and len(stored.params) == 2
     assert torch.equal(stored.params.body_pose, motion().body_pose[1:3])
     assert (tmp_path / "walk.figures.csv").read_text().splitlines()[1].startswith("8,")
+    summary = json.loads((tmp_path / "walk.summary.json").read_text())
+    cost = float(waving_fit(2.0).last.frame_cost[1:3].mean())
+    assert summary["frames"] == 2 and summary["objective"]["phase3"] == pytest.approx({"by frame": cost})
+    assert f"A part of a fit of {FRAMES} frames" in summary["warnings"][-1]
 
 
 def test_a_result_of_tcfit_fit(finished: Finished, free_body: BodyModel, tmp_path: Path):
