@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.view.page_states import KeyBinding
 from tcfit_app.view_state import MODES, Mode
 
@@ -206,7 +205,7 @@ ACTIONS: dict[str, Action] = {
     },
     "all": Action(
         title="Select all keypoints on show",
-        run=lambda p: p.set(selection=tuple(j for name in sorted(p.state.groups) for j in range(COUNT)[GROUPS[name]])),
+        run=lambda p: p.correcting.select_all(),
         keys=_keys("KeyA", ctrl=True),
         group="Keypoints",
     ),

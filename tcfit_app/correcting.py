@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import GROUPS, NAMES
+from fitting_core.keypoints import COUNT, GROUPS, NAMES
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edits import (
     SIDES,
@@ -112,6 +112,16 @@ class Correcting:
         if self._dragging is not None and self._dragging.follower is not None:
             self._dragging.follower.abandon()
         self._dragging = None
+
+    def select_all(self) -> None:
+        """Select the keypoints on show: of the groups and confidences that are, in any of `frames`."""
+        state = self._page.state
+        if not state.keypoints:
+            raise InputError("Keypoints are hidden: show them first (K).")
+        confidence = self._page.session.project.corrected.confidence[list(self.frames)].max(0)
+        there = (confidence > 0) & (confidence >= state.minimum)
+        chosen = (j for name, part in GROUPS.items() if name in state.groups for j in range(COUNT)[part] if there[j])
+        self._page.set(selection=tuple(chosen))
 
     def toggle_bad(self) -> None:
         """Mark the selected keypoints as bad, or restore them if all of them are."""

@@ -53,7 +53,8 @@ class ComparePanel:
             self._reference.draw()
             return
         self._reference.draw()
-        if page.changes.of("compare", desk.key(a), desk.key(b), page.session.referenced):
+        titles = (a.title, b.title)
+        if page.changes.of("compare", desk.key(a), desk.key(b), *titles, page.session.referenced):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
             self._head.show(*_heads(a, b))
             self._figures.show(paragraph(self._reason(a, b), "dim"))

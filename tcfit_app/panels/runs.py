@@ -10,7 +10,7 @@ from fitting_core.config_file import as_toml
 from fitting_core.errors import InputError
 from tcfit_app.fits import FitChoice
 from tcfit_app.panels.deleted_runs import DeletedRuns
-from tcfit_app.panels.field import Dropdown
+from tcfit_app.panels.field import Dropdown, Field
 from tcfit_app.panels.fit_settings import nearest_preset
 from tcfit_app.panels.html import Board, button, heading, paragraph, preformatted, row, table
 from tcfit_app.panels.import_run import ImportRun
@@ -36,11 +36,14 @@ class RunsPanel:
         self._page = page
         self._chosen: int | None = None
         """The run whose details are shown; None: the newest."""
+        self._drawn: int | None = None
+        """The one that the user sees there now."""
         gui = page.client.gui
         self._table = Board(page)
         self._head = Board(page)
         self._choice = Dropdown(page, gui.add_dropdown("Run", (_NONE,)), self._choose)
         self._name = gui.add_text("Name", "", hint="Enter another name, then Rename")
+        self._naming = Field(page, self._name, lambda _: setattr(self, "_chosen", self._drawn))
         self._buttons, self._details = Board(page), Board(page)
         self._settings = gui.add_folder("All its settings", expand_by_default=False)
         with self._settings:
@@ -54,10 +57,10 @@ class RunsPanel:
         page = self._page
         page.on_press("runs.choose", lambda number: setattr(self, "_chosen", int(number)))
         page.on_press("runs.show", self._show_as)
-        page.on_press("runs.settings", lambda _: self._use_settings())
-        page.on_press("runs.cancel", lambda _: page.session.cancel(self._run.id))
-        page.on_press("runs.rename", lambda _: self._rename())
-        page.on_press("runs.delete", lambda _: self._delete())
+        page.on_press("runs.settings", lambda number: self._use_settings(self._pressed(number)))
+        page.on_press("runs.cancel", lambda number: page.session.cancel(int(number)))
+        page.on_press("runs.rename", lambda number: self._rename(self._pressed(number)))
+        page.on_press("runs.delete", lambda number: self._delete(self._pressed(number)))
 
     # --- what is done ---
 
@@ -68,31 +71,39 @@ class RunsPanel:
             raise InputError("There is no run yet: fit everything first.")
         return next((run for run in runs if run.id == self._chosen), runs[-1])
 
+    def _pressed(self, number: str) -> Run:
+        """The run that a button was for: a newer one may have taken its place since. It stays on show."""
+        run = self._page.session.fits.run(int(number))
+        if run is None:
+            raise InputError("This run was deleted meanwhile; it can be restored below.")
+        self._chosen = run.id
+        return run
+
     def _choose(self, name: str) -> None:
         runs = self._page.session.fits.runs
         self._chosen = next((run.id for run in runs if name == option(run)), None)
 
-    def _show_as(self, side: str) -> None:
-        run = self._run
+    def _show_as(self, what: str) -> None:
+        side, number = what.split()
+        run = self._pressed(number)
         if run not in self._page.session.fits.showable():
             raise InputError(f"{run.name} has no result that could be shown.")
         assert side in _SIDES
         self._page.set(**{side: FitChoice(run=run.id)})
 
-    def _rename(self) -> None:
+    def _rename(self, run: Run) -> None:
         self._page.refuse_read_only()
-        self._page.session.rename(self._run.id, self._name.value)
+        self._page.session.rename(run.id, self._name.value)
         self._page.say("Renamed")
 
-    def _delete(self) -> None:
-        run = self._run
+    def _delete(self, run: Run) -> None:
         self._page.refuse_read_only()
         self._page.session.delete(run.id)
         self._chosen = None
         self._page.say(f"Deleted: {run.name}; it can be restored below")
 
-    def _use_settings(self) -> None:
-        run, page = self._run, self._page
+    def _use_settings(self, run: Run) -> None:
+        page = self._page
         fit, clip = result_of(page.session, run), page.session.project.clip.camera
         focal = fit.camera.focal[0] if fit is not None and fit.camera.focal != clip.focal else None
         settings = replace(
@@ -160,8 +171,9 @@ class RunsPanel:
                 board.show()
             return
         run = chosen.run
-        if self._page.changes.of("run name", run.id, run.name):
-            self._name.value = run.name
+        self._drawn = run.id
+        if not self._naming.waiting and self._page.changes.of("run name", run.id, run.name):
+            self._naming.show(run.name)
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
         own = run.kind != "imported"
@@ -171,25 +183,25 @@ class RunsPanel:
         self._toml.show(*settings)
 
     def _draw_buttons(self, chosen: Listed) -> None:
-        off = self._page.session.project.read_only
+        off, number = self._page.session.project.read_only, str(chosen.run.id)
         there = chosen.run in self._page.session.fits.showable()
         show = partial(button, command="runs.show", disabled=not there)
-        cancel = [row(button("Cancel", "runs.cancel", kind="danger"))] if chosen.job is not None else []
+        cancel = [row(button("Cancel", "runs.cancel", number, kind="danger"))] if chosen.job is not None else []
         self._buttons.show(
             row(
                 *(
-                    show(f"Show as {side.upper()}", value=side, pressed=side.upper() in chosen.shown_as)
+                    show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
                     for side in _SIDES
                 )
             ),
             row(
-                button("Rename", "runs.rename", disabled=off, hint="To what stands in the field Name"),
-                button("Delete", "runs.delete", disabled=off, hint="It can be restored", kind="danger"),
+                button("Rename", "runs.rename", number, disabled=off, hint="To what stands in the field Name"),
+                button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
             ),
             *(
                 []
                 if chosen.run.kind == "imported"
-                else [row(button("Use its settings for the next fit", "runs.settings"))]
+                else [row(button("Use its settings for the next fit", "runs.settings", number))]
             ),
             *cancel,
         )

@@ -216,8 +216,18 @@ def test_what_is_nowhere_is_not_copied_moved_or_made_sure(tested: LonePage):
 def test_all_keypoints_are_those_on_show(tested: LonePage):
     page = tested.page
     page.set(groups=frozenset({"body", "left_hand"}))
+    confidence = page.session.project.detections.confidence
     tested.press("action", "all")
-    assert page.state.selection == tuple(range(46))
+    assert page.state.selection == tuple(np.flatnonzero(confidence[0, :46]))
+    page.set(minimum=float(np.median(confidence[0, page.state.selection])))
+    tested.press("action", "all")
+    assert page.state.selection == tuple(np.flatnonzero(confidence[0, :46] >= page.state.minimum))
+    page.set(minimum=0.0, frames=range(3))
+    tested.press("action", "all")
+    assert page.state.selection == tuple(np.flatnonzero(confidence[:3, :46].any(0))), "seen in any of the frames"
+    page.set(keypoints=False)
+    with pytest.raises(InputError, match="hidden"):
+        tested.press("action", "all")
 
 
 def last_edit(page) -> object:

@@ -70,6 +70,23 @@ def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
     assert tested.field("Run").value == f"{first.id} · {EVIL}" and tested.field("Name").value == EVIL
 
 
+def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    first = tested.fit()
+    tested.draw()
+    tested.enter("Name", "mine")
+    rename, delete = (tested.button(label) for label in ("Rename", "Delete"))
+    second = tested.fit()
+    tested.draw()
+    assert tested.field("Name").value == "mine" and tested.field("Run").value.startswith(f"{first.id} ")
+    tested.press("runs.choose", str(second.id))
+    tested.draw()  # the user presses just before that is drawn
+    tested.press(delete.command, delete.value)
+    assert [run.id for run in tested.page.session.fits.runs] == [second.id]
+    with pytest.raises(InputError, match="deleted meanwhile"):
+        tested.press(rename.command, rename.value)
+
+
 def test_removing_for_good_asks(panel_of: Opener):
     tested = panel_of(RunsPanel)
     run = tested.fit()
