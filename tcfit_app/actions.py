@@ -90,16 +90,6 @@ def _edge(page: "Page", *, first: bool) -> None:
     page.set(frames=range(start, last + 1))
 
 
-def _toggle_mark(page: "Page", state: str) -> None:
-    page.refuse_read_only()
-    frames = page.correcting.frames
-    marks = page.session.project.marks.all()
-    marked = all(f in marks and marks[f].state == state for f in frames)
-    chosen = "checked" if state == "checked" else "flag"
-    page.session.mark(frames, None if marked else chosen, author=page.author)
-    page.say("Mark taken away" if marked else {"checked": "Looks fine", "flag": "Flagged"}[state])
-
-
 ACTIONS: dict[str, Action] = {
     "play": Action(title="Play or pause", run=lambda p: p.toggle_playing(), keys=_keys("Space"), group="Playing"),
     **{
@@ -248,8 +238,8 @@ ACTIONS: dict[str, Action] = {
         group="Frames",
         family="Next, previous suspicious frame",
     ),
-    "fine": Action(title="Looks fine", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
-    "flag": Action(title="Flag, or not", run=lambda p: _toggle_mark(p, "flag"), keys=_keys("KeyT"), group="Frames"),
+    "fine": Action(title="Looks fine, or not", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
+    "flag": Action(title="Flag, or not", run=lambda p: p.reviewing.flag(), keys=_keys("KeyT"), group="Frames"),
     "rerun": Action(
         title="Re-run the selected frames", run=lambda p: p.submitting.frames(), keys=_keys("KeyR"), group="Fit"
     ),

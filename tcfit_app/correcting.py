@@ -205,6 +205,7 @@ class Correcting:
             raise InputError(nothing)
         assert not isinstance(entry.action, Undo | Redo)
         edit, page = entry.action, self._page
+        page.pause()
         if page.state.frame not in edit.frames:
             page.seek(edit.frames[0])
         page.set(selection=edit.joints if len(edit.joints) <= _FEW else page.state.selection)
@@ -224,6 +225,7 @@ class Correcting:
     def _make(self, edit: Edit) -> None:
         page = self._page
         page.refuse_read_only()
+        page.pause()
         shown = page.corrected_fit()
         page.session.edit(edit, author=page.author, shown=shown)
         page.saved(edit)

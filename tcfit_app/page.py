@@ -166,7 +166,8 @@ class Page:
 
     def set(self, **changes: Any) -> None:
         """Another state; names and values as in ViewState."""
-        self.state = replace(self.state, **changes)
+        suggested = {"suggested": False} if "selection" in changes else {}
+        self.state = replace(self.state, **(suggested | changes))
         if self._tab is not None:
             self._remembered[self._tab] = self.state
 
@@ -307,8 +308,9 @@ class Page:
         if drawn and following:
             self._followed = live
             self.channel.send("cursor", Cursor(frame=self.state.frame, playing=self.state.playing))
-        if self.changes.of("selection", self.state.selection):
-            self.channel.send("selection", Selection(joints=self.state.selection))
+        if self.changes.of("selection", self.state.selection, self.state.suggested):
+            selection = Selection(joints=self.state.selection, suggested=self.state.suggested)
+            self.channel.send("selection", selection)
         if self.desk.warming:
             return  # the first body comes half a second sooner if the browser has nothing else to draw
         self.strip.draw()

@@ -1,8 +1,10 @@
 """Going through a clip's suspicious frames in one tab."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from fitting_core.errors import InputError
+from tcfit_app.storage.marks import MarkState
 from tcfit_app.suspicion import Suspect
 
 if TYPE_CHECKING:
@@ -45,7 +47,7 @@ class Reviewing:
         self._place = next((i for i, known in enumerate(self.suspects or ()) if self._is_last(known)), self._place)
         self._page.pause()
         self._page.seek(suspect.frame)
-        self._page.set(selection=suspect.joints)
+        self._page.set(selection=suspect.joints, suggested=True)
         if self._page.state.frames is not None and suspect.frame not in self._page.state.frames:
             self._page.set(frames=None)  # else "looks fine" would be about other frames than those on show
         self._page.say(suspect.reason)
@@ -62,15 +64,38 @@ class Reviewing:
         shown = self._on_show
         return tuple(shown.frames) if shown is not None else self._page.correcting.frames
 
+    def are(self, state: MarkState, frames: Sequence[int]) -> bool:
+        """Whether all of these frames are marked so."""
+        marks = self._page.session.project.marks.all()
+        return all(frame in marks and marks[frame].state == state for frame in frames)
+
+    def flag(self) -> None:
+        """The selected frames, or the one on show, need attention; or no longer, if they all did."""
+        page, frames = self._page, self._page.correcting.frames
+        page.refuse_read_only()
+        flagged = self.are("flag", frames)
+        page.session.mark(frames, None if flagged else "flag", author=page.author)
+        page.say("Flag taken away" if flagged else "Flagged")
+
     def dismiss(self) -> None:
-        """The frames of the entry on show, or those selected, look fine; on to the next entry."""
+        """The frames of the entry on show, or those selected, look fine, and on to the next entry; or that is taken
+        back, if it was said of them all. Of several frames those that somebody has flagged stay so."""
         page = self._page
         page.refuse_read_only()
         shown, frames = self._on_show, self.dismissed
+        if self.are("checked", frames):
+            page.session.mark(frames, None, author=page.author)
+            page.say("No longer marked as looking fine")
+            return
+        marks = page.session.project.marks.all()
+        fine = [f for f in frames if len(frames) == 1 or f not in marks or marks[f].state != "flag"]
+        flagged = len(frames) - len(fine)
+        if not fine:
+            raise InputError("All of these frames are flagged: take the flags away first (T).")
         # Before the mark: after it, the queue is made anew.
         queue = self.suspects or ()
-        page.session.mark(frames, "checked", author=page.author)
-        page.say("Looks fine")
+        page.session.mark(fine, "checked", author=page.author)
+        page.say(f"Looks fine, but for {flagged} flagged" if flagged else "Looks fine")
         if shown is None:
             return
         at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)

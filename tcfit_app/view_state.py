@@ -43,6 +43,8 @@ class ViewState:
     """A is shown in B's place."""
     selection: tuple[int, ...] = ()
     """Keypoints, the one selected last at the end."""
+    suggested: bool = False
+    """The review queue has selected them, not the user: a drag moves the one under the pointer, and no others."""
     frames: range | None = None
     """The selected frames."""
     playing: bool = False

@@ -42,7 +42,7 @@ class ReviewPanel:
         """When to ask for them again."""
         self._problem = ""
         self._flagged: list[int] = []
-        self._checked = 0
+        self._checked: set[int] = set()
         self._media = Board(page)
         self._path = page.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
         self._relink = Board(page)
@@ -88,11 +88,12 @@ class ReviewPanel:
         if page.changes.of("marks of the queue", session.marked):
             marks = session.project.marks.all()
             self._flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
-            self._checked = sum(mark.state == "checked" for mark in marks.values())
+            self._checked = {frame for frame, mark in marks.items() if mark.state == "checked"}
         here, where = self._here(), self._applies()
+        fine = self._checked.issuperset(page.reviewing.dismissed)
         flagged = set(page.correcting.frames) <= set(self._flagged)
-        if page.changes.of("review head", id(self._suspects), self._path.visible, session.marked, where, flagged):
-            self._draw_head(where, flagged)
+        if page.changes.of("review head", id(self._suspects), self._path.visible, session.marked, where, fine, flagged):
+            self._draw_head(where, fine=fine, flagged=flagged)
         if page.changes.of("queue", id(self._suspects), self._looking, self._problem, shown is None, here):
             self._queue.show(*self._entries(here, fitted=shown is not None))
 
@@ -120,9 +121,9 @@ class ReviewPanel:
         exact = [i for i in places if (self._suspects or ())[i].frame == frame]
         return next(iter(exact + places), None)
 
-    def _draw_head(self, where: str, flagged: bool) -> None:
+    def _draw_head(self, where: str, *, fine: bool, flagged: bool) -> None:
         found = [] if self._suspects is None else [f"{len(self._suspects)} suspicious"]
-        counts = ", ".join([*found, f"{len(self._flagged)} flagged", f"{self._checked} checked"])
+        counts = ", ".join([*found, f"{len(self._flagged)} flagged", f"{len(self._checked)} checked"])
         off = self._page.session.project.read_only
         self._head.show(
             heading("Suspicious frames", counts, first=not self._path.visible),
@@ -131,7 +132,7 @@ class ReviewPanel:
                 action("next_suspect", "Next", disabled=not self._suspects, kind="main"),
             ),
             row(
-                action("fine", "Looks fine", disabled=off),
+                action("fine", "Not fine after all" if fine else "Looks fine", disabled=off),
                 action("flag", "Take flag away" if flagged else "Flag", disabled=off),
             ),
             paragraph(where, "dim"),

@@ -104,6 +104,8 @@ class Selection(_State, frozen=True, kw_only=True):
     """The selected keypoints."""
 
     joints: tuple[int, ...] = ()
+    suggested: bool = False
+    """Not by the user: a press takes one of them alone."""
 
 
 class Curve(_State, frozen=True, kw_only=True):

@@ -122,6 +122,16 @@ def test_selected_keypoints_are_dragged_together(tab: Tab) -> None:
     assert tab.await_event(Drag).joints == (ELBOW, WRIST)
 
 
+def test_of_those_that_the_app_has_selected_one_is_dragged(tab: Tab) -> None:
+    tab.show()
+    tab.send("selection", states.Selection(joints=(WRIST, ELBOW), suggested=True))
+    tab.settle()
+    tab.drag(tab.screen(*PLACES[ELBOW]), (10, 0))
+    tab.settle()
+    assert tab.events[0] == Select(joints=(ELBOW,), how="replace")
+    assert tab.await_event(Drag).joints == (ELBOW,)
+
+
 def test_a_dragged_keypoint_follows_the_pointer_and_not_late_states(tab: Tab) -> None:
     x, y = tab.screen(*PLACES[WRIST])
     target = (x + 60, y + 40)

@@ -269,7 +269,7 @@ def test_history(tested: LonePage):
     assert 'class="tcfit-off"' in shown
     page.seek(5)
     tested.press("keypoints.visit", str(page.session.project.log[0].id))
-    assert page.state.frame == 0 and page.state.selection == (4,)
+    assert page.state.frame == 0 and page.state.selection == (4,) and not page.state.suggested
     tested.press("keypoints.follow")
     assert not page.session.following.after_edits
 
@@ -280,7 +280,7 @@ def test_the_review_queue(tested: LonePage):
     shown = tested.html()
     assert "2 suspicious, 0 flagged, 0 checked" in shown and "left wrist 42 px off" in shown
     tested.press("review.go", "2 cost")
-    assert (page.state.frame, page.state.selection) == (2, (0,))
+    assert (page.state.frame, page.state.selection, page.state.suggested) == (2, (0,), True)
     assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost"' in tested.html()
     tested.press("action", "flag")
     tested.press("action", "next_suspect")
@@ -291,6 +291,26 @@ def test_the_review_queue(tested: LonePage):
     page.seek(0)
     tested.press("review.frame", "2")
     assert page.state.frame == 2 and "Take flag away" in tested.html()
+
+
+def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
+    page, marks = tested.page, tested.page.session.project.marks
+    with_suspects(tested)
+    page.seek(2)
+    for state in ("checked", None):
+        tested.press("action", "fine")
+        assert (marks.all()[2].state if state else 2 not in marks.all()) == (state or True)
+    tested.press("action", "flag")
+    page.set(frames=range(1, 4))
+    tested.press("action", "fine")
+    assert {frame: mark.state for frame, mark in marks.all().items()} == {1: "checked", 2: "flag", 3: "checked"}
+    page.set(frames=range(2, 3))
+    tested.press("action", "fine")
+    assert marks.all()[2].state == "checked", "said of this frame alone it counts"
+    assert "Not fine after all" in tested.html()
+    page.set(frames=range(1, 4))
+    tested.press("action", "fine")
+    assert not marks.all()
 
 
 def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):

@@ -18,13 +18,13 @@ function press(event) {
   event.stopPropagation();
 }
 
-/** Selects what was pressed; a press on one of several selected ones may begin to drag them all. */
+/** Selects what was pressed; a press on one of several that the user has selected may begin to drag them all. */
 function beginOnJoint(joint, shift) {
   if (shift) {
     select([joint], "toggle");
     return "toggled";
   }
-  if (!selected.has(joint)) select([joint], "replace");
+  if (suggested || !selected.has(joint)) select([joint], "replace");
   return "press";
 }
 

@@ -24,6 +24,7 @@ function pick(place, reach) {
 }
 
 function select(joints, how) {
+  suggested = false;
   if (how === "replace") selected = new Set();
   for (const joint of joints)
     if (how === "toggle" && selected.has(joint)) selected.delete(joint);

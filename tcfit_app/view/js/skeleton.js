@@ -1,6 +1,7 @@
 // Which keypoints there are, where they are drawn, and which of them are on show.
 
 let selected = new Set();
+let suggested = false; // not the user has selected them
 let hovered = null; // { joint, map }
 let held = null; // keypoints that are drawn where the pointer has put them: { joints, from, dx, dy, frame, until }
 let groupOf = []; // by keypoint: its group's place in skeleton.groups, which is also its rank for picking
@@ -13,6 +14,7 @@ watch("skeleton", (skeleton) => {
 });
 watch("selection", (selection) => {
   selected = new Set(selection?.joints);
+  suggested = Boolean(selection?.suggested);
   invalidate("overlay");
 });
 for (const name of ["style", "layout"]) watch(name, () => invalidate("overlay"));
