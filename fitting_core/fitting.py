@@ -94,25 +94,20 @@ def rerun_events(
 
 
 def shape_events(
-    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams
-) -> Generator[FitEvent, None, BodyParams]:
-    """Phase 2 again from `params` on, and phase 3 under the new shape if `config.last_phase` has one; all frames."""
-    stages = sharpened_for(Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate), params)
-    usable = stages.usable().nonzero()[:, 0]
-    if not len(usable):
-        raise InputError(f"No frame of {clip.name} shows a person: there is nothing to find a shape from.")
-    solver = make_solver(config.solver, sharp_settings(config.settings, stages.sharpness))
-    parametrisation = stages.parametrisation
-    state, betas = parametrisation.from_params(params), parametrisation.columns.betas
-    yield PhaseStarted(phase=2, title=TITLES[2])
-    sampled, _ = yield from _events(fit_shape(stages, solver, state, usable), 2)
-    state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
-    if config.last_phase >= 3:
-        yield PhaseStarted(phase=3, title=TITLES[3])
-        consistency = Consistency(stages, solver)
-        mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
-        state = yield from _events(mode[config.temporal.mode](state), 3)
-    return parametrisation.to_params(state)
+    clip: Clip, body: BodyModel, config: FitConfig, start: FitResult
+) -> Generator[FitEvent, None, FitResult]:
+    """Phase 2 again from a fit's first phase on, and phase 3 under the new shape if `config.last_phase` has one.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        config: everything else.
+        start: its first phase and its sharpness are kept.
+
+    Raises:
+        InputError: It has no first phase, or no frame of the clip shows a person.
+    """
+    return (yield from _Fit(clip, body, config).run_again(start))
 
 
 class _Fit:
@@ -140,18 +135,38 @@ class _Fit:
         yield Finished(result=result)
         return result
 
+    def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
+        """The phases after the first, from another fit's first one on."""
+        first = start.phase(1)
+        if first is None:
+            raise InputError("There is no first phase to find a shape from: run everything.")
+        self.phases.append(first)
+        self._sharpen(sharpened_for(self.stages, first.params, start.sharpness))
+        self.good = self.stages.usable() & torch.as_tensor(first.frame_cost).isfinite()
+        # Poses as they came: a latent prior does not bring them back exactly.
+        state = self.stages.parametrisation.from_params(first.params)
+        state = yield from self._second(state, poses=first.params)
+        if self.config.last_phase >= 3:
+            yield from self._third(state)
+        result = self._result()
+        yield Finished(result=result)
+        return result
+
+    def _sharpen(self, stages: Stages) -> None:
+        self.stages = stages
+        if stages.sharpness > 1:
+            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, stages.sharpness))
+
     def _first(self) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=1, title=TITLES[1])
         start = time.perf_counter()
         fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
         self.good = fits.cost.isfinite()
-        self.stages = fits.stages
-        if self.stages.sharpness > 1:
-            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, self.stages.sharpness))
+        self._sharpen(fits.stages)
         yield self._finish(1, fits.state, start, fits.notes)
         return fits.state
 
-    def _second(self, state: State) -> Generator[FitEvent, None, State]:
+    def _second(self, state: State, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=2, title=TITLES[2])
         start = time.perf_counter()
         usable = self.good.nonzero()[:, 0] if bool(self.good.any()) else self.stages.all_frames
@@ -159,7 +174,7 @@ class _Fit:
         betas = self.stages.parametrisation.columns.betas
         state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
         note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
-        yield self._finish(2, state, start, (note,), sample=(sampled, frames))
+        yield self._finish(2, state, start, (note,), sample=(sampled, frames), poses=poses)
         return state
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
@@ -178,10 +193,13 @@ class _Fit:
         notes: tuple[str, ...],
         *,
         sample: tuple[State, Tensor] | None = None,
+        poses: BodyParams | None = None,
     ) -> PhaseFinished:
         result = _phase_result(
             self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
+        if poses is not None:
+            result = replace(result, params=replace(poses, betas=result.params.betas))
         self.phases.append(result)
         return PhaseFinished(phase=phase, result=result, so_far=self._result())
 

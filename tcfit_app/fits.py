@@ -4,7 +4,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Container
 from dataclasses import dataclass, replace
-from itertools import count, islice
+from itertools import count
 from queue import SimpleQueue
 
 import numpy as np
@@ -18,7 +18,6 @@ from fitting_core.events import PhaseFinished, WindowFinished
 from fitting_core.fitting import evaluated
 from fitting_core.result import FitResult, PhaseResult
 from tcfit_app.edit_log import frames_of
-from tcfit_app.edits import MoveKeypoint
 from tcfit_app.jobs import Job, with_phases
 from tcfit_app.live import Correction
 from tcfit_app.project import Project
@@ -172,7 +171,8 @@ class Fits:
                 self._versions.move_to_end(run.id)
                 return version
         fit = self._project.runs.load(run.id)
-        return self._publish(run.id, fit)
+        with self._lock:  # another thread may have published a newer one meanwhile
+            return self._versions.get(run.id) or self._publish(run.id, fit)
 
     def _publish(self, run: int, fit: FitResult, partial: BodyParams | None = None) -> _Version:
         with self._lock:
@@ -188,7 +188,7 @@ class Fits:
         """A run was submitted that goes on from another one's fit, or from nothing. Raises InputError as `fit`."""
         if start is not None:
             fit = self.fit(start.run)
-            kept = tuple(p for p in fit.phases if p.phase < 3)
+            kept = tuple(p for p in fit.phases if p.phase < (2 if run.kind == "shape" else 3))
             # Frames that are fitted again stand as they were until they come in, and all others for good.
             partial = start.params if run.kind == "frames" else None
             self._publish(run.id, replace(fit, phases=kept, config=run.config), partial)
@@ -242,15 +242,8 @@ class Fits:
     def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
         """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
         assert correction.origin is not None
-        log = self._project.log
-        own = (
-            entry.id
-            for entry in log
-            if entry.id > correction.edits_seen
-            and isinstance(entry.action, MoveKeypoint)
-            and (entry.action.frames, entry.action.joints) == ((correction.frame,), correction.keypoints)
-        )
-        seen = {entry.id for entry in log if entry.id <= correction.edits_seen} | {*islice(own, 1)}
+        # Its own edit is among them: it was on the disk before the drag was released.
+        seen = {entry.id for entry in self._project.log if entry.id <= correction.edits_seen}
         clip = correction.edited(xy)
         self._correct(correction.origin, (correction.frames,), params, clip, correction.body, seen)
 

@@ -68,7 +68,7 @@ class Following:
         self.after_edits = True
         """Whether the fit follows edits by itself."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
-        self._drags: dict[int, tuple[Drag, int]] = {}
+        self._drags: dict[int, tuple[Drag, Run]] = {}
         self._revisions = count(1)
         self._recent: dict[int, _Recent] = {}
         self._settled: dict[int, _Recent] = {}
@@ -89,32 +89,42 @@ class Following:
             body = self._bodies.of(shown.run.body)
         except InputError:
             return None  # the picture says so
-        seen = self._project.last_edit
-        correction = Correction(
-            clip=self._clip(shown.camera),
-            body=body,
-            config=shown.run.config,
-            params=shown.params,
-            sharpness=self._fits.fit(shown.run).sharpness,
-            frame=frame,
-            keypoints=joints,
-            origin=shown.run.id,
-            edits_seen=seen,
-        )
-        drag = self._worker.drag(correction, xy)
-        self._drags[drag.number] = (drag, shown.run.id)
+
+        def renewed() -> Correction:
+            seen = self._project.last_edit
+            start = self._fits.fit(self._fits.corrections_of(shown.run.id))
+            return Correction(
+                clip=self._clip(start.camera),
+                body=body,
+                config=shown.run.config,
+                params=start.last.params,
+                sharpness=start.sharpness,
+                frame=frame,
+                keypoints=joints,
+                origin=shown.run.id,
+                edits_seen=seen,
+                renewed=renewed,
+            )
+
+        drag = self._worker.drag(renewed(), xy)
+        self._drags[drag.number] = (drag, shown.run)
         return drag
 
     def take_move(self, moved: DragMoved) -> None:
         """A drag has led to another fit."""
         if moved.drag in self._drags:
             run = self._drags[moved.drag][1]
-            self.live = LiveWindow(run=run, frames=moved.frames, params=moved.params, revision=next(self._revisions))
+            self.live = LiveWindow(run=run.id, frames=moved.frames, params=moved.params, revision=next(self._revisions))
 
     def take_end(self, report: DragFinished | DragAbandoned | DragFailed) -> None:
-        """A drag has ended."""
-        self._drags.pop(report.drag, None)
+        """A drag has ended; one that failed is followed as other edits are, now or once it is released."""
+        drag, run = self._drags.pop(report.drag, (None, None))
         self.live = None
+        if drag is None or run is None or not isinstance(report, DragFailed):
+            return
+        drag.failed = True
+        if drag.released and self.after_edits:
+            self.follow(run, {drag.correction.frame})
 
     def edited(self, entry: LogEntry, shown: Shown) -> None:
         """An edit was made while this fit was on show."""

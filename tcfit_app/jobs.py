@@ -9,7 +9,6 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
-from fitting_core.errors import InputError
 from fitting_core.events import FitEvent, Iteration, WindowFinished
 from fitting_core.fitting import evaluated, fit_events, rerun_events, shape_events
 from fitting_core.result import FitResult, PhaseResult
@@ -88,7 +87,8 @@ class RerunFrames:
             events = rerun_events(self.clip, self.body, self.config, params, window, sharpness=self.start.sharpness)
             params = yield from _as_part(events, i, len(self.windows))
             yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
-        phase = evaluated(self.clip, self.body, self.config, params, seconds=time.perf_counter() - begin)
+        seconds, sharpness = time.perf_counter() - begin, self.start.sharpness
+        phase = evaluated(self.clip, self.body, self.config, params, seconds=seconds, sharpness=sharpness)
         note = f"{self.title}: window of phase 3, the rest as in the run before"
         return with_phases(self.start, (replace(phase, notes=(note,)),), self.config)
 
@@ -114,18 +114,7 @@ class FitShape:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.shape_events`; starts from the first phase's poses."""
-        begin, first = time.perf_counter(), self.start.phase(1)
-        if first is None:
-            raise InputError("There is no first phase to find a shape from: run everything.")
-        params = yield from shape_events(self.clip, self.body, self.config, first.params)
-        found = replace(first.params, betas=params.betas)
-        phases = {2: found, 3: params}
-        seconds = time.perf_counter() - begin
-        made = (
-            evaluated(self.clip, self.body, self.config, phases[k], phase=k, seconds=seconds * (k == self.phases[-1]))
-            for k in self.phases
-        )
-        return with_phases(self.start, tuple(made), self.config)
+        return shape_events(self.clip, self.body, self.config, self.start)
 
 
 def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:

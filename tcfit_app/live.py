@@ -14,7 +14,7 @@ On two cores shared with five other programs the wall's clock showed up to twice
 torch, for five frames as for seven: much less time needs fewer calls (a compiled step), not fewer numbers.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -70,6 +70,8 @@ class Correction:
     """The run that `params` are of, for whoever keeps the correction."""
     edits_seen: int = 0
     """Id of the last log entry that `clip` holds, for whoever keeps the correction."""
+    renewed: "Callable[[], Correction] | None" = None
+    """The same from the result and the keypoints as they are by then: other corrections come in between."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame < len(self.clip):
@@ -98,6 +100,11 @@ class Correction:
     def following(self) -> FitConfig:
         """The configuration while the pointer moves: without collisions, which look at the whole mesh."""
         return without_collisions(self.converging)
+
+    @property
+    def now(self) -> "Correction":
+        """The same, renewed."""
+        return self if self.renewed is None else self.renewed()
 
     def edited(self, xy: Float[np.ndarray, "n 2"]) -> Clip:
         """The clip with the dragged keypoints at `xy` (pixels), at confidence 1: a person put them there."""
@@ -191,7 +198,7 @@ class LiveCorrection:
 
     @property
     def params(self) -> BodyParams:
-        """All frames: the result that the drag started from, with the window put in."""
+        """All frames: the result that is corrected, with the window put in."""
         inside = slice(self.correction.frames.start, self.correction.frames.stop)
         whole = {name: values.clone().double() for name, values in vars(self.correction.params).items()}
         for name, values in vars(self.window).items():
@@ -199,8 +206,11 @@ class LiveCorrection:
         return BodyParams(**whole)
 
     def release(self) -> Generator[FitEvent, None, BodyParams]:
-        """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames."""
-        c = self.correction
+        """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames.
+
+        Around it they are those of the result as it is now, and so are all other keypoints.
+        """
+        self.correction = c = self.correction.now
         clip = c.edited(self.xy)
         return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, sharpness=c.sharpness))
 

@@ -281,8 +281,9 @@ class Session:
 
     def release(self, drag: Drag | None, edit: MoveKeypoint, *, author: str, shown: Shown | None) -> None:
         """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
+        followed = drag is not None and not drag.failed
         try:
-            self.edit(edit, author=author, shown=None if drag else shown)
+            self.edit(edit, author=author, shown=None if followed else shown)
         except InputError:
             if drag:
                 drag.abandon()

@@ -58,6 +58,8 @@ class Drag:
         self._changed = changed
         self._xy: Float[np.ndarray, "n 2"] | None = np.array(xy, dtype=float)
         self.released = self.abandoned = False
+        self.failed = False
+        """Known to whoever began it: nothing follows it any more."""
 
     def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
         """The keypoints are at `xy` (pixels) now, in the order of the correction's."""
@@ -267,7 +269,7 @@ class Worker:
         """The drag's correction, made at first."""
         if drag.live is None:
             assert xy is not None, "a drag begins somewhere"
-            drag.live = LiveCorrection(drag.correction, xy)
+            drag.live = LiveCorrection(drag.correction.now, xy)
         elif xy is not None:
             drag.live.move(xy)
         return drag.live
@@ -280,7 +282,7 @@ class Worker:
                     next(events)
                 except StopIteration as stop:
                     params: BodyParams = stop.value
-                    self._sink.keep_correction(drag.correction, live.xy, params)
+                    self._sink.keep_correction(live.correction, live.xy, params)
                     return DragFinished(drag=drag.number, frames=drag.correction.frames, params=params)
         return DragAbandoned(drag=drag.number)
 

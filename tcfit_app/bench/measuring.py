@@ -96,7 +96,7 @@ def solver_measures(setup: Setup) -> Measured:
 
 def window_measures(setup: Setup) -> Measured:
     """Phase 3 alone, from poses of a quick first phase on."""
-    start = _started(setup).phases[0].params
+    start = _started(setup)
     clock, begin = CLOCKS[setup.clock], 0.0
     events = shape_events(setup.clip, setup.load_body(), setup.config, start)
     for event in events:

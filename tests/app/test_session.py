@@ -1,5 +1,6 @@
 """A session: what edits, fits and drags do to a project, and what is shown of them meanwhile."""
 
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,7 +13,8 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from tcfit_app import following
+from fitting_core.fitting import evaluated
+from tcfit_app import following, live
 from tcfit_app.edit_windows import around
 from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.fits import FitChoice, Shown
@@ -20,6 +22,7 @@ from tcfit_app.jobs import RerunFrames
 from tcfit_app.project import Project
 from tcfit_app.session import Session
 from tests.app.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
+from tests.scenes import finished
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -187,6 +190,104 @@ def test_a_second_drag_keeps_what_the_first_one_did(session: Session):
         assert not torch.equal(after.params.body_pose[frame], before.params.body_pose[frame])
 
 
+def test_a_drag_goes_on_from_what_was_kept_since_it_began(session: Session, monkeypatch: pytest.MonkeyPatch):
+    """The second begins while the first still converges, as where neighbours are corrected one after the other."""
+    started: list[torch.Tensor] = []
+    rerun = live.rerun_events
+
+    def noted(clip, body, config, params, frames, **named):
+        started.append(params.body_pose)
+        return rerun(clip, body, config, params, frames, **named)
+
+    monkeypatch.setattr(live, "rerun_events", noted)
+    before = newest(session)
+    drags = []
+    for frame, by in ((0, 30.0), (5, -30.0)):
+        edit, xy = moved(session, by, frame)
+        drags.append((session.following.begin_drag(before, frame, (WRIST,), xy), edit))
+    for follower, edit in drags:
+        session.release(follower, edit, author="me", shown=before)
+    idle(session)
+    after = pose(session, slice(0, 2))
+    assert not torch.equal(after, before.params.body_pose[:2])
+    assert torch.equal(started[1][:2], after), "the second window is held by what the first drag led to"
+    assert session.edits_since(newest(session).run) == 0
+
+
+def test_an_edit_whose_drag_could_not_be_followed_is_followed_after_it(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    before = newest(session)
+    monkeypatch.setattr(live.LiveCorrection, "resolve", lambda _: 1 / 0)
+    edit, xy = moved(session, 25.0)
+    follower = session.following.begin_drag(before, 4, (WRIST,), xy)
+    until(session, lambda: told(session))
+    assert "could not follow" in told(session)[-1].title
+    session.release(follower, edit, author="me", shown=before)
+    idle(session)
+    assert newest(session).run.kind == "corrections" and session.edits_since(newest(session).run) == 0
+    monkeypatch.setattr(live.LiveCorrection, "release", lambda _: 1 / 0)
+    drag(session, newest(session), 12.0)
+    idle(session)
+    assert session.edits_since(newest(session).run) == 0, "it failed after its release"
+
+
+def test_a_run_that_is_being_read_does_not_hide_a_newer_one(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body) as session:
+        drag(session, newest(session), 25.0)
+        idle(session)
+    with session_of(folder, tiny_body) as session:
+        run, load = session.fits.runs[-1], session.project.runs.load
+        read, gone_on = threading.Event(), threading.Event()
+
+        def slow(number: int) -> object:
+            fit = load(number)
+            if threading.current_thread() is reader:
+                read.set()
+                gone_on.wait(10)
+            return fit
+
+        session.project.runs.load = slow  # pyright: ignore[reportAttributeAccessIssue]
+        reader = threading.Thread(target=lambda: session.fits.fit(run))
+        reader.start()
+        assert read.wait(10)
+        drag(session, newest(session), -10.0)
+        idle(session)
+        kept = pose(session, 4)
+        gone_on.set()
+        reader.join()
+        assert torch.equal(pose(session, 4), kept)
+
+
+def test_costs_of_a_rerun_are_of_the_sharpness_that_is_stored(session: Session, tiny_body: BodyModel):
+    before = newest(session)
+    config = replace(QUICK, sharper_keypoints=True)
+    start = replace(session.fits.fit(before.run), sharpness=100.0)
+    clip = session.clip_of(before.camera)
+    found = finished(RerunFrames(clip=clip, body=tiny_body, config=config, start=start, windows=(range(2, 4),)).run())
+    expected = evaluated(clip, tiny_body, config, found.last.params, sharpness=100.0)
+    assert found.sharpness == 100.0
+    np.testing.assert_allclose(found.last.frame_cost, expected.frame_cost)
+
+
+def test_a_cancelled_shape_keeps_its_second_phase(session: Session):
+    before = newest(session)
+    first = session.fits.fit(before.run).phases[0]
+    config = replace(QUICK, shape_sample=replace(QUICK.shape_sample, size=5, seed=3))
+    slow = replace(config, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3))
+    run = session.rerun_shape(before, slow)
+    assert session.fits.phases(run) == (1,), "the shape is found again"
+    until(session, lambda: 2 in session.fits.phases(run))
+    session.worker.pause()
+    session.cancel(run.id)
+    session.worker.resume()
+    idle(session)
+    after = session.fits.run(run.id)
+    assert after is not None and after.state == "cancelled" and session.fits.phases(after) == (1, 2)
+    second = session.fits.fit(after).phases[1].params
+    assert torch.equal(second.body_pose, first.params.body_pose) and not torch.equal(second.betas, first.params.betas)
+
+
 def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: pytest.MonkeyPatch):
     before = newest(session)
     for _ in range(3):
@@ -214,7 +315,7 @@ def nudge(session: Session, frame: int, shown: Shown | None) -> None:
     session.edit(Nudge(frames=(frame,), joints=(WRIST,), by=(25.0, 0.0)), author="me", shown=shown)
 
 
-def pose(session: Session, frame: int) -> torch.Tensor:
+def pose(session: Session, frame: int | slice) -> torch.Tensor:
     return newest(session).params.body_pose[frame]
 
 
