@@ -209,7 +209,8 @@ class Correcting:
         if page.state.frame not in edit.frames:
             page.seek(edit.frames[0])
         page.set(selection=edit.joints if len(edit.joints) <= _FEW else page.state.selection)
-        page.say(f"{verb}: {describe(edit, page.first_frame)}")
+        whose = "" if entry.author == page.author else " (made in another tab)"
+        page.say(f"{verb}: {describe(edit, page.first_frame)}{whose}")
 
     def _selected(self) -> tuple[int, ...]:
         if not self._page.state.selection:

@@ -14,6 +14,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
+from fitting_core.errors import InputError
 from fitting_core.events import PhaseFinished, WindowFinished
 from fitting_core.fitting import evaluated
 from fitting_core.result import FitResult, PhaseResult
@@ -93,6 +94,8 @@ class Fits:
         self._versions: OrderedDict[int, _Version] = OrderedDict()
         self._revisions = count(1)
         self._runs: tuple[Run, ...] | None = None
+        self._unwritten: dict[int, FitResult] = {}
+        """Finished fits that the disk had no room for."""
         self.late: SimpleQueue[Late] = SimpleQueue()
         """What came too late to be kept, and is to be followed again."""
         self.changes = 0
@@ -195,11 +198,15 @@ class Fits:
         self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; what it has stored stays.
+        """A run was cancelled or has failed; what it has stored stays. One that failed in being written is written now.
 
         Raises:
             InputError: The project cannot be written.
         """
+        if (found := self._unwritten.get(run)) is not None:
+            self._finish(run, found)
+            del self._unwritten[run]
+            return
         self._project.runs.end(run, state, message)
         with self._lock:
             if (version := self._versions.pop(run, None)) is not None and self._project.runs.get(run).stored:
@@ -220,15 +227,22 @@ class Fits:
             return
         assert isinstance(job, RunJob)
         if isinstance(result, FitResult):
-            self._project.runs.finish(job.run_id, result)
-            self._publish(job.run_id, result)
-            self.changed()
+            try:
+                self._finish(job.run_id, result)
+            except InputError:
+                self._unwritten[job.run_id] = result
+                raise
         elif isinstance(result, PhaseFinished):
             self._project.runs.store(job.run_id, result.so_far)
             self._publish(job.run_id, result.so_far)
             self.changed()
         else:
             self._put_window(job, result)
+
+    def _finish(self, run: int, result: FitResult) -> None:
+        self._project.runs.finish(run, result)
+        self._publish(run, result)
+        self.changed()
 
     def _put_window(self, job: RunJob, window: WindowFinished) -> None:
         with self._lock:

@@ -1,6 +1,7 @@
 """An open project with everything that works on it: what all browsers share."""
 
 import logging
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -46,6 +47,8 @@ _OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
     JobCancelled: "cancelled",
     JobFailed: "failed",
 }
+_RETRY = 5.0
+"""Seconds after which it is tried again to write what could not be written."""
 _log = logging.getLogger(__name__)
 
 
@@ -67,6 +70,9 @@ class Session:
         """Gets keypoints for a project that has none."""
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
+        self._unended: list[RunningJob] = []
+        """Runs whose end could not be written yet."""
+        self._next_try = 0.0
         self.ended: RunningJob | None = None
         """The run's job that ended last."""
         self.edits = 0
@@ -84,7 +90,9 @@ class Session:
         self.source.close()
         self.worker.close()
         for job in self.jobs.values():
-            self._end_run(job, "cancelled", "tcfit was closed")
+            job.outcome, job.reason = "cancelled", "tcfit was closed"
+            self._end_run(job)
+        self._end_late(0.0)
 
     def set_reference(self, reference: Reference | None) -> None:
         """Keep what fits are compared with from now on.
@@ -304,6 +312,7 @@ class Session:
         if news.moved is not None:
             self.following.take_move(news.moved)
         self._take_keypoints()
+        self._end_late(time.monotonic())
         while not self.fits.late.empty():
             late = self.fits.late.get()
             self.following.follow(late.run, late.frames)
@@ -351,23 +360,44 @@ class Session:
         job.reason = report.reason if isinstance(report, JobFailed) else ""
         self.ended = self.ended if job.run is None else job
         if isinstance(report, JobCancelled):
-            self._end_run(job, "cancelled", "")
+            self._end_run(job)
             if job.follows is not None:
                 self.following.forget(job.follows)
         elif isinstance(report, JobFailed):
-            self._end_run(job, "failed", report.reason)
+            self._end_run(job)
             self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
         elif job.run is not None:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
 
-    def _end_run(self, job: RunningJob, state: Literal["cancelled", "failed"], reason: str) -> None:
+    def _end_run(self, job: RunningJob) -> None:
+        """Keep that a run was cancelled or has failed."""
         if job.run is None:
             return
+        assert job.outcome in ("cancelled", "failed")
         try:
-            self.fits.end(job.run, state, reason)
-        except InputError as error:  # e.g. a full disk: the next opening calls the run interrupted
-            _log.exception("Run %d could not be ended", job.run)
-            self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
+            self.fits.end(job.run, job.outcome, job.reason)
+        except InputError as error:  # e.g. a full disk
+            _log.warning("Run %d could not be ended: %s", job.run, error)
+            self._unended.append(job)
+            text = f"{error} It is tried again until it succeeds: leave tcfit running."
+            self.tell(Notice(title="The project cannot be written", text=text, kind="error"))
+
+    def _end_late(self, now: float) -> None:
+        """Write what could not be written, if that is possible by now."""
+        if not self._unended or 0 < now < self._next_try:
+            return
+        self._next_try = now + _RETRY
+        for job in list(self._unended):
+            assert job.run is not None and job.outcome in ("cancelled", "failed")
+            try:
+                self.fits.end(job.run, job.outcome, job.reason)
+            except InputError:
+                return
+            self._unended.remove(job)
+            if (run := self.fits.run(job.run)) is not None and run.state == "finished":
+                job.outcome, job.reason = "finished", ""
+            self.changes += 1
+            self.tell(Notice(title=f"{job.title}: written after all", text="", kind="done"))
 
     def refuse_without_keypoints(self) -> None:
         """Raises InputError where there is nothing yet to correct or fit."""

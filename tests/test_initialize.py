@@ -66,6 +66,14 @@ def test_without_hips_the_limbs_tell(tiny_body: BodyModel):
     assert "shoulders and limbs in 1 (hips not seen)" in guess.note()
 
 
+@pytest.mark.parametrize("missing", ["left_hip", "right_shoulder"])
+def test_half_a_torso_tells_nothing(tiny_body: BodyModel, missing: str):
+    keypoints = hidden(keypoints_of(tiny_body, standing(), CAMERA), kp.INDEX[missing], frames=slice(1, 2))
+    guess = guess_depth(stages_for(tiny_body, keypoints))
+    torch.testing.assert_close(guess.depth, DEPTHS, rtol=0.05, atol=0)
+    assert guess.from_torso.tolist() == [True, False, True]
+
+
 def test_foreshortened_limbs_do_not_push_the_body_away(tiny_body: BodyModel):
     """Of several limbs the one least foreshortened counts: turned by 60 degrees shoulders look half as wide."""
     keypoints = hidden(keypoints_of(tiny_body, standing(60.0), CAMERA), *HIPS)

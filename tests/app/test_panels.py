@@ -264,6 +264,11 @@ def test_history(tested: LonePage):
     tested.press("action", "bad")
     assert f"Undo: right wrist marked bad, frame {FIRST}<" in tested.html()
     tested.press("action", "undo")
+    assert page.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
+    tested.press("action", "redo")
+    page.author = "another"
+    tested.press("action", "undo")
+    assert page.message[0].endswith("(made in another tab)")
     shown = tested.html()
     assert "Nothing to undo" in shown and f"Redo: right wrist marked bad, frame {FIRST}<" in shown
     assert 'class="tcfit-off"' in shown

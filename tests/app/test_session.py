@@ -447,6 +447,35 @@ def test_a_fit_without_its_body_follows_nothing_and_says_so(folder: Path):
         assert told(session)[-1].kind == "error" and "There is no neutral smplx body" in told(session)[-1].text
 
 
+def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(session: Session, monkeypatch: pytest.MonkeyPatch):
+    full = True
+    runs = session.project.runs
+
+    def on_full_disk(write):
+        def tried(*given, **named):
+            if full:
+                raise InputError("the disk is full")
+            return write(*given, **named)
+
+        return tried
+
+    for name in ("finish", "end"):
+        monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
+    monkeypatch.setattr("tcfit_app.session._RETRY", 0.0)
+    run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
+    idle(session)
+    kept = session.fits.run(run.id)
+    assert kept is not None and kept.state == "running" and not kept.stored
+    assert any("leave tcfit running" in notice.text for notice in told(session))
+    full = False
+    session.take_news()
+    kept = session.fits.run(run.id)
+    assert kept is not None and kept.state == "finished" and "written after all" in told(session)[-1].title
+    assert newest(session).run.id == run.id and torch.equal(
+        session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
+    )
+
+
 def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, monkeypatch: pytest.MonkeyPatch):
     before = newest(session)
     runs = [session.fit_everything(QUICK, kind="smplx", gender="neutral") for _ in range(2)]

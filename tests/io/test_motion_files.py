@@ -92,9 +92,11 @@ def still_face(motion: Motion) -> Motion:
     return replace(motion, params=replace(motion.params, expression=torch.zeros_like(motion.params.expression)))
 
 
-def test_angles_do_not_jump():
+@pytest.mark.parametrize("about", [(0.3, 1.5, 0.4), (1.0, 0.0, 0.0)])
+def test_angles_do_not_jump(about: tuple[float, float, float]):
+    """Full turns; about X, the angle in the middle, past 90 degrees, where the usual triple flips the other two."""
     t = np.linspace(0, 6, 200)
-    pose = (np.array([0.3, 1.5, 0.4]) * t[:, None])[:, None]  # more than a full turn, past 90 degrees of each
+    pose = (np.array(about) * t[:, None])[:, None]
     angles = continuous_euler(pose)
     assert abs(np.diff(angles, axis=0)).max() < 60
     again = Rotation.from_euler("ZXY", angles[:, 0], degrees=True)

@@ -13,6 +13,7 @@ from fitting_core.phases.progress import Step
 from fitting_core.solvers import make_solver
 from fitting_core.stages import Stages
 from fitting_core.state import State
+from fitting_core.temporal import Coupling
 from tests.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
 
 FRAMES = 6
@@ -47,6 +48,21 @@ def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
     assert labels == [f"window {w} of 4, stage {s}" for w in (1, 2, 3, 4) for s in (4, 5)]
     shares = [s.share for s in steps]
     assert shares == sorted(shares) and shares[-1] == 1.0
+
+
+def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """The paper's: those around all its frames but the last."""
+    asked, of = [], Coupling.of
+
+    def noted(free: range, centres: range, frames: int, device: torch.device) -> Coupling:
+        asked.append((free, centres))
+        return of(free, centres, frames, device)
+
+    monkeypatch.setattr(Coupling, "of", noted)
+    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
+    finished(consistency.sliding_window(state))
+    windows = [(free, centres) for free, centres in asked if centres]
+    assert windows == [(range(k, k + 3), range(k, k + 2)) for k in range(4)]
 
 
 def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
