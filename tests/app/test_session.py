@@ -135,7 +135,9 @@ def test_the_shape_again(session: Session):
     assert [p.phase for p in session.fits.fit(after.run).phases] == [1, 2, 3]
 
 
-def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(session: Session, folder: Path):
+def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
+    session: Session, folder: Path, tiny_body: BodyModel
+):
     before = newest(session)
     edit, xy = moved(session, 25.0)
     follower = session.following.begin_drag(before, 4, (WRIST,), xy)
@@ -151,6 +153,9 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(session: S
     assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
     assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
     assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
+    costs = evaluated(session.clip_of(after.camera), tiny_body, after.run.config, after.params).frame_cost
+    assert after.result is not None
+    np.testing.assert_allclose(after.result.frame_cost[1:], costs[1:])
     drag(session, after, -10.0)
     idle(session)
     again = newest(session)
