@@ -58,9 +58,10 @@ class Corrected:
         return Corrected(**{name: _fixed(array.copy()) for name, array in vars(self).items()})
 
     def keypoints(self) -> Keypoints:
-        """What is fitted, in arrays of its own: a keypoint marked bad has confidence 0."""
+        """What is fitted, of values that are `frozen`: a keypoint marked bad has confidence 0."""
+        assert not self.xy.flags.writeable
         return Keypoints(
-            xy=_fixed(self.xy.copy()),
+            xy=self.xy,
             confidence=_fixed(np.where(self.bad, 0.0, self.confidence)),
             by_hand=_fixed(self.edited & self.present),
         )

@@ -104,13 +104,21 @@ class Desk:
 
     def posed(self, shown: Shown) -> PosedFit:
         """A run beside the keypoints as they are now. Raises InputError if its body model is not there."""
+        return self._poser(shown)()
+
+    def _poser(self, shown: Shown) -> Callable[[], PosedFit]:
+        """`posed`, for another thread: of what there is now, and raising now what it raises."""
         project, meshes = self.session.project, self.meshes(shown)
-        fit, bad = self.session.fits.fit(shown.run), project.corrected.bad
-        if shown.result is None:
-            return PosedFit.posed(replace(project.clip, camera=fit.camera), shown.params, meshes, bad=bad)
-        posed = PosedFit.of(project.clip, fit, meshes, phase=shown.result, bad=bad)
-        # What another program found has no costs here.
-        return replace(posed, frame_cost=None) if shown.run.kind == "imported" else posed
+        clip, fit, bad = project.clip, self.session.fits.fit(shown.run), project.corrected.bad
+
+        def posed() -> PosedFit:
+            if shown.result is None:
+                return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, meshes, bad=bad)
+            made = PosedFit.of(clip, fit, meshes, phase=shown.result, bad=bad)
+            # What another program found has no costs here.
+            return replace(made, frame_cost=None) if shown.run.kind == "imported" else made
+
+        return posed
 
     def key(self, shown: Shown) -> Hashable:
         """Stands for everything that `posed` is made of."""
@@ -122,10 +130,10 @@ class Desk:
 
     def between(self, a: Shown, b: Shown) -> Curve | None:
         """How far two runs lie apart along the clip; None while it is made."""
-        one, other = self._posed(a), self._posed(b)
+        one, other = self._ready(a), self._ready(b)
         if one is None or other is None:
             return None
-        return self.background.get(("between", self.key(a), self.key(b)), lambda: between_runs(one, other))
+        return self.background.get(("between", self.key(a), self.key(b)), lambda: between_runs(one(), other()))
 
     def ground(self, shown: Shown) -> float | None:
         """Height of the floor under a run's person (y in camera space, metres); None while it is made."""
@@ -168,17 +176,21 @@ class Desk:
 
     def distances(self, a: Shown, b: Shown) -> Curve | None:
         """How far two runs lie apart, by frame; None while that is made."""
-        one = self._posed(a)
+        one = self._ready(a)
         if one is None:
             return None
         key = ("distances", a.run.id, a.phase, a.revision, b.run.id, b.phase, b.revision)
-        return self._made(key, b, lambda other: between_runs(one, other))
+        return self._made(key, b, lambda other: between_runs(one(), other))
 
     def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
         """The review queue of a run; None while it is made."""
         project = self.session.project
-        checked = still_checked(project.marks.all(), project.log, refitted=self._refitted(shown.run))
-        return self._made(self._suspects_key(shown), shown, lambda posed: review_queue(posed, checked=checked))
+
+        def queue(posed: PosedFit) -> tuple[Suspect, ...]:
+            checked = still_checked(project.marks.all(), project.log, refitted=self._refitted(shown.run))
+            return review_queue(posed, checked=checked)
+
+        return self._made(self._suspects_key(shown), shown, queue)
 
     def _refitted(self, run: Run) -> list[tuple[datetime, range]]:
         """When which frames were fitted again. Of corrections the edits tell that."""
@@ -194,13 +206,13 @@ class Desk:
         return "suspects", self.key(shown), self.session.marked
 
     def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
-        posed = self._posed(shown)
-        return None if posed is None else self.background.get(key, lambda: make(posed))
+        posed = self._ready(shown)
+        return None if posed is None else self.background.get(key, lambda: make(posed()))
 
-    def _posed(self, shown: Shown) -> PosedFit | None:
-        """A run beside the keypoints as they are now, if its body model is there by now."""
+    def _ready(self, shown: Shown) -> Callable[[], PosedFit] | None:
+        """`_poser` of a run, if its body model is there by now."""
         try:
-            return None if self.warming else self.posed(shown)
+            return None if self.warming else self._poser(shown)
         except InputError:
             return None
 

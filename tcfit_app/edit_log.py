@@ -129,6 +129,7 @@ class EditHistory:
         """Of the last entries of _done, as many as memory allows."""
         self._bytes = 0
         self._published: Corrected | None = None
+        self._keypoints: Keypoints | None = None
         for entry in entries:
             self.check(entry.action)
             self.add(entry)
@@ -153,7 +154,9 @@ class EditHistory:
     @property
     def keypoints(self) -> Keypoints:
         """The keypoints to fit."""
-        return self.corrected.keypoints()
+        if self._keypoints is None:
+            self._keypoints = self.corrected.keypoints()
+        return self._keypoints
 
     def check(self, action: Action) -> None:
         """Raise InputError if this cannot be the next action."""
@@ -166,7 +169,7 @@ class EditHistory:
 
     def add(self, entry: LogEntry) -> None:
         """Take up the next entry, whose action has passed `check`."""
-        self._published = None
+        self._published = self._keypoints = None
         if isinstance(entry.action, Undo):
             self._undone.append(self._done.pop())
             self._take_back()

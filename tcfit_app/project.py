@@ -59,6 +59,7 @@ class Project:
         """Where the video or images were when the project was opened, and what is wrong with them."""
         self.runs, self.marks = Runs(folder, store), Marks(store, len(stored))
         self._stored, self._database, self._lock = stored, store, held
+        self._clip: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
         self._reference: Reference | None = None
@@ -153,7 +154,10 @@ class Project:
     def clip(self) -> Clip:
         """What is to be fitted now: corrected keypoints, and the source where it is now."""
         with self._guard:
-            return replace(self._stored, keypoints=self._history.keypoints, source=self.media.path)
+            keypoints, source = self._history.keypoints, self.media.path
+            if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != source:
+                self._clip = replace(self._stored, keypoints=keypoints, source=source)
+            return self._clip
 
     @property
     def has_detections(self) -> bool:

@@ -90,6 +90,21 @@ def test_an_edit_that_makes_no_sense_is_not_in_the_log(folder: Path):
         assert len(project.log) == 3
 
 
+def test_the_clip_is_made_anew_only_when_it_is_another(folder: Path, tmp_path: Path):
+    with Project.open(folder) as project:
+        first = project.clip
+        assert project.clip is first
+        project.append(MOVE)
+        moved = project.clip
+        assert moved is project.clip and moved.keypoints.xy[2, 4].tolist() == [1 / 3, 2.5]
+        assert moved.keypoints.xy is project.corrected.xy
+        project.undo()
+        assert same_keypoints(project.clip.keypoints, first.keypoints)
+        (tmp_path / "walk.mp4").write_bytes(b"frames")
+        project.relink(tmp_path / "walk.mp4")
+        assert project.clip.source is not None and project.clip.source.name == "walk.mp4"
+
+
 def test_several_threads_may_edit(folder: Path):
     with Project.open(folder) as project, ThreadPoolExecutor(4) as pool:
         list(pool.map(lambda seed: project.append(random_edit(seed), author=str(seed)), range(40)))
