@@ -84,14 +84,27 @@ def find(link: MediaLink | None, project: Path) -> Media:
     if link is None:
         return Media(path=None, problem="The project was made without a video.")
     places = [project / link.relative] if link.relative else []
-    found = [path for path in (*places, Path(link.absolute)) if path.exists()]
+    found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
     same = [path for path in found if _fingerprint_or_none(path) == link.fingerprint]
     if same:
         return Media(path=same[0])
     if found:
         problem = f"{found[0]} is not what the project was made with: other content, or it cannot be read."
         return Media(path=found[0], problem=problem)
-    return Media(path=None, problem=f"{link.absolute} is no longer there. Say where the video is now.")
+    return Media(path=None, problem=f"{link.absolute} {_absence(Path(link.absolute))}. Say where the video is now.")
+
+
+def _absence(path: Path) -> str:
+    """Why nothing is found under a path, which may be of another user or another system; empty if something is."""
+    try:
+        path.stat()
+        return ""
+    except (FileNotFoundError, NotADirectoryError):
+        return "is no longer there"
+    except OSError as error:
+        return f"cannot be looked for ({error.strerror or error})"
+    except ValueError as error:  # no path at all
+        return f"cannot be looked for ({error})"
 
 
 def _named(source: Path) -> Path:

@@ -1,6 +1,8 @@
 """A project on the disk: what is put in comes out again, who may write, and what is done about damage."""
 
+import errno
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -12,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -421,6 +424,34 @@ def test_a_linked_video_is_found_again(tmp_path: Path, video: Path):
             project.relink(tmp_path / "nothing.mp4")
     with Project.open(moved) as project:
         assert project.clip.source and project.clip.source.samefile(other) and not project.media.problem
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("/nowhere/walk.mp4", "is no longer there"),
+        ("/private/walk.mp4", r"cannot be looked for \(Permission denied\)"),
+        ("/" + 300 * "x", "cannot be looked for"),
+        ("a\0b", "cannot be looked for"),
+    ],
+)
+def test_a_video_that_may_not_be_looked_for_keeps_no_project_closed(
+    folder: Path, place: str, words: str, read_only: bool, monkeypatch: pytest.MonkeyPatch
+):
+    link = media.MediaLink(relative=f"..{place}", absolute=place, fingerprint="")
+    with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
+        connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
+    look = os.stat
+
+    def stat(path: Any, *args: Any, **named: Any) -> os.stat_result:
+        if "private" in str(path):
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return look(path, *args, **named)
+
+    monkeypatch.setattr(os, "stat", stat)
+    with Project.open(folder, read_only=read_only) as project:
+        assert project.clip.source is None and re.search(f"{words}.*Say where", project.media.problem)
 
 
 def test_media_can_be_copied_into_the_project(tmp_path: Path, video: Path):
