@@ -30,7 +30,7 @@ from fitting_core.io.atomic import replacing
 from fitting_core.io.motion import Progress
 from tcfit_app.project import Project, check_free
 from tcfit_app.storage import database, media, runs
-from tcfit_app.storage.clip import DETECTIONS, creation_time
+from tcfit_app.storage.clip import DETECTIONS, copy_detections, creation_time
 from tcfit_app.storage.durable import accessing, sync
 from tcfit_app.storage.lock import Lock
 from tcfit_app.storage.media import MediaLink
@@ -52,6 +52,8 @@ _NAMES = re.compile(
     re.DOTALL,
 )
 _BLOCK = 1 << 20
+_ATTEMPTS = 3
+"""A project gets its detections once: whoever comes in between does so in the first attempt at most."""
 
 
 class About(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,22 +87,35 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
         progress: See `Progress`.
 
     Raises:
-        InputError: The database is damaged, the video is wanted and not where it should be, or what the project calls
-            its own video lies elsewhere.
+        InputError: Database or detections are damaged, the video is wanted and not where it should be, or what the
+            project calls its own video lies elsewhere.
         OSError: Something cannot be read or written.
     """
     with tempfile.TemporaryDirectory(prefix="tcfit-pack-") as name, replacing(path) as draft:
-        copy = Path(name) / database.NAME
-        _back_up(folder / database.NAME, copy)
+        copy, detections = Path(name) / database.NAME, Path(name) / DETECTIONS
+        _back_up_with_detections(folder, copy, detections)
         files = [
             (copy, database.NAME),
-            *((folder / name, name) for name in (DETECTIONS, REFERENCE) if (folder / name).is_file()),
+            (detections, DETECTIONS),
+            *([(folder / REFERENCE, REFERENCE)] if (folder / REFERENCE).is_file() else []),
             *_run_files(folder, copy),
             *_media_files(folder, copy, with_media=with_media),
         ]
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_STORED) as archive:
             archive.writestr(ABOUT, msgspec.json.encode(About(format=FORMAT, version=VERSION)))
             _add(archive, files, progress)
+
+
+def _back_up_with_detections(folder: Path, copy: Path, detections: Path) -> None:
+    """Both as they were at one moment, though another process may just be giving the project its detections."""
+    for _ in range(_ATTEMPTS):
+        _back_up(folder / database.NAME, copy)
+        if copy_detections(folder, copy, detections):
+            return
+    raise InputError(
+        f"{folder / DETECTIONS}: is missing, or was changed since the project was made. It must stay as it was made: "
+        "take it from a backup."
+    )
 
 
 def _back_up(source: Path, copy: Path) -> None:

@@ -2,9 +2,11 @@
 
 import hashlib
 import os
+import shutil
+import sqlite3
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -129,8 +131,7 @@ def replace_detections(folder: Path, store: Database, keypoints: Keypoints, note
                 "UPDATE clip SET detections_sha256 = ?, notes = ?",
                 (_sha256(folder / _COMING), msgspec.json.encode(notes).decode()),
             )
-        os.replace(folder / _COMING, folder / DETECTIONS)
-        sync(folder)
+        _take_place(folder)
 
 
 def _settle_detections(folder: Path, expected: str, *, read_only: bool) -> None:
@@ -140,16 +141,47 @@ def _settle_detections(folder: Path, expected: str, *, read_only: bool) -> None:
         return
     with accessing(folder):
         if _sha256(coming) == expected:
-            os.replace(coming, folder / DETECTIONS)
+            _take_place(folder)
         else:
             coming.unlink()
-        sync(folder)
+            sync(folder)
+
+
+def _take_place(folder: Path) -> None:
+    """The new detections become the project's."""
+    os.replace(folder / _COMING, folder / DETECTIONS)
+    sync(folder)
 
 
 def _detections_file(folder: Path, expected: str) -> Path:
     """Where the project's detections lie: under the other name too, as long as nobody has opened it for writing."""
     coming = folder / _COMING
     return coming if coming.exists() and _sha256(coming) == expected else folder / DETECTIONS
+
+
+def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
+    """Copy the detections that go with a copy of a project's database, while others may write to the project.
+
+    Args:
+        folder: The project's.
+        copied: The copy of its database.
+        target: The file to write.
+
+    Returns:
+        False if they are not there: they were replaced after the database was copied, or are damaged.
+
+    Raises:
+        OSError: Something cannot be read or written.
+    """
+    with closing(sqlite3.connect(copied)) as connection:
+        (expected,) = connection.execute("SELECT detections_sha256 FROM clip").fetchone()
+    for name in (_COMING, DETECTIONS):  # in this order: the first becomes the second
+        if (folder / name).is_file():
+            with suppress(FileNotFoundError):
+                shutil.copyfile(folder / name, target)
+                if _sha256(target) == expected:
+                    return True
+    return False
 
 
 def _write_detections(path: Path, keypoints: Keypoints) -> None:

@@ -15,22 +15,25 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.evaluation.reference_files import read_reference
+from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app import project_file
 from tcfit_app.cli import main, parse
 from tcfit_app.project import Project
 from tcfit_app.project_file import ABOUT, is_packed, pack, unpack
 from tcfit_app.review_command import opened
-from tcfit_app.storage import database
+from tcfit_app.storage import clip, database
 from tcfit_app.storage.media import MediaLink
 from tcfit_app.storage.reference import NAME
 from tests.app.project_samples import (
     BODY,
     CONFIG,
+    FRAMES,
     assert_same_fit,
     random_edit,
     same_keypoints,
     sample_clip,
     sample_fit,
+    sample_keypoints,
 )
 
 
@@ -69,6 +72,57 @@ def test_round_trip(project: Path, packed: Path, tmp_path: Path):
     unpack(packed, tmp_path / "elsewhere" / "copy.tcfit")
     assert_same_projects(project, tmp_path / "elsewhere" / "copy.tcfit")
     assert [p.name for p in (tmp_path / "elsewhere").iterdir()] == ["copy.tcfit"]
+
+
+@pytest.fixture
+def waiting(tmp_path: Path) -> Path:
+    """A project that has no detections yet."""
+    nothing = Keypoints(xy=np.zeros((FRAMES, COUNT, 2)), confidence=np.zeros((FRAMES, COUNT)))
+    Project.create(tmp_path / "waiting.tcfit", replace(sample_clip(), keypoints=nothing)).close()
+    return tmp_path / "waiting.tcfit"
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_detections_go_along_that_have_not_got_their_name_yet(
+    waiting: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    with Project.open(waiting) as made, monkeypatch.context() as patched:
+        patched.setattr(clip, "_take_place", _interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            made.take_detections(sample_keypoints(seed=3))
+    pack(waiting, tmp_path / "a.tcfit.zip")
+    unpack(tmp_path / "a.tcfit.zip", tmp_path / "a.tcfit")
+    with Project.open(tmp_path / "a.tcfit", read_only=True) as unpacked:
+        assert same_keypoints(unpacked.detections, sample_keypoints(seed=3))
+
+
+def test_detections_that_come_while_a_project_is_packed(waiting: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    copies: list[Path] = []
+    back_up = project_file._back_up
+
+    def and_then(source: Path, copy: Path) -> None:
+        back_up(source, copy)
+        copies.append(copy)
+        if len(copies) == 1:
+            made.take_detections(sample_keypoints(seed=3))
+
+    monkeypatch.setattr(project_file, "_back_up", and_then)
+    with Project.open(waiting) as made:
+        pack(waiting, tmp_path / "a.tcfit.zip")
+    unpack(tmp_path / "a.tcfit.zip", tmp_path / "a.tcfit")
+    assert len(copies) == 2
+    with Project.open(tmp_path / "a.tcfit", read_only=True) as unpacked:
+        assert same_keypoints(unpacked.detections, sample_keypoints(seed=3))
+
+
+def test_damaged_detections_are_not_packed(project: Path, tmp_path: Path):
+    (project / clip.DETECTIONS).write_bytes(b"")
+    with pytest.raises(InputError, match="was changed since the project was made"):
+        pack(project, tmp_path / "a.tcfit.zip")
+    assert not (tmp_path / "a.tcfit.zip").exists()
 
 
 def test_a_reference_goes_along(project: Path, tmp_path: Path):
