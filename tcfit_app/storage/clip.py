@@ -4,8 +4,7 @@ import hashlib
 import os
 import shutil
 import sqlite3
-import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +15,8 @@ import numpy as np
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.keypoints import Keypoints
+from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.npz import read_npz
 from tcfit_app.storage import database, media
 from tcfit_app.storage.database import Database
 from tcfit_app.storage.durable import accessing, durable, sync
@@ -24,6 +24,8 @@ from tcfit_app.storage.media import MediaLink
 from tcfit_app.storage.names import name_of_file
 
 DETECTIONS = "detections.npz"
+_WIDTHS = {"xy": (COUNT, 2), "confidence": (COUNT,)}
+"""Its arrays: floating point, and their shapes behind the number of frames."""
 _COMING = "detections.coming.npz"
 """Detections that take the place of those; the database's checksum says which of both files are the project's."""
 
@@ -78,7 +80,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
         raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
     row = rows[0]
     _settle_detections(folder, row["detections_sha256"], read_only=store.read_only)
-    keypoints = _read_detections(_detections_file(folder, row["detections_sha256"]), row["detections_sha256"])
+    keypoints = _read_detections(folder, row["detections_sha256"])
     try:
         link = None if row["media"] is None else msgspec.json.decode(row["media"], type=MediaLink)
         clip = Clip(
@@ -156,7 +158,10 @@ def _take_place(folder: Path) -> None:
 def _detections_file(folder: Path, expected: str) -> Path:
     """Where the project's detections lie: under the other name too, as long as nobody has opened it for writing."""
     coming = folder / _COMING
-    return coming if coming.exists() and _sha256(coming) == expected else folder / DETECTIONS
+    with suppress(FileNotFoundError):  # whoever has the project open may just give it its name
+        if _sha256(coming) == expected:
+            return coming
+    return folder / DETECTIONS
 
 
 def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
@@ -185,22 +190,49 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
 
 
 def _write_detections(path: Path, keypoints: Keypoints) -> None:
-    with durable(path) as file:
-        np.savez_compressed(file, allow_pickle=False, xy=keypoints.xy, confidence=keypoints.confidence)
-
-
-def _read_detections(path: Path, expected: str) -> Keypoints:
-    advice = "It must stay as it was made: take it from a backup"
+    arrays = {name: np.asarray(getattr(keypoints, name), dtype=float) for name in _WIDTHS}
     try:
+        _check_detections(arrays)  # what could not be read back must not get there
+    except ValueError as error:
+        raise InputError(f"These keypoints cannot be stored: {error}.") from error
+    with durable(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def _read_detections(folder: Path, expected: str) -> Keypoints:
+    """The checksum tells damage; a project of somebody else's may say that it is the one of anything."""
+    path, advice = folder / DETECTIONS, "It must stay as it was made: take it from a backup"
+    try:
+        path = _detections_file(folder, expected)
         if _sha256(path) != expected:
             raise InputError(f"{path}: was changed since the project was made. {advice}.")
-        with np.load(path, allow_pickle=False) as archive:
-            xy, confidence = archive["xy"], archive["confidence"]
-    except (OSError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        arrays = read_npz(path, _WIDTHS)
+        _check_detections(arrays)
+    except InputError:  # is a ValueError, too
+        raise
+    except (OSError, KeyError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
-    for array in (xy, confidence):
+    for array in arrays.values():
         array.setflags(write=False)
-    return Keypoints(xy=xy, confidence=confidence)
+    return Keypoints(**arrays)
+
+
+def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:
+    """Raise ValueError if these are no keypoints of a clip, KeyError if an array is missing."""
+    for name, width in _WIDTHS.items():
+        array = arrays[name]
+        if array.dtype.kind != "f" or not array.ndim or array.shape[1:] != width:
+            expected = ", ".join(map(str, width))
+            raise ValueError(
+                f"{name} is {array.dtype} of the shape {array.shape}, expected floats (frames, {expected})"
+            )
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has values that are no finite numbers")
+    xy, confidence = arrays["xy"], arrays["confidence"]
+    if len(xy) != len(confidence) or not len(xy):
+        raise ValueError(f"it has {len(xy)} frames of positions and {len(confidence)} of confidences")
+    if not ((confidence >= 0) & (confidence <= 1)).all():
+        raise ValueError("a confidence is not between 0 and 1")
 
 
 def _sha256(path: Path) -> str:

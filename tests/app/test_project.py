@@ -1,12 +1,15 @@
 """A project on the disk: what is put in comes out again, who may write, and what is done about damage."""
 
 import errno
+import hashlib
+import io
 import os
 import re
 import shutil
 import sqlite3
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -19,6 +22,7 @@ import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
+from fitting_core.keypoints import COUNT
 from tcfit_app.edit_log import apply
 from tcfit_app.edits import MarkBad, MoveKeypoint
 from tcfit_app.project import Project
@@ -343,6 +347,60 @@ def test_detections_are_never_changed(folder: Path):
     path.unlink()
     with pytest.raises(InputError, match=r"detections\.npz: cannot be read"):
         Project.open(folder)
+
+
+XY, CONFIDENCE = np.zeros((6, COUNT, 2)), np.zeros((6, COUNT))
+
+
+def _npz(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+def _declared(frames: int) -> bytes:
+    """Arrays that say that they have so many frames, and have none."""
+    file, header = io.BytesIO(), io.BytesIO()
+    shape = {"descr": "<f8", "fortran_order": False, "shape": (frames, COUNT, 2)}
+    np.lib.format.write_array_header_1_0(header, shape)
+    with zipfile.ZipFile(file, "w") as archive:
+        for name in ("xy", "confidence"):
+            archive.writestr(f"{name}.npy", header.getvalue())
+    return file.getvalue()
+
+
+MADE_UP: dict[str, tuple[bytes, str]] = {
+    "objects": (_npz(xy=np.array([{}], dtype=object), confidence=CONFIDENCE), "xy.*Python objects"),
+    "texts": (_npz(xy=XY.astype(str), confidence=CONFIDENCE), "xy is <U32"),
+    "other keypoints": (_npz(xy=XY[:, :5], confidence=CONFIDENCE), r"xy .* the shape \(6, 5, 2\)"),
+    "a number": (_npz(xy=XY, confidence=np.array(1.0)), r"confidence .* the shape \(\)"),
+    "not finite": (_npz(xy=XY + np.nan, confidence=CONFIDENCE), "xy has values that are no finite numbers"),
+    "sure": (_npz(xy=XY, confidence=CONFIDENCE + 7), "a confidence is not between 0 and 1"),
+    "fewer": (_npz(xy=XY, confidence=CONFIDENCE[1:]), "6 frames of positions and 5 of confidences"),
+    "no frames": (_npz(xy=XY[:0], confidence=CONFIDENCE[:0]), "0 frames of positions"),
+    "one array": (_npz(xy=XY), "'confidence'"),
+    "197 TB": (_declared(10**11), "declares the shape"),
+    "no archive": (b"PK" * 100, "no complete npz archive"),
+    "cut off": (_npz(xy=XY, confidence=CONFIDENCE)[:3000], "no complete npz archive"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), MADE_UP.values(), ids=MADE_UP)
+def test_detections_that_somebody_made_up(folder: Path, content: bytes, words: str):
+    (folder / "detections.npz").write_bytes(content)
+    with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
+        connection.execute("UPDATE clip SET detections_sha256 = ?", (hashlib.sha256(content).hexdigest(),))
+    for read_only in (False, True):
+        with pytest.raises(InputError, match=rf"detections\.npz: cannot be read .*{words}"):
+            Project.open(folder, read_only=read_only)
+
+
+def test_detections_that_could_not_be_read_back_are_not_stored(tmp_path: Path):
+    clip = sample_clip()
+    keypoints = replace(clip.keypoints, confidence=clip.keypoints.confidence * 2)
+    with pytest.raises(InputError, match="cannot be stored: a confidence is not between 0 and 1"):
+        Project.create(tmp_path / "a.tcfit", replace(clip, keypoints=keypoints))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_no_project(tmp_path: Path):
