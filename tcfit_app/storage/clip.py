@@ -1,6 +1,7 @@
 """The clip of a project: its row in the database, its detections, and its video."""
 
 import hashlib
+import logging
 import os
 import shutil
 import sqlite3
@@ -28,6 +29,7 @@ _WIDTHS = {"xy": (COUNT, 2), "confidence": (COUNT,)}
 """Its arrays: floating point, and their shapes behind the number of frames."""
 _COMING = "detections.coming.npz"
 """Detections that take the place of those; the database's checksum says which of both files are the project's."""
+_log = logging.getLogger(__name__)
 
 
 def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> None:
@@ -79,7 +81,8 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     if not rows:
         raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
     row = rows[0]
-    _settle_detections(folder, row["detections_sha256"], read_only=store.read_only)
+    if not store.read_only:
+        _settle_detections(folder, row["detections_sha256"])
     keypoints = _read_detections(folder, row["detections_sha256"])
     try:
         link = None if row["media"] is None else msgspec.json.decode(row["media"], type=MediaLink)
@@ -128,31 +131,30 @@ def replace_detections(folder: Path, store: Database, keypoints: Keypoints, note
     """
     with accessing(folder):
         _write_detections(folder / _COMING, keypoints)
+        new = _sha256(folder / _COMING)
         with store.transaction() as connection:
             connection.execute(
-                "UPDATE clip SET detections_sha256 = ?, notes = ?",
-                (_sha256(folder / _COMING), msgspec.json.encode(notes).decode()),
+                "UPDATE clip SET detections_sha256 = ?, notes = ?", (new, msgspec.json.encode(notes).decode())
             )
-        _take_place(folder)
+    _settle_detections(folder, new)
 
 
-def _settle_detections(folder: Path, expected: str, *, read_only: bool) -> None:
-    """End what a process that died has left of `replace_detections`."""
+def _settle_detections(folder: Path, expected: str) -> None:
+    """Let detections to come take their place, or delete them if the database does not know them.
+
+    Where that fails they are found under their own name, until somebody opens the project and it succeeds.
+    """
     coming = folder / _COMING
-    if read_only or not coming.exists():
-        return
-    with accessing(folder):
+    try:
+        if not coming.exists():
+            return
         if _sha256(coming) == expected:
-            _take_place(folder)
+            os.replace(coming, folder / DETECTIONS)
         else:
             coming.unlink()
-            sync(folder)
-
-
-def _take_place(folder: Path) -> None:
-    """The new detections become the project's."""
-    os.replace(folder / _COMING, folder / DETECTIONS)
-    sync(folder)
+        sync(folder)
+    except OSError as error:
+        _log.warning("%s stays under that name for now: %s", coming, error)
 
 
 def _detections_file(folder: Path, expected: str) -> Path:

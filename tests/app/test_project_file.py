@@ -90,7 +90,7 @@ def test_detections_go_along_that_have_not_got_their_name_yet(
     waiting: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     with Project.open(waiting) as made, monkeypatch.context() as patched:
-        patched.setattr(clip, "_take_place", _interrupted)
+        patched.setattr(clip, "_settle_detections", _interrupted)
         with pytest.raises(KeyboardInterrupt):
             made.take_detections(sample_keypoints(seed=3))
     pack(waiting, tmp_path / "a.tcfit.zip")

@@ -135,6 +135,27 @@ def test_a_process_that_dies_leaves_all_or_nothing(folder: Path, name: str, deat
     assert [p.name for p in folder.glob("detections*")] == ["detections.npz"]
 
 
+def test_new_detections_that_cannot_get_their_name_count(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    """They are on the disk and in the database: to say that the old ones are still there would be wrong."""
+
+    def refused(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    found = sample_keypoints(seed=3)
+    with monkeypatch.context() as patched, Project.open(folder) as project:
+        replace_file = os.replace
+        patched.setattr(os, "replace", lambda a, b: refused() if b.name == "detections.npz" else replace_file(a, b))
+        project.take_detections(found, ("new",))
+        assert project.has_detections and same_keypoints(project.clip.keypoints, found)
+        project.append(MoveKeypoint(frames=(2,), joints=(4,), xy=(((10.0, 20.0),),)))
+        project.close()
+        with Project.open(folder) as again:
+            assert again.clip.keypoints.xy[2, 4].tolist() == [10, 20] and again.clip.notes[-1] == "new"
+    with Project.open(folder) as project:
+        assert same_keypoints(project.detections, found)
+    assert [p.name for p in folder.glob("detections*")] == ["detections.npz"]
+
+
 def test_a_full_disk_leaves_the_project_as_it_was(folder: Path, monkeypatch: pytest.MonkeyPatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
