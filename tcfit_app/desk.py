@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
-from datetime import datetime
 
 import numpy as np
 from jaxtyping import Float32
@@ -192,11 +191,11 @@ class Desk:
 
         return self._made(self._suspects_key(shown), shown, queue)
 
-    def _refitted(self, run: Run) -> list[tuple[datetime, range]]:
-        """When which frames were fitted again. Of corrections the edits tell that."""
+    def _refitted(self, run: Run) -> list[tuple[int, range]]:
+        """When which frames were fitted again, as `Run.moment`. Of corrections the edits tell that."""
         if run.kind in ("imported", "corrections"):
             return []
-        return [(run.ended or run.started, run.frames or range(self.length))]
+        return [(run.moment, run.frames or range(self.length))]
 
     def suspects_problem(self, shown: Shown) -> str:
         """Why there will be no review queue of a run; empty if nothing is wrong."""

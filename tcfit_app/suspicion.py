@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from datetime import datetime
 
 from tcfit_app.body_regions import LIMB_OF
 from tcfit_app.edit_log import LogEntry, frames_of
@@ -66,21 +65,23 @@ def review_queue(
 
 
 def still_checked(
-    marks: Mapping[int, Mark], log: Iterable[LogEntry], *, refitted: Iterable[tuple[datetime, Iterable[int]]] = ()
+    marks: Mapping[int, Mark], log: Iterable[LogEntry], *, refitted: Iterable[tuple[int, Iterable[int]]] = ()
 ) -> frozenset[int]:
-    """Frames that were found to be fine and have not changed since.
+    """Frames that were found to be fine and have not changed since, in the order of what was stored: clocks are set.
 
     Args:
         marks: `Marks.all()`.
         log: `Project.log`.
-        refitted: Times at which frames were fitted again, and which.
+        refitted: `Run.moment` of fits, and which frames they fitted.
     """
-    checked = {frame: mark.time for frame, mark in marks.items() if mark.state == "checked"}
-    entries = tuple(log)
-    edited = frames_of(entries)
-    changes = [*refitted, *((entry.time, edited[entry.id]) for entry in entries)]
-    changed = {frame for time, frames in changes for frame in frames if frame in checked and time > checked[frame]}
-    return frozenset(checked) - changed
+    checked = {frame: mark for frame, mark in marks.items() if mark.state == "checked"}
+    edits, fits = {frame: m.last_edit for frame, m in checked.items()}, {f: m.last_moment for f, m in checked.items()}
+    return frozenset(checked) - _later(frames_of(log).items(), edits) - _later(refitted, fits)
+
+
+def _later(changes: Iterable[tuple[int, Iterable[int]]], known: Mapping[int, int]) -> frozenset[int]:
+    """Frames with a change of a higher number than the one that is known of them."""
+    return frozenset(f for number, frames in changes for f in frames if f in known and number > known[f])
 
 
 def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:

@@ -50,7 +50,27 @@ def _kinds_of_runs(connection: sqlite3.Connection) -> None:
     connection.execute("ALTER TABLE runs ADD COLUMN kind TEXT NOT NULL DEFAULT 'fit'")
 
 
-MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_first_tables, _review_marks, _kinds_of_runs)
+def _order_of_marks(connection: sqlite3.Connection) -> None:
+    """What came before a mark, as numbers: clocks are set back. Times are all that older projects know of that."""
+    connection.execute("ALTER TABLE runs ADD COLUMN moment INTEGER NOT NULL DEFAULT 0")
+    for column in ("last_edit", "last_moment"):
+        connection.execute(f"ALTER TABLE marks ADD COLUMN {column} INTEGER NOT NULL DEFAULT 0")
+    connection.execute("""
+        UPDATE runs SET moment = (
+            SELECT count(*) FROM runs AS r WHERE coalesce(r.ended, r.started) <= coalesce(runs.ended, runs.started)
+        )""")
+    connection.execute("""
+        UPDATE marks SET
+            last_edit = (SELECT coalesce(max(id), 0) FROM edits WHERE edits.time <= marks.time),
+            last_moment = (SELECT count(*) FROM runs WHERE coalesce(ended, started) <= marks.time)""")
+
+
+MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
+    _first_tables,
+    _review_marks,
+    _kinds_of_runs,
+    _order_of_marks,
+)
 """MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
 
 

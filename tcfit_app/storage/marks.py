@@ -12,6 +12,7 @@ from tcfit_app.storage.database import Database
 
 MarkState = Literal["checked", "flag"]
 """Looks fine; or needs attention."""
+_ORDER = "SELECT (SELECT coalesce(max(id), 0) FROM edits), (SELECT coalesce(max(moment), 0) FROM runs)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +23,10 @@ class Mark:
     reason: str
     time: datetime
     author: str
+    last_edit: int
+    """Id of the last entry that the log of edits had then, 0 without any."""
+    last_moment: int
+    """The largest `Run.moment` then, 0 without any."""
 
 
 class Marks:
@@ -38,9 +43,11 @@ class Marks:
         """
         assert state in get_args(MarkState)
         now = datetime.now(UTC).isoformat()
-        rows = [(frame, state, reason, now, author) for frame in self._inside(frames)]
+        chosen = self._inside(frames)
         with self._database.transaction() as connection:
-            connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?, ?, ?, ?)", rows)
+            order = connection.execute(_ORDER).fetchone()
+            rows = [(frame, state, reason, now, author, *order) for frame in chosen]
+            connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
 
     def clear(self, frames: Iterable[int]) -> None:
         """Take the marks of frames away. Raises InputError as `set` does."""
@@ -55,10 +62,18 @@ class Marks:
             try:
                 time = datetime.fromisoformat(row["time"])
                 state = msgspec.convert(row["state"], MarkState)
+                last_edit, last_moment = int(row["last_edit"]), int(row["last_moment"])
             except (ValueError, TypeError) as error:
                 problem = f"the mark of frame {row['frame']} cannot be read ({error}); it is damaged."
                 raise InputError(f"{self._database.path}: {problem}") from error
-            found[row["frame"]] = Mark(state=state, reason=row["reason"], time=time, author=row["author"])
+            found[row["frame"]] = Mark(
+                state=state,
+                reason=row["reason"],
+                time=time,
+                author=row["author"],
+                last_edit=last_edit,
+                last_moment=last_moment,
+            )
         return found
 
     def _inside(self, frames: Iterable[int]) -> list[int]:

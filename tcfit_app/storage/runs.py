@@ -26,6 +26,9 @@ FOLDER = "runs"
 _ORPHANS = "orphans"
 """In FOLDER: files without a row, as an older copy of the database would leave them. They are never deleted."""
 
+_NEXT = "1 + max((SELECT coalesce(max(moment), 0) FROM runs), (SELECT coalesce(max(last_moment), 0) FROM marks))"
+"""The next `Run.moment`; marks remember those of runs that have been purged."""
+
 Ended = Literal["cancelled", "failed"]
 RunState = Literal["running", "finished", "interrupted"] | Ended
 RunKind = Literal["fit", "frames", "shape", "corrections", "imported"]
@@ -61,6 +64,8 @@ class Run:
     """Id of the last log entry that had been made when it started; 0: none."""
     started: datetime
     ended: datetime | None
+    moment: int
+    """Ascending over all beginnings and ends of the project's runs: its own end, or its beginning until then."""
     summary: dict[str, Any]
     """Figures for lists and comparisons."""
     message: str
@@ -85,7 +90,8 @@ class Runs:
         """
         with self._database.transaction() as connection:
             connection.execute(
-                "UPDATE runs SET state = 'interrupted', ended = ? WHERE state = 'running'", (_now().isoformat(),)
+                f"UPDATE runs SET state = 'interrupted', ended = ?, moment = {_NEXT} WHERE state = 'running'",
+                (_now().isoformat(),),
             )
         known = {self._path(row["id"]).name for row in self._database.rows("SELECT id FROM runs")}
         with accessing(self._folder):
@@ -126,7 +132,7 @@ class Runs:
         with self._database.transaction() as connection:
             cursor = connection.execute(
                 "INSERT INTO runs (name, kind, state, config, body, parent, first_frame, last_frame, edits_seen,"
-                " started) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?)",
+                f" started, moment) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
                 (
                     checked_name(name) if name else "",
                     kind,
@@ -176,7 +182,7 @@ class Runs:
         write_run(self._path(run), fit)
         with self._database.transaction() as connection:
             connection.execute(
-                "UPDATE runs SET edits_seen = ?, summary = ?, ended = ? WHERE id = ?",
+                f"UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, moment = {_NEXT} WHERE id = ?",
                 (edits_seen, _summary(fit, None), _now().isoformat(), run),
             )
         return self.get(run)
@@ -195,7 +201,7 @@ class Runs:
     def _end(self, run: int, state: RunState, message: str, summary: str | None) -> None:
         with self._database.transaction() as connection:
             connection.execute(
-                "UPDATE runs SET state = ?, message = ?, summary = ?, ended = ? WHERE id = ?",
+                f"UPDATE runs SET state = ?, message = ?, summary = ?, ended = ?, moment = {_NEXT} WHERE id = ?",
                 (state, message, summary, _now().isoformat(), run),
             )
 
@@ -288,6 +294,7 @@ class Runs:
                 edits_seen=row["edits_seen"],
                 started=datetime.fromisoformat(row["started"]),
                 ended=None if row["ended"] is None else datetime.fromisoformat(row["ended"]),
+                moment=int(row["moment"]),
                 summary={} if row["summary"] is None else msgspec.json.decode(row["summary"], type=dict[str, Any]),
                 message=row["message"],
                 deleted=row["deleted"] is not None,

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,15 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT
+from tcfit_app import project as project_module
 from tcfit_app.edit_log import apply
 from tcfit_app.edits import MarkBad, MoveKeypoint
 from tcfit_app.project import Project
 from tcfit_app.storage import database, media
+from tcfit_app.storage import runs as runs_module
 from tcfit_app.storage.database import MIGRATIONS
 from tcfit_app.storage.lock import ProjectLocked
+from tcfit_app.suspicion import still_checked
 from tests.app.project_samples import (
     BODY,
     CONFIG,
@@ -149,6 +153,39 @@ def test_marks(folder: Path):
         ]
 
 
+def test_what_came_before_a_mark_is_told_by_no_clock(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    class Later(datetime):
+        @classmethod
+        def now(cls, tz: Any = None) -> Any:
+            return datetime.now(tz) + timedelta(hours=1)
+
+    def checked() -> frozenset[int]:
+        refitted = [(run.moment, range(2, 6)) for run in project.runs.all() if run.id > 1]
+        return still_checked(project.marks.all(), project.log, refitted=refitted)
+
+    with Project.open(folder) as project:
+        with monkeypatch.context() as patched:
+            for module in (project_module, runs_module):
+                patched.setattr(module, "datetime", Later)
+            project.append(MarkBad(frames=(0,), joints=(0,)))
+            begun = project.runs.start(CONFIG, body=BODY, edits_seen=0)
+        project.marks.set(range(6), "checked")
+        assert checked() == {0, 1, 2, 3, 4, 5}
+        project.append(MarkBad(frames=(1,), joints=(0,)))
+        assert checked() == {0, 2, 3, 4, 5}
+        project.runs.finish(begun.id, sample_fit(1))
+        assert checked() == {0}
+        project.marks.set(range(6), "checked")
+        assert checked() == {0, 1, 2, 3, 4, 5}
+        project.runs.delete(begun.id)
+        project.runs.purge()
+        project.runs.start(CONFIG, body=BODY, edits_seen=0)
+        assert checked() == {0, 1}  # though the run with the largest moment is gone
+        project.marks.set([4], "checked")
+    with Project.open(folder) as project:
+        assert project.runs.get(3).state == "interrupted" and checked() == {0, 1}
+
+
 def test_one_writer_and_any_number_of_readers(folder: Path):
     code = f"""
 from pathlib import Path
@@ -234,7 +271,7 @@ def as_version_1(folder: Path) -> None:
 
 def test_a_project_of_version_1_is_brought_to_the_present(folder: Path):
     as_version_1(folder)
-    with pytest.raises(InputError, match="of version 1, from an older tcfit, and cannot be brought to version 3"):
+    with pytest.raises(InputError, match="of version 1, from an older tcfit, and cannot be brought to version 4"):
         Project.open(folder, read_only=True)
     with Project.open(folder) as project:
         assert [e.action for e in project.log[:2]] == [BAD, MOVE] and project.undoable == project.log[0]
@@ -243,6 +280,33 @@ def test_a_project_of_version_1_is_brought_to_the_present(folder: Path):
         project.marks.set([1], "checked")
     with Project.open(folder, read_only=True) as project:
         assert list(project.marks.all()) == [1]
+
+
+def _days(frames: dict[int, int]) -> list[tuple[int, str]]:
+    return [(frame, f"2024-01-{day:02}T00:00:00+00:00") for frame, day in frames.items()]
+
+
+def test_marks_of_version_3_know_what_came_before_them(folder: Path):
+    as_version_1(folder)
+    with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
+        for migration in MIGRATIONS[1:3]:
+            migration(connection)
+        connection.execute("PRAGMA user_version = 3")
+        connection.execute("DROP TRIGGER edits_no_update")
+        for entry, time in _days({1: 10, 2: 20, 3: 30}):
+            connection.execute("UPDATE edits SET time = ? WHERE id = ?", (time, entry))
+        connection.execute(
+            "INSERT INTO runs SELECT 2, * FROM (SELECT name, state, config, body, parent, first_frame,"
+            " last_frame, edits_seen, started, ended, summary, message, deleted, kind FROM runs)"
+        )
+        for run, time in _days({1: 25, 2: 15}):
+            connection.execute("UPDATE runs SET ended = ? WHERE id = ?", (time, run))
+        for frame, time in _days({0: 9, 1: 10, 2: 16, 3: 29, 4: 31}):
+            connection.execute("INSERT INTO marks VALUES (?, 'checked', '', ?, 'me')", (frame, time))
+    with Project.open(folder) as project:
+        known = [(mark.last_edit, mark.last_moment) for mark in project.marks.all().values()]
+        assert known == [(0, 0), (1, 0), (1, 1), (2, 2), (3, 2)]
+        assert [run.moment for run in project.runs.all()] == [2, 1]
 
 
 def test_a_migration_that_fails_leaves_the_project_as_it_was(folder: Path, monkeypatch: pytest.MonkeyPatch):
@@ -262,7 +326,7 @@ def test_a_newer_project_is_refused_untouched(folder: Path):
     with closing(sqlite3.connect(folder / database.NAME)) as connection:
         connection.execute("PRAGMA user_version = 99")
     for read_only in (False, True):
-        with pytest.raises(InputError, match=r"version 99, and this tcfit knows versions up to 3.*update tcfit"):
+        with pytest.raises(InputError, match=r"version 99, and this tcfit knows versions up to 4.*update tcfit"):
             Project.open(folder, read_only=read_only)
     with closing(sqlite3.connect(folder / database.NAME)) as connection:
         assert connection.execute("PRAGMA user_version").fetchone() == (99,)

@@ -133,7 +133,8 @@ def test_a_project_of_an_older_tcfit_is_opened(capsys: pytest.CaptureFixture[str
     video = images("one")
     review(video)
     with sqlite3.connect(Path("walk.tcfit", database.NAME)) as connection:
-        connection.execute("ALTER TABLE runs DROP COLUMN kind")
+        for table, column in (("runs", "kind"), ("runs", "moment"), ("marks", "last_edit"), ("marks", "last_moment")):
+            connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
         connection.execute(f"PRAGMA user_version = {_BEFORE_KINDS}")
     connection.close()
     assert review(video).folder.name == "walk.tcfit"

@@ -1,7 +1,7 @@
 """The review queue."""
 
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.reliability import PAIRED
-from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.edit_log import Action, LogEntry, Redo, Undo
 from tcfit_app.edits import MarkBad
 from tcfit_app.findings import FINDINGS, scores
 from tcfit_app.posed_fit import PosedFit
-from tcfit_app.storage.marks import Mark
+from tcfit_app.storage.marks import Mark, MarkState
 from tcfit_app.suspicion import review_queue, still_checked
 from tests.app.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
 
@@ -186,23 +186,22 @@ def test_frames_that_were_checked_are_left_out(fine: PosedFit):
 
 
 def test_a_check_holds_until_the_frame_changes():
-    start = datetime(2024, 1, 1, tzinfo=UTC)
+    time: Any = None  # says nothing: clocks are set back
 
-    def at(hours: int) -> datetime:
-        return start + timedelta(hours=hours)
+    def entry(number: int, action: Action) -> LogEntry:
+        return LogEntry(id=number, time=time, author="", action=action)
 
-    def entry(number: int, hours: int, action) -> LogEntry:
-        return LogEntry(id=number, time=at(hours), author="", action=action)
+    def mark(state: MarkState) -> Mark:
+        return Mark(state=state, reason="", time=time, author="", last_edit=2, last_moment=5)
 
-    marks = {frame: Mark(state="checked", reason="", time=at(5), author="") for frame in (1, 2, 3, 4)}
-    marks[6] = Mark(state="flag", reason="", time=at(5), author="")
-    log = [entry(1, 1, MarkBad(frames=(1,), joints=(0,))), entry(2, 2, MarkBad(frames=(2,), joints=(0,)))]
+    marks = {frame: mark("checked") for frame in (1, 2, 3, 4)} | {6: mark("flag")}
+    log = [entry(1, MarkBad(frames=(1,), joints=(0,))), entry(2, MarkBad(frames=(2,), joints=(0,)))]
     assert still_checked(marks, log) == {1, 2, 3, 4}
-    log.append(entry(3, 6, MarkBad(frames=(3, 6), joints=(0,))))
+    log.append(entry(3, MarkBad(frames=(3, 6), joints=(0,))))
     assert still_checked(marks, log) == {1, 2, 4}
-    log += [entry(4, 7, Undo(edit=2)), entry(5, 8, Redo(edit=2))]
+    log += [entry(4, Undo(edit=2)), entry(5, Redo(edit=2))]
     assert still_checked(marks, log[:4]) == still_checked(marks, log) == {1, 4}
-    assert still_checked(marks, log, refitted=[(at(4), range(5)), (at(9), range(4, 9))]) == {1}
+    assert still_checked(marks, log, refitted=[(5, range(5)), (6, range(4, 9))]) == {1}
 
 
 def test_scores_are_in_units_of_the_threshold():
