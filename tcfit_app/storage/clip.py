@@ -106,7 +106,7 @@ def clip_store(folder: Path) -> Iterator[Database]:
     Raises:
         InputError: It cannot be read.
     """
-    store = Database(folder / database.NAME, read_only=True, older=True)
+    store = Database(folder / database.NAME, read_only=True)
     try:
         yield store
     finally:

@@ -115,13 +115,12 @@ class Database:
     What `transaction` has ended without an error stays, even if the computer loses power (WAL, synchronous = FULL).
     """
 
-    def __init__(self, path: Path, *, read_only: bool, older: bool = False) -> None:
+    def __init__(self, path: Path, *, read_only: bool) -> None:
         """Open a project's database, and bring it to the present version.
 
         Args:
             path: Of the file.
-            read_only: It stays as it is, and must be of the present version.
-            older: Or of an older one, where only the table clip is read: that is the same in all versions.
+            read_only: It stays as it is; one of an older version is read as it was when it was opened.
 
         Raises:
             InputError: It cannot be opened, is damaged, none of tcfit's, or from a newer tcfit.
@@ -131,10 +130,12 @@ class Database:
             self._connection = _connect(path, "ro" if read_only else "rw")
         try:
             with _explained(path):
-                self._check(older=older)
+                self._check()
                 if not read_only:
                     _make_durable(self._connection)
-                    self._migrate()
+                elif self._version < len(MIGRATIONS):
+                    self._read_a_copy()
+                _upgrade(self._connection, self._version)
         except BaseException:
             self._connection.close()
             raise
@@ -152,8 +153,12 @@ class Database:
             finally:
                 connection.close()
 
-    def _check(self, *, older: bool) -> None:
-        application, version = (self._pragma(name) for name in ("application_id", "user_version"))
+    @property
+    def _version(self) -> int:
+        return self._pragma("user_version")
+
+    def _check(self) -> None:
+        application, version = self._pragma("application_id"), self._version
         if application != _APPLICATION:
             raise InputError(f"{self.path}: is a database of another program; expected one that `tcfit new` made.")
         known = len(MIGRATIONS)
@@ -162,16 +167,15 @@ class Database:
                 f"{self.path}: is of version {version}, and this tcfit knows versions up to {known}. A newer tcfit has "
                 "written it: update tcfit."
             )
-        if version < known and self.read_only and not older:
-            raise InputError(
-                f"{self.path}: is of version {version}, from an older tcfit, and cannot be brought to version {known} "
-                "read-only. Open it once for writing."
-            )
         if (problem := self._pragma("quick_check")) != "ok":
             raise InputError(f"{self.path}: {_DAMAGED.format(problem)}.")
 
-    def _migrate(self) -> None:
-        _upgrade(self._connection, self._pragma("user_version"))
+    def _read_a_copy(self) -> None:
+        """Go on with a copy in memory, which can be changed."""
+        copy = _prepared(sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False))
+        self._connection.backup(copy)
+        self._connection.close()
+        self._connection = copy
 
     def _pragma(self, name: str) -> Any:
         return self._connection.execute(f"PRAGMA {name}").fetchone()[0]
@@ -205,13 +209,18 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"]) -> sqlite3.Connection
         options = "immutable=1"  # Even for reading SQLite wants a file beside this one, unless nobody else can write.
     uri = f"{path.resolve().as_uri()}?{options}"
     connection = sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False)
-    connection.row_factory = sqlite3.Row
     try:
-        connection.execute("PRAGMA trusted_schema = OFF")  # A project may come from somebody else.
+        _prepared(connection)
         connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except BaseException:
         connection.close()
         raise
+    return connection
+
+
+def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
+    connection.row_factory = sqlite3.Row
+    connection.execute("PRAGMA trusted_schema = OFF")  # A project may come from somebody else.
     return connection
 
 

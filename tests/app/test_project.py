@@ -269,10 +269,19 @@ def as_version_1(folder: Path) -> None:
             old.executemany(f"INSERT INTO {name} VALUES ({','.join('?' * columns)})", content)
 
 
-def test_a_project_of_version_1_is_brought_to_the_present(folder: Path):
+@pytest.mark.parametrize("wal", [False, True])
+def test_a_project_of_version_1_is_brought_to_the_present(folder: Path, wal: bool):
     as_version_1(folder)
-    with pytest.raises(InputError, match="of version 1, from an older tcfit, and cannot be brought to version 4"):
-        Project.open(folder, read_only=True)
+    if wal:
+        with closing(sqlite3.connect(folder / database.NAME)) as connection:
+            connection.execute("PRAGMA journal_mode = WAL")
+    old = (folder / database.NAME).read_bytes()
+    with Project.open(folder, read_only=True) as project:
+        assert [e.action for e in project.log[:2]] == [BAD, MOVE] and project.marks.all() == {}
+        assert_same_fit(project.runs.load(1), sample_fit(1))
+        with pytest.raises(InputError, match="read-only"):
+            project.marks.set([1], "checked")
+    assert (folder / database.NAME).read_bytes() == old
     with Project.open(folder) as project:
         assert [e.action for e in project.log[:2]] == [BAD, MOVE] and project.undoable == project.log[0]
         assert_same_fit(project.runs.load(1), sample_fit(1))
