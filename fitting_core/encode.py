@@ -1,7 +1,6 @@
 """Writes videos: the first encoder that is there, a file that appears only when it is whole."""
 
 import functools
-import os
 import shutil
 import subprocess
 import sys
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from fitting_core.errors import InputError
+from fitting_core.io.atomic import replacing
 
 SUFFIX = ".mp4"
 
@@ -120,17 +120,13 @@ def video_writer(
         OSError: Writing failed, for instance on a full disk.
     """
     _check(path, size)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{SUFFIX}")
-    try:
+    with replacing(path) as temporary:
         encoder = _CountingEncoder(_open(temporary, size, frame_rate, encoders), size)
         try:
             yield encoder
         finally:
             encoder.close()
         _check_written(temporary, encoder.count)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 class _CountingEncoder:

@@ -14,7 +14,7 @@ from fitting_core.io.motion import Progress
 from tcfit_app.export_source import ExportSource
 from tcfit_app.exports import Export
 from tcfit_app.job_thread import JobThread
-from tcfit_app.storage.names import portable
+from tcfit_app.storage import names
 
 _ZIPPING = 0.15
 """Share of the whole time that packing takes."""
@@ -28,7 +28,7 @@ def file_name(export: Export, name: str, *, zipped: bool) -> str:
         name: the clip's.
         zipped: a folder is one file.
     """
-    return portable(name) + export.suffix + ".zip" * (export.many and zipped)
+    return names.file_name(name, export.suffix + ".zip" * (export.many and zipped))
 
 
 def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> None:

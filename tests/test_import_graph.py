@@ -40,7 +40,7 @@ OUTER = {
     "video": ["video", "video_file", *DATA_TYPES],
     "video_file": ["video_container", *DATA_TYPES],
     "video_container": [*DATA_TYPES],
-    "encode": ["encode", *DATA_TYPES],
+    "encode": ["encode", "io.atomic", *DATA_TYPES],
     "priors.sheets": ["render", "io.atomic", *DATA_TYPES],
     "priors.train": ["priors", "io.atomic", "joint_angles", *DATA_TYPES],
 }

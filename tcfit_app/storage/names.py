@@ -1,8 +1,11 @@
 """What things may be called. Names are shown and never become paths."""
 
 from fitting_core.errors import InputError
+from fitting_core.io.atomic import LONGEST
 
 _LONGEST = 200
+_ROOM = 30
+"""Bytes for what is put around a file's name while it is written."""
 
 
 def checked_name(name: str) -> str:
@@ -20,6 +23,17 @@ def checked_name(name: str) -> str:
 def portable(name: str) -> str:
     """A file's name without what some system or other does not allow in one."""
     return "".join("_" if c in '/\\:*?"<>|' else c for c in name)
+
+
+def file_name(name: str, ending: str) -> str:
+    """A file's name that every system takes.
+
+    Args:
+        name: What it is about; its end is left out if it is too long.
+        ending: What follows, which stays.
+    """
+    most = LONGEST - _ROOM - len(ending.encode())
+    return portable(name).encode()[:most].decode(errors="ignore") + ending
 
 
 def name_of_file(stem: str) -> str:

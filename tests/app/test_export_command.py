@@ -30,7 +30,8 @@ from fitting_core.priors.pose import make_prior
 from fitting_core.render import off_screen_gl
 from tcfit_app.bodies import record_of
 from tcfit_app.cli import main
-from tcfit_app.exporting import file_name
+from tcfit_app.export_source import ExportSource
+from tcfit_app.exporting import file_name, write_export
 from tcfit_app.exports import EXPORTS
 from tcfit_app.project import Project
 from tests.app.conftest import FRAMES, Finished, motion
@@ -266,6 +267,19 @@ def test_all_formats_are_listed(capsys):
 def test_names_of_clips_lead_nowhere_else():
     assert file_name(EXPORTS["glb"], "../a:b", zipped=False) == ".._a_b.glb"
     assert file_name(EXPORTS["obj"], "a", zipped=True) == "a-obj.zip"
+
+
+def test_names_of_clips_are_as_long_as_file_systems_take(tmp_path: Path):
+    clip = replace(sample_clip(), name="走" * 80)
+    Project.create(tmp_path / "walk.tcfit", clip).close()
+    source = ExportSource(name=clip.name, known_clip=clip, project=tmp_path / "walk.tcfit")
+    for export in EXPORTS.values():
+        for zipped in (False, True):
+            name = file_name(export, clip.name, zipped=zipped)
+            assert name.startswith("走" * 60) and export.suffix in name and len(name.encode()) <= 225
+            if export.needs == "keypoints":
+                write_export(export, source, tmp_path / name, lambda share: None, zipped=zipped)
+                assert (tmp_path / name).exists()
 
 
 def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
