@@ -89,7 +89,8 @@ _REASONS = {
     "SQLITE_IOERR": _UNWRITABLE,
     "SQLITE_READONLY": _UNWRITABLE,
     "SQLITE_PERM": _UNWRITABLE,
-    "SQLITE_CANTOPEN": "cannot be opened ({}). Allow reading it, and writing in its folder",
+    "SQLITE_CANTOPEN": "cannot be opened ({}). Allow reading it, and writing in its folder; or copy that folder to "
+    "where you may write, and open the copy",
     "SQLITE_BUSY": "is used by another program ({}). Close that one and try again",
 }
 """By SQLite's primary result code: what is wrong, and what to do. ERROR is a table or column that is not there."""

@@ -400,6 +400,25 @@ def test_damage_is_reported(damage: Callable[[Path], None], message: str, read_o
         Project.open(folder, read_only=read_only)
 
 
+@pytest.mark.parametrize("read_only", [False, True])
+def test_what_cannot_be_opened_where_it_lies_is_to_be_copied(folder: Path, read_only: bool):
+    """As a project that a crash left, in a folder where nothing may be written: SQLite can make no file beside it."""
+    with closing(sqlite3.connect(folder / database.NAME)) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("UPDATE clip SET name = 'run'")
+        connection.commit()
+        left = {ending: (folder / f"{database.NAME}{ending}").read_bytes() for ending in ("", "-wal")}
+    for ending, content in left.items():
+        (folder / f"{database.NAME}{ending}").write_bytes(content)
+    (folder / f"{database.NAME}-shm").symlink_to(folder / "nowhere" / "x")
+    with pytest.raises(InputError, match="copy that folder to where you may write, and open the copy"):
+        Project.open(folder, read_only=read_only)
+    (folder / f"{database.NAME}-shm").unlink()
+    shutil.copytree(folder, folder.with_name("copy"))
+    with Project.open(folder.with_name("copy"), read_only=read_only) as project:
+        assert project.clip.name == "run"
+
+
 def test_a_damaged_run_does_not_keep_the_project_closed(folder: Path):
     with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
         connection.execute("UPDATE runs SET config = '{\"solver\": 3}'")
