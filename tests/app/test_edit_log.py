@@ -113,8 +113,9 @@ def test_what_was_handed_out_stays_as_it_was():
             array[0, 0] = 0
 
 
-def test_one_more_edit_does_not_look_at_the_whole_clip(monkeypatch: pytest.MonkeyPatch):
-    """Cells written for one edit and for one undo: as many as the edit touches."""
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many cells each step writes."""
     written: list[int] = []
     put = edit_log.Corrected.put
 
@@ -123,8 +124,24 @@ def test_one_more_edit_does_not_look_at_the_whole_clip(monkeypatch: pytest.Monke
         put(self, frames, joints, values)
 
     monkeypatch.setattr(edit_log.Corrected, "put", counted)
+    return written
+
+
+def test_one_more_edit_does_not_look_at_the_whole_clip(written: list[int]):
+    """For one edit and for one undo: as many as the edit touches."""
     history = EditHistory(sample_keypoints(400))
     for number in range(1, 21):
         history.add(entry(number, MarkBad(frames=(number,), joints=(0, 1))))
     history.add(entry(21, Undo(edit=20)))
     assert written == [2] * 21
+
+
+def test_what_was_undone_takes_no_memory(written: list[int], monkeypatch: pytest.MonkeyPatch):
+    """However often one edits and undoes, the next undo need not make all edits again."""
+    edit = MarkBad(frames=(0,), joints=(0, 1))
+    monkeypatch.setattr(edit_log, "_MEMORY", 3 * edit_log.Corrected.none(sample_keypoints()).at((0,), (0, 1)).nbytes)
+    history = EditHistory(sample_keypoints(), [entry(1, edit)])
+    for number in range(2, 42, 2):
+        history.add(entry(number, edit))
+        history.add(entry(number + 1, Undo(edit=number)))
+    assert written == [2] * 41

@@ -108,6 +108,9 @@ def test_swap_exchanges_left_and_right_with_their_confidence(detected: Keypoints
     assert np.array_equal(once.keypoints.xy[2, left], detected.xy[2, right])
     assert once.keypoints.confidence[2, left] == detected.confidence[2, right]
     assert untouched(once, detected, [2], list(SIDES["arms"]))
+    sides = np.zeros_like(once.corrected.edited)
+    sides[2, list(SIDES["arms"])] = True
+    assert np.array_equal(once.corrected.edited, sides)
     hands = after(detected, SwapSides(frames=(2,), joints=SIDES["hands"])).keypoints
     assert np.array_equal(hands.xy[2, LEFT_HAND], detected.xy[2, RIGHT_HAND])
     assert np.array_equal(hands.confidence[2, RIGHT_HAND], detected.confidence[2, LEFT_HAND])
