@@ -68,17 +68,32 @@ def _replacing_folder(path: Path) -> Iterator[Path]:
         InputError: What is at `path` is a file, or holds files that the new folder does not.
     """
     path = path.resolve()  # where a link leads
-    draft, old = (path.with_name(f".{path.name}.{os.getpid()}.{word}") for word in ("partial", "old"))
+    draft = path.with_name(f".{path.name}.{os.getpid()}.partial")
     draft.mkdir()
     try:
         yield draft
-        if path.exists():
-            _check_replaced(path, draft)
-            path.rename(old)
-        draft.rename(path)
+        _put_in_place(draft, path)
     finally:
-        for folder in (draft, old):
-            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _put_in_place(draft: Path, path: Path) -> None:
+    """What was at `path` is back there unless the new folder is."""
+    if not path.exists():
+        draft.rename(path)
+        return
+    _check_replaced(path, draft)
+    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    try:
+        path.rename(old)
+        draft.rename(path)
+    except BaseException:  # Ctrl-C comes as one
+        if old.exists() and not path.exists():
+            old.rename(path)
+        raise
+    finally:
+        if path.exists():
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def _check_replaced(path: Path, draft: Path) -> None:
