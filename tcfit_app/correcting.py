@@ -82,13 +82,13 @@ class Correcting:
     def _begin(self, event: DragEvent) -> None:
         self.abandon()
         page = self._page
+        if not event.joints or event.frame >= page.length:
+            return
         page.refuse_read_only()
         page.session.refuse_without_keypoints()
         corrected = page.session.project.corrected
         there = [j for j in event.joints if corrected.confidence[event.frame, j] > 0]
         joints = tuple(there or event.joints)
-        if not joints or event.frame >= page.length:
-            return
         page.pause()
         xy = corrected.xy[event.frame, list(joints)] + np.array([event.dx, event.dy])
         shown = page.corrected_fit()

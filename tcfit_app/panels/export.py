@@ -1,7 +1,7 @@
 """The panel Export: files of the project and its fits, as downloads of the browser."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal, cast, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import viser
 
@@ -27,6 +27,7 @@ from tcfit_app.panels.html import (
     text,
     words,
 )
+from tcfit_app.presses import one_of
 from tcfit_app.view.layers import RUN_COLORS, css
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
+_FRAMES = {"all": False, "selected": True}
+"""Whether the selected frames alone are exported, by the button's value."""
 _AXES_HINT = "As the programs expect that read the format: each button's hint says which"
 
 
@@ -60,19 +63,19 @@ class ExportPanel:
         self.running: Exporting | None = None
         """The export that began last."""
         self._files, self._said = Board(page), Board(page)
-        page.on_press("export.begin", self._begin)
+        page.on_press("export.begin", self._begin, EXPORTS.__getitem__)
         page.on_press("export.cancel", lambda _: self._stop())
-        page.on_press("export.side", lambda value: self._wish(side=cast(Side, value)))
-        page.on_press("export.frames", lambda value: self._wish(selected=value == "selected"))
-        page.on_press("export.axes", lambda value: self._wish(axes=value))
+        page.on_press("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
+        page.on_press("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
+        page.on_press("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
 
-    def _begin(self, name: str) -> None:
+    def _begin(self, export: Export) -> None:
         if self.running is not None and self.running.state == "running":
             raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
-        page, export = self._page, EXPORTS[name]
+        page = self._page
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
@@ -149,7 +152,7 @@ class ExportPanel:
         some = "selected" if selected is None else in_words(selected, page.first_frame)
         frames = [
             button(label, "export.frames", value, pressed=wishes.selected == on, disabled=on and selected is None)
-            for label, value, on in (("all", "all", False), (some, "selected", True))
+            for label, (value, on) in zip(("all", some), _FRAMES.items(), strict=True)
         ]
         axes = [
             button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))

@@ -21,6 +21,8 @@ _SIDES: tuple[Literal["a", "b"], ...] = ("a", "b")
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
 _PHASES: dict[int | None, str] = {**TITLES, None: "last"}
+_PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in _SIDES for phase in _PHASES}
+"""By the value of their button."""
 
 
 class RunsShown:
@@ -37,7 +39,7 @@ class RunsShown:
             handle = page.client.gui.add_dropdown(f"{side.upper()} shows", (NEWEST,), hint=_HINTS[side])
             self._runs[side] = Dropdown(page, handle, partial(self._choose_run, side))
             self._phases[side] = Board(page)
-        page.on_press("runs.phase", self._choose_phase)
+        page.on_press("runs.phase", self._choose_phase, _PHASE_CHOICES.__getitem__)
         page.on_press("runs.swap", lambda _: page.set(a=page.state.b, b=page.state.a))
 
     def _choose_run(self, side: str, name: str) -> None:
@@ -45,10 +47,10 @@ class RunsShown:
             now = self._choice(side)
             self._page.set(**{side: FitChoice(run=self._numbers[name], phase=now.phase)})
 
-    def _choose_phase(self, value: str) -> None:
-        side, _, phase = value.partition(" ")
+    def _choose_phase(self, chosen: tuple[str, int | None]) -> None:
+        side, phase = chosen
         now = self._choice(side)
-        self._page.set(**{side: FitChoice(run=now.run, phase=int(phase) if phase else None)})
+        self._page.set(**{side: FitChoice(run=now.run, phase=phase)})
 
     def _choice(self, side: str) -> FitChoice:
         return self._page.state.a if side == "a" else self._page.state.b

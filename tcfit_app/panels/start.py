@@ -39,7 +39,7 @@ class StartPanel:
         self._said = Board(page)
         page.on_press("start.import", lambda _: page.session.source.import_path(self._path.value))
         page.on_press("start.detect", lambda _: self._detect())
-        page.on_press("start.download", lambda name: page.session.source.download(name))
+        page.on_press("start.download", lambda name: page.session.source.download(name), _known_model)
         page.on_press("start.cancel", lambda _: page.session.source.cancel())
 
     def _add_import(self) -> None:
@@ -133,6 +133,12 @@ class _ModelChoice:
             return file
         known = self._options().get(self.chosen)
         return known.name if known is not None else ""
+
+
+def _known_model(name: str) -> str:
+    from fitting_core.detect.known_models import KNOWN_MODELS
+
+    return KNOWN_MODELS[name].name
 
 
 def _introduction(page: "Page") -> list[Html]:
