@@ -38,6 +38,7 @@ SCRIPTS = (
     "keys",
     "notice",
     "panels",
+    "number_fields",
     "start",
 )
 """In the order in which they run, all in one scope."""
