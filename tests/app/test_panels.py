@@ -15,6 +15,7 @@ from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import Curve
 from tcfit_app.edits import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.fits import FitChoice
+from tcfit_app.picture import _surroundings
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
 from tcfit_app.suspicion import Suspect
@@ -61,13 +62,26 @@ def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypat
     monkeypatch.setattr(page.picture._view, "zoom_to", seen.append)
     detected = page.session.project.corrected.confidence[0] > 0
     there, absent = np.flatnonzero(detected)[:2].tolist(), int(np.flatnonzero(~detected)[0])
-    xy = page.session.project.corrected.xy[0, there]
     page.set(selection=(*there, absent))
     page.picture.zoom_to_selection()
-    assert seen == [(*(xy.min(0) - 40).tolist(), *(xy.max(0) + 40).tolist())]
+    page.set(selection=tuple(there))
+    page.picture.zoom_to_selection()
+    assert seen[0] == seen[1]
     page.set(selection=(absent,))
     with pytest.raises(InputError, match="nothing to zoom to"):
         page.picture.zoom_to_selection()
+
+
+@pytest.mark.parametrize("size", [(45, 60), (640, 480), (3840, 2160)])
+def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
+    width, height = size
+    middle, diagonal = np.array([[width / 2, height / 2]]), np.hypot(*size)
+    assert np.allclose(_surroundings(middle, size), middle + diagonal / 20 * np.array([[-1], [1]]))
+    corners = np.array([[0.0, 1.0], [width, height - 1]])
+    assert np.allclose(_surroundings(corners, size), [[0, 0], [width, height]])
+    assert np.allclose(_surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 20)])
+    left, right = width / 4, 3 * width / 4
+    assert np.allclose(_surroundings(np.array([[left, 1.0], [right, 1.0]]), size)[:, 0], [width / 8, 7 * width / 8])
 
 
 def test_playing_sends_little(tested: LonePage):
