@@ -116,6 +116,8 @@ class Correcting:
     def select_all(self) -> None:
         """Select the keypoints on show: of the groups and confidences that are, in any of `frames`."""
         state = self._page.state
+        if state.mode == "space":
+            raise InputError("In 3D no keypoints are on show: go to Edit or A | B first (1 or 2).")
         if not state.keypoints:
             raise InputError("Keypoints are hidden: show them first (K).")
         confidence = self._page.session.project.corrected.confidence[list(self.frames)].max(0)
@@ -190,12 +192,14 @@ class Correcting:
 
     def undo(self) -> None:
         """Take back the project's last edit, and show where it was."""
+        self._refuse_while_dragging()
         page = self._page
         entry = page.session.undo(author=page.author, shown=page.corrected_fit())
         self._went_back(entry, "Undone", "There is nothing to undo.")
 
     def redo(self) -> None:
         """Bring back the edit that was undone last, and show where it is."""
+        self._refuse_while_dragging()
         page = self._page
         entry = page.session.redo(author=page.author, shown=page.corrected_fit())
         self._went_back(entry, "Redone", "There is nothing to redo.")
@@ -222,7 +226,13 @@ class Correcting:
         where = in_words(frames, self._page.first_frame)
         raise InputError(f"Nothing to be {what}: none of the selected keypoints is anywhere in {where}.")
 
+    def _refuse_while_dragging(self) -> None:
+        """The end of the drag would undo what is done to its keypoints meanwhile."""
+        if self.dragging:
+            raise InputError("A keypoint is being dragged: let go of it first, or give it up with Esc.")
+
     def _make(self, edit: Edit) -> None:
+        self._refuse_while_dragging()
         page = self._page
         page.refuse_read_only()
         page.pause()

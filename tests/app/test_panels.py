@@ -19,6 +19,7 @@ from tcfit_app.picture import _surroundings
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
 from tcfit_app.suspicion import Suspect
+from tcfit_app.view.page_events import Drag
 from tests.app.lone_page import LonePage, lone_page, sample_project
 from tests.app.project_samples import FRAMES
 
@@ -82,6 +83,35 @@ def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
     assert np.allclose(_surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 20)])
     left, right = width / 4, 3 * width / 4
     assert np.allclose(_surroundings(np.array([[left, 1.0], [right, 1.0]]), size)[:, 0], [width / 8, 7 * width / 8])
+
+
+def test_in_3d_nothing_that_is_not_on_show_gets_selected(tested: LonePage):
+    page = tested.page
+    page.set(mode="space")
+    with pytest.raises(InputError, match="In 3D no keypoints are on show"):
+        page.correcting.select_all()
+    assert page.state.selection == ()
+    page.set(mode="ab")
+    page.correcting.select_all()
+    chosen = page.state.selection
+    page.set(mode="space")
+    page.correcting.toggle_bad()  # chosen where it could be seen
+    assert chosen and page.session.project.corrected.bad[0, list(chosen)].all()
+
+
+def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
+    page, frame = tested.page, 2
+    page.set(frame=frame, selection=(4,))
+    page.correcting.reset()
+    before = page.session.project.last_edit
+    page.receive(Drag("start", (4,), 0.0, 0.0, frame))
+    for command in (page.correcting.toggle_bad, page.correcting.undo, page.correcting.redo):
+        with pytest.raises(InputError, match="being dragged"):
+            command()
+    assert page.session.project.last_edit == before
+    page.receive(Drag("end", (4,), 3.0, 0.0, frame))
+    page.correcting.toggle_bad()
+    assert page.session.project.last_edit == before + 2 and page.session.project.corrected.bad[frame, 4]
 
 
 def test_playing_sends_little(tested: LonePage):
