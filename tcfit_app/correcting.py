@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import COUNT, GROUPS, NAMES
+from fitting_core.keypoints import COUNT, GROUPS
+from tcfit_app.body_regions import full_name
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edits import (
     SIDES,
@@ -271,7 +272,7 @@ VERBS: dict[type[Edit], str] = {
 
 def describe(edit: Edit, first_frame: int = 0) -> str:
     """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
-    names = [NAMES[j].replace("_", " ") for j in edit.joints]
+    names = [full_name(j) for j in edit.joints]
     what = ", ".join(names) if len(names) <= _FEW else f"{len(names)} keypoints"
     verb = VERBS[type(edit)]
     where = in_words(edit.frames, first_frame)

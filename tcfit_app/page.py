@@ -10,7 +10,9 @@ from typing import Any, Literal
 import viser
 
 from fitting_core.errors import InputError
+from fitting_core.keypoints import COUNT
 from tcfit_app.actions import ACTIONS, bindings
+from tcfit_app.body_regions import full_name
 from tcfit_app.changes import Changes
 from tcfit_app.correcting import Correcting, describe
 from tcfit_app.desk import Desk
@@ -40,6 +42,7 @@ _BEAT = 5.0
 """Seconds between two signs of life."""
 _SHORT, _LONG = 4.0, 12.0
 """Seconds for which a message stays."""
+SKELETON = Skeleton(names=tuple(full_name(joint) for joint in range(COUNT)))
 _log = logging.getLogger(__name__)
 
 
@@ -74,7 +77,7 @@ class Page:
         self._presses = Presses()
         self.on_press("action", lambda action: action.run(self), ACTIONS.__getitem__)
         self.channel = Channel(client, lambda event: do(self._guarded(lambda: self.receive(event))))
-        self.channel.send("skeleton", Skeleton())
+        self.channel.send("skeleton", SKELETON)
         self.channel.send("keys", Keys(bindings=bindings()))
         self.picture, self.strip, self.status = Picture(self), Strip(self), Status(self)
 

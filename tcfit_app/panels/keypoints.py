@@ -1,6 +1,5 @@
 """The panel that corrects keypoints."""
 
-import re
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
@@ -8,8 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import viser
 
-from fitting_core.keypoints import COUNT, FACE, GROUPS, NAMES
-from tcfit_app.body_regions import spoken
+from fitting_core.keypoints import COUNT, GROUPS
+from tcfit_app.body_regions import full_name
 from tcfit_app.correcting import describe
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edits import SIDES, Edit
@@ -29,16 +28,8 @@ _SWAPPED = ("arms", "legs")
 """What can be swapped and has no key."""
 
 
-def _full_name(joint: int) -> str:
-    """A keypoint in words that are no other's."""
-    if joint < FACE.start:
-        return spoken(joint)
-    return re.sub(r"(?<=\D)(?=\d)", " ", NAMES[joint]).replace("_", " ")
-
-
-_JOINTS = {_full_name(joint): joint for joint in range(COUNT)}
+_JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by what they are called in the dropdown."""
-_FULL_NAMES = {joint: name for name, joint in _JOINTS.items()}
 assert len(_JOINTS) == COUNT
 
 
@@ -102,7 +93,7 @@ class KeypointsPanel:
     def draw(self) -> None:
         """Bring it to the page's state."""
         page, state, session = self._page, self._page.state, self._page.session
-        self._name.show(_FULL_NAMES[state.selection[0]] if len(state.selection) == 1 else _NOTHING)
+        self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         if page.changes.of("selected", state.selection, state.frame if state.selection else 0, session.edits):
             self._selected.show(*selection_table(selected_keypoints(page), state.frame + page.first_frame))
         where, bad = self._where(), self._bad()

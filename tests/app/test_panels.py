@@ -15,6 +15,7 @@ from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import Curve
 from tcfit_app.edits import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.fits import FitChoice
+from tcfit_app.page import SKELETON
 from tcfit_app.picture import _surroundings
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
@@ -112,6 +113,18 @@ def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
     page.receive(Drag("end", (4,), 3.0, 0.0, frame))
     page.correcting.toggle_bad()
     assert page.session.project.last_edit == before + 2 and page.session.project.corrected.bad[frame, 4]
+
+
+def test_a_keypoint_has_one_name_wherever_it_is_read(tested: LonePage):
+    joints = tuple(INDEX[name] for name in ("left_wrist", "left_index4", "face_outer_lip3"))
+    names = ("left wrist", "left index 4", "face outer lip 3")
+    page = tested.page
+    page.set(selection=joints)
+    page.correcting.toggle_bad()
+    assert page.message[0].startswith(f"Saved: {', '.join(names)} marked bad")
+    assert all(f">{name}<" in tested.html() for name in names)
+    assert set(names) <= set(tested.field("Keypoint").options)
+    assert [SKELETON.names[joint] for joint in joints] == list(names)
 
 
 def test_playing_sends_little(tested: LonePage):

@@ -126,7 +126,7 @@ function drawHovered(context) {
   place(tooltip, ...places[poster], false);
 }
 
-/** "right_wrist  0.83  edited" */
+/** "right wrist  0.83  edited" */
 function jointLine(joint) {
   const confidence = states.keypoints.confidence[joint];
   const parts = [nameOf[joint], confidence > 0 ? confidence.toFixed(2) : "missing"];
