@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -113,6 +114,23 @@ def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
     assert "Run 1 (deleted)" in of_parent(tested)
     session.purge()
     assert "a run that was removed" in of_parent(tested)
+
+
+def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session, first = tested.page.session, tested.fit()
+    runs, fit = session.project.runs, session.fits.fit(first)
+    assert "<dt>Took</dt>" in tested.html()
+    patched = replace(fit.last, objective={"by frame": float(fit.last.frame_cost.mean())})
+    started = runs.start(QUICK, body=first.body, edits_seen=0, kind="corrections", parent=first.id, name="Corrected")
+    runs.finish(started.id, replace(fit, phases=(*fit.phases[:-1], patched)))
+    session.fits.changed()
+    tested.press("runs.choose", str(started.id))
+    shown = tested.html()
+    assert "<dt>Took</dt>" not in shown
+    assert "<dt>Phases</dt><dd>every frame, shape, over time</dd>" in shown
+    costs = shown.partition("<dt>Cost</dt><dd>")[2].partition("</dd>")[0].split(", ")
+    assert len(costs) == 3 and costs[2] == f"{fit.last.frame_cost.mean():.4g} without the temporal term"
 
 
 def of_parent(tested: LonePage) -> str:
