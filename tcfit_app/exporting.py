@@ -121,12 +121,13 @@ class Exporting(JobThread):
     Args:
         export: what is written.
         source: from what.
-        done: gets the file's content, on the export's thread.
+        name: of the file, without the format's suffix.
+        done: gets the file's name and content, on the export's thread.
     """
 
-    def __init__(self, export: Export, source: ExportSource, done: Callable[[bytes], None]) -> None:
+    def __init__(self, export: Export, source: ExportSource, name: str, done: Callable[[str, bytes], None]) -> None:
         super().__init__(f"The export {export.title}")
-        self.export, self.name = export, file_name(export, source.name, zipped=True)
+        self.export, self.name = export, file_name(export, name, zipped=True)
         self.share = 0.0
         self.size = 0
         """Bytes."""
@@ -143,4 +144,4 @@ class Exporting(JobThread):
             write_export(self.export, self._source, path, self._progress, zipped=True)
             content = path.read_bytes()
         self.size = len(content)
-        self._done(content)
+        self._done(self.name, content)

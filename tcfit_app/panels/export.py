@@ -8,10 +8,10 @@ import viser
 from fitting_core.errors import InputError
 from fitting_core.io.motion import AXES
 from tcfit_app.export_source import ExportedFit, ExportSource
-from tcfit_app.exporting import Exporting, file_name
+from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, Export, Group
-from tcfit_app.fits import Shown
-from tcfit_app.frame_words import in_words
+from tcfit_app.fits import TITLES, FitChoice, Shown
+from tcfit_app.frame_words import in_words, numbers
 from tcfit_app.panels.html import (
     Board,
     Html,
@@ -29,12 +29,14 @@ from tcfit_app.panels.html import (
 )
 from tcfit_app.presses import one_of
 from tcfit_app.view.layers import RUN_COLORS, css
+from tcfit_app.view_state import ViewState
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
+_USUAL: dict[Side, FitChoice] = {"A": ViewState().a, "B": ViewState().b}
 _FRAMES = {"all": False, "selected": True}
 """Whether the selected frames alone are exported, by the button's value."""
 _AXES_HINT = "As the programs expect that read the format: each button's hint says which"
@@ -81,10 +83,25 @@ class ExportPanel:
             source.fit  # noqa: B018 - told before anything begins
         if (frames := self._frames) is not None and export.group != "Project":
             source = source[slice(frames.start, frames.stop)]
-        filename = file_name(export, source.name, zipped=True)
         self.running = Exporting(
-            export, source, lambda content: page.client.send_file_download(filename, content, save_immediately=True)
+            export,
+            source,
+            "-".join([source.name, *self._parts(export)]),
+            lambda name, content: page.client.send_file_download(name, content, save_immediately=True),
         )
+
+    def _parts(self, export: Export) -> list[str]:
+        """What files of other runs, phases and frames are told apart by: without it they are the newest run's last
+        phase, or what A | B shows at first, and the whole clip."""
+        if export.group == "Project":
+            return []
+        page, frames = self._page, self._frames
+        known = {} if export.needs == "keypoints" else {side: _short(fit) for side, fit in self._fits().items()}
+        shown = [name for side, name in known.items() if export.both or side == self._wishes.side]
+        sides: list[Side] = ["A", "B"] if export.both else ["B"]
+        usual = [_short(fit) for side in sides if (fit := page.fit(_USUAL[side])) is not None]
+        some = [] if frames is None else [numbers(frames, page.first_frame).replace("–", "-")]
+        return [*(shown if shown != usual else []), *some]
 
     def _source(self, export: Export) -> ExportSource:
         """What there is, with the fits only where they are needed: their bodies may be missing."""
@@ -184,6 +201,12 @@ class ExportPanel:
             ]
             rows.append(row(cells(*buttons), label=group))
         return [heading("Formats"), *rows]
+
+
+def _short(shown: Shown) -> str:
+    """A run and phase in a file's name: "run2-temporal"."""
+    run = f"run{shown.run.id}"
+    return run if shown.run.kind == "imported" else f"{run}-{TITLES[shown.phase].replace(' ', '-')}"
 
 
 def _axes_hint(name: str) -> str:

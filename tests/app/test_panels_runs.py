@@ -285,6 +285,32 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
         assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
 
 
+def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run, clip = tested.fit(), tested.page.session.project.clip.name
+
+    def name(export: str) -> str:
+        downloaded(tested, export)
+        return tested.panels[0].running.name.removeprefix(clip)
+
+    assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
+    tested.press("export.side", "A")
+    tested.page.set(frames=range(2, 5))
+    tested.press("export.frames", "selected")
+    assert name("npz") == f"-run{run.id}-SMPLify-X-2-4.smplx.npz"
+    assert name("figures") == "-2-4.figures.csv", "it shows A and B"
+    assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
+    tested.page.set(frames=None, a=FitChoice(phase=2))
+    tested.draw()
+    assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
+    second = tested.fit()
+    tested.page.set(b=FitChoice(run=run.id))
+    tested.press("export.side", "B")
+    assert name("summary") == f"-run{run.id}-temporal.summary.json"
+    tested.page.set(b=FitChoice(run=second.id))
+    assert name("summary") == ".summary.json"
+
+
 def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
     tested = panel_of(ExportPanel)
     tested.fit()
@@ -320,10 +346,14 @@ def test_an_export_can_be_cancelled_and_can_fail():
         raise InputError("No off-screen OpenGL here.")
 
     source, got = ExportSource(name="walk", known_clip=sample_clip()), []
-    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, got.append)
+
+    def take(name: str, content: bytes) -> None:
+        got.append(content)
+
+    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, "a", take)
     one.cancel()
     one.join(10)
-    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, got.append)
+    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, "a", take)
     other.join(10)
     assert (one.state, other.state, other.reason) == ("cancelled", "failed", "No off-screen OpenGL here.")
     assert not got
