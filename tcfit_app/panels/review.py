@@ -207,7 +207,7 @@ class ReviewPanel:
             return
         self._media.show(heading("Video", first=True), paragraph(problem, "warn"))
         off = page.session.project.read_only
-        self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off)))
+        self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off, enter=True)))
 
 
 def _entry(value: str) -> tuple[int, str]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 LISTED = 30
 """Runs in the table, the newest; the choice has them all."""
 _NONE = "no runs yet"
+_RENAME = "To what stands in the field Name (Enter there)"
 _SIDES: tuple[Literal["a", "b"], ...] = ("a", "b")
 
 
@@ -43,7 +44,7 @@ class RunsPanel:
         self._table = Board(page)
         self._head = Board(page)
         self._choice = Dropdown(page, gui.add_dropdown("Run", (_NONE,)), self._choose)
-        self._name = gui.add_text("Name", "", hint="Enter another name, then Rename")
+        self._name = gui.add_text("Name", "", hint="Type another name, then Enter or Rename")
         self._naming = Field(page, self._name, lambda _: setattr(self, "_chosen", self._drawn))
         self._buttons, self._details = Board(page), Board(page)
         self._settings = gui.add_folder("All its settings", expand_by_default=False)
@@ -195,7 +196,7 @@ class RunsPanel:
                 )
             ),
             row(
-                button("Rename", "runs.rename", number, disabled=off, hint="To what stands in the field Name"),
+                button("Rename", "runs.rename", number, disabled=off, hint=_RENAME, enter=True),
                 button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
             ),
             *(

@@ -46,7 +46,7 @@ class StartPanel:
         page, gui = self._page, self._page.client.gui
         hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
         self._path = gui.add_text("Path", "", hint=hint)
-        Board(page).show(row(button("Import from this path", "start.import", kind="main")))
+        Board(page).show(row(button("Import from this path", "start.import", kind="main", enter=True)))
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
         upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
 

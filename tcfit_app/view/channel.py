@@ -39,6 +39,7 @@ SCRIPTS = (
     "notice",
     "panels",
     "number_fields",
+    "text_fields",
     "start",
 )
 """In the order in which they run, all in one scope."""

@@ -100,6 +100,17 @@ def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: li
     opened.tab.evaluate("document.activeElement.blur()")
 
 
+def test_enter_in_the_field_name_renames(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Runs").click()
+    field = opened.tab.locator("input.mantine-TextInput-input:visible").first
+    run = opened.session.fits.runs[-1]
+    until(lambda: field.input_value() == run.name)
+    field.press("Control+a")
+    opened.tab.keyboard.type("mine")
+    opened.tab.keyboard.press("Enter")
+    until(lambda: opened.session.fits.runs[-1].name == "mine")
+
+
 def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
     window = opened.tab.locator("[role=dialog]", has_text="Nudge by 1 px")
     ways = (
