@@ -156,12 +156,13 @@ class ExportPanel:
         wishes, page = self._wishes, self._page
         sides = [
             button(
-                joined(dot(css(color)), text(f"{side}: {titles[side]}" if side in titles else f"{side}: none")),
+                joined(dot(css(color)), *_named(side, titles.get(side, "none"))),
                 "export.side",
                 side,
                 pressed=side == wishes.side,
                 disabled=side not in titles,
                 kind="left",
+                hint=titles.get(side, ""),
             )
             for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
         ]
@@ -201,6 +202,12 @@ class ExportPanel:
             ]
             rows.append(row(cells(*buttons), label=group))
         return [heading("Formats"), *rows]
+
+
+def _named(side: Side, title: str) -> list[Html]:
+    """A fit on a button. Where its run's name is too long for it, the phase stays in sight."""
+    name, _, phase = title.rpartition(" · ")
+    return [words(f"{side}: ", "phase"), words(name or phase, "name"), words(f" · {phase}" if name else "", "phase")]
 
 
 def _short(shown: Shown) -> str:

@@ -127,7 +127,8 @@ def paragraph(content: object, kind: str = "") -> Html:
 
 
 def words(content: object, kind: str) -> Html:
-    """A part of a text that is "good", "bad", "dim" or "strong"."""
+    """A part of a text that is "good", "bad", "dim" or "strong"; on a button "phase", which is shown whole, and "name",
+    which then gives way."""
     return tag("span", content, class_=f"tcfit-{kind}")
 
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 NEWEST = "Newest"
 """Stands for the newest run that has a result."""
 _GONE = "Deleted run"
+_LONGEST, _END = 28, 11
+"""Characters of a run's name that are shown, and those of its end among them: more are wider than the field."""
 _SIDES: tuple[Literal["a", "b"], ...] = ("a", "b")
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
@@ -110,7 +112,14 @@ class RunsShown:
 
 
 def run_names(runs: Sequence[Run]) -> list[str]:
-    """What runs are called in a list of options, where each name may stand only once."""
-    names = [run.name for run in runs]
+    """What runs are called in a list of options, where each name stands only once; long ones without their middle."""
+    names = [_shortened(run.name) for run in runs]
     taken = {NEWEST, _GONE}
-    return [f"{run.name} (#{run.id})" if names.count(run.name) > 1 or run.name in taken else run.name for run in runs]
+    alike = [names.count(name) > 1 or name in taken for name in names]
+    return [f"{name} (#{run.id})" if also else name for run, name, also in zip(runs, names, alike, strict=True)]
+
+
+def _shortened(name: str) -> str:
+    """Names of a long list often begin alike, and end differently."""
+    start = _LONGEST - _END - 1
+    return name if len(name) <= _LONGEST else f"{name[:start]}…{name[-_END:]}"

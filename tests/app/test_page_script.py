@@ -380,6 +380,28 @@ def test_the_legend_lies_above_the_curves_highest_values(tab: Tab) -> None:
     assert drawn and min(drawn) > 36  # below the legend, over which nothing else is drawn
 
 
+def test_of_a_long_run_s_name_the_phase_stays_in_sight(tab: Tab) -> None:
+    name = f"a very long name {'of a run ' * 30}corrected"
+    record = """() => {
+      const usual = CanvasRenderingContext2D.prototype.fillText;
+      window.written = [];
+      CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+        window.written.push(text);
+        usual.call(this, text, ...where);
+      };
+    }"""
+    tab.page.evaluate(record)
+    curve = states.Curve(label=f"{name} · temporal", color="#ff0000", values=(1.0,) * LENGTH)
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, curves=(curve,)))
+    poster = states.Poster(x=0.0, label=f"B   {name} · shared shape")
+    tab.send("layout", states.Layout(mode="poster", image=(WIDTH, HEIGHT), posters=(poster,)))
+    tab.settle()
+    written = tab.page.evaluate("window.written")
+    for phase in ("temporal", "shared shape"):
+        short = next(text for text in reversed(written) if phase in text)
+        assert short.endswith(f"rected · {phase}") and "a very" in short and "…" in short and len(short) < 120
+
+
 def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:
     before = tuple(tab.clients[-1].camera.position)
     keyboard = tab.page.keyboard

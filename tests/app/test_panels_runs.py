@@ -29,6 +29,7 @@ from tcfit_app.panels import compare
 from tcfit_app.panels.compare import ComparePanel
 from tcfit_app.panels.export import ExportPanel
 from tcfit_app.panels.runs import RunsPanel
+from tcfit_app.panels.runs_shown import run_names
 from tcfit_app.project import Project
 from tcfit_app.project_file import unpack
 from tcfit_app.view_state import FitSettings
@@ -309,6 +310,21 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     assert name("summary") == f"-run{run.id}-temporal.summary.json"
     tested.page.set(b=FitChoice(run=second.id))
     assert name("summary") == ".summary.json"
+
+
+def test_long_names_of_runs_are_told_apart(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run = tested.fit()
+    name = f"a very long name {'of a run ' * 15}corrected"
+    tested.page.session.rename(run.id, name)
+    shown = tested.html()
+    assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
+    assert f'title="{name} · temporal"' in shown
+    renamed = tested.page.session.fits.runs[0]
+    others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
+    names = run_names([renamed, *others])
+    assert names == ["a very long name…n corrected", "a very long name…ected twice", "a very lo, a ver…n corrected"]
+    assert run_names([renamed, replace(renamed, id=2)])[1] == "a very long name…n corrected (#2)"
 
 
 def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
