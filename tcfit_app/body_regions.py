@@ -45,6 +45,12 @@ def spoken(joint: int) -> str:
     return re.sub(pattern, "" if joint >= kp.FACE.start else " ", name).replace("_", " ")
 
 
+def full_name(joint: int) -> str:
+    """A keypoint in words that are no other's: as `spoken`, but with the number of a point of the face."""
+    name = kp.NAMES[joint]
+    return spoken(joint) if joint < kp.FACE.start else re.sub(r"(?<=\D)(?=\d)", " ", name).replace("_", " ")
+
+
 def spoken_bone(joint: int) -> str:
     """One of SMPL-X's joints in words."""
     return re.sub(r"(?<=\D)(?=\d)", " ", JOINTS[joint]).replace("_", " ")

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import COUNT, GROUPS, NAMES
+from fitting_core.keypoints import COUNT, GROUPS
+from tcfit_app.body_regions import full_name
 from tcfit_app.edit_log import LogEntry, Redo, Undo
 from tcfit_app.edits import (
     SIDES,
@@ -82,13 +83,13 @@ class Correcting:
     def _begin(self, event: DragEvent) -> None:
         self.abandon()
         page = self._page
+        if not event.joints or event.frame >= page.length:
+            return
         page.refuse_read_only()
         page.session.refuse_without_keypoints()
         corrected = page.session.project.corrected
         there = [j for j in event.joints if corrected.confidence[event.frame, j] > 0]
         joints = tuple(there or event.joints)
-        if not joints or event.frame >= page.length:
-            return
         page.pause()
         xy = corrected.xy[event.frame, list(joints)] + np.array([event.dx, event.dy])
         shown = page.corrected_fit()
@@ -116,6 +117,8 @@ class Correcting:
     def select_all(self) -> None:
         """Select the keypoints on show: of the groups and confidences that are, in any of `frames`."""
         state = self._page.state
+        if state.mode == "space":
+            raise InputError("In 3D no keypoints are on show: go to Edit or A | B first (1 or 2).")
         if not state.keypoints:
             raise InputError("Keypoints are hidden: show them first (K).")
         confidence = self._page.session.project.corrected.confidence[list(self.frames)].max(0)
@@ -190,12 +193,14 @@ class Correcting:
 
     def undo(self) -> None:
         """Take back the project's last edit, and show where it was."""
+        self._refuse_while_dragging()
         page = self._page
         entry = page.session.undo(author=page.author, shown=page.corrected_fit())
         self._went_back(entry, "Undone", "There is nothing to undo.")
 
     def redo(self) -> None:
         """Bring back the edit that was undone last, and show where it is."""
+        self._refuse_while_dragging()
         page = self._page
         entry = page.session.redo(author=page.author, shown=page.corrected_fit())
         self._went_back(entry, "Redone", "There is nothing to redo.")
@@ -223,7 +228,13 @@ class Correcting:
         where = in_words(frames, self._page.first_frame)
         raise InputError(f"Nothing to be {what}: none of the selected keypoints is anywhere in {where}.")
 
+    def _refuse_while_dragging(self) -> None:
+        """The end of the drag would undo what is done to its keypoints meanwhile."""
+        if self.dragging:
+            raise InputError("A keypoint is being dragged: let go of it first, or give it up with Esc.")
+
     def _make(self, edit: Edit) -> None:
+        self._refuse_while_dragging()
         page = self._page
         page.refuse_read_only()
         page.pause()
@@ -262,7 +273,7 @@ VERBS: dict[type[Edit], str] = {
 
 def describe(edit: Edit, first_frame: int = 0) -> str:
     """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
-    names = [NAMES[j].replace("_", " ") for j in edit.joints]
+    names = [full_name(j) for j in edit.joints]
     what = ", ".join(names) if len(names) <= _FEW else f"{len(names)} keypoints"
     verb = VERBS[type(edit)]
     where = in_words(edit.frames, first_frame)

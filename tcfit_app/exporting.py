@@ -68,17 +68,32 @@ def _replacing_folder(path: Path) -> Iterator[Path]:
         InputError: What is at `path` is a file, or holds files that the new folder does not.
     """
     path = path.resolve()  # where a link leads
-    draft, old = (path.with_name(f".{path.name}.{os.getpid()}.{word}") for word in ("partial", "old"))
+    draft = path.with_name(f".{path.name}.{os.getpid()}.partial")
     draft.mkdir()
     try:
         yield draft
-        if path.exists():
-            _check_replaced(path, draft)
-            path.rename(old)
-        draft.rename(path)
+        _put_in_place(draft, path)
     finally:
-        for folder in (draft, old):
-            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _put_in_place(draft: Path, path: Path) -> None:
+    """What was at `path` is back there unless the new folder is."""
+    if not path.exists():
+        draft.rename(path)
+        return
+    _check_replaced(path, draft)
+    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    try:
+        path.rename(old)
+        draft.rename(path)
+    except BaseException:  # Ctrl-C comes as one
+        if old.exists() and not path.exists():
+            old.rename(path)
+        raise
+    finally:
+        if path.exists():
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def _check_replaced(path: Path, draft: Path) -> None:
@@ -106,12 +121,13 @@ class Exporting(JobThread):
     Args:
         export: what is written.
         source: from what.
-        done: gets the file's content, on the export's thread.
+        name: of the file, without the format's suffix.
+        done: gets the file's name and content, on the export's thread.
     """
 
-    def __init__(self, export: Export, source: ExportSource, done: Callable[[bytes], None]) -> None:
+    def __init__(self, export: Export, source: ExportSource, name: str, done: Callable[[str, bytes], None]) -> None:
         super().__init__(f"The export {export.title}")
-        self.export, self.name = export, file_name(export, source.name, zipped=True)
+        self.export, self.name = export, file_name(export, name, zipped=True)
         self.share = 0.0
         self.size = 0
         """Bytes."""
@@ -128,4 +144,4 @@ class Exporting(JobThread):
             write_export(self.export, self._source, path, self._progress, zipped=True)
             content = path.read_bytes()
         self.size = len(content)
-        self._done(content)
+        self._done(self.name, content)

@@ -42,6 +42,8 @@ class Export:
     needs: Needs = "motion"
     turned: bool = False
     """Whether the wish for axes counts."""
+    both: bool = False
+    """It shows A and B, whichever is chosen."""
 
     @property
     def many(self) -> bool:
@@ -239,6 +241,7 @@ EXPORTS: dict[str, Export] = {
         hint="A and B beside each other over the video, with the keypoints",
         write=_side_by_side,
         needs="run",
+        both=True,
     ),
     "openpose": Export(
         title="OpenPose",
@@ -271,6 +274,7 @@ EXPORTS: dict[str, Export] = {
         hint="All curves of the timeline by frame, of A and B, as a table",
         write=write_figures_csv,
         needs="run",
+        both=True,
     ),
     "figures-json": Export(
         title="JSON",
@@ -279,6 +283,7 @@ EXPORTS: dict[str, Export] = {
         hint="All curves of the timeline by frame, of A and B",
         write=write_figures_json,
         needs="run",
+        both=True,
     ),
     "report": Export(
         title="Report (HTML)",

@@ -10,6 +10,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock
+from traceback import walk_tb
 from types import SimpleNamespace
 from typing import Any
 
@@ -37,8 +38,15 @@ _log.setLevel(logging.INFO)
 
 
 def _is_no_noise(record: logging.LogRecord) -> bool:
-    """Drops the tracebacks about connections that sent no proper request; they quote it."""
-    return not (record.exc_info and isinstance(record.exc_info[1], InvalidMessage))
+    """Drops the tracebacks about connections that sent no proper request, for they quote it, or no message of viser's.
+
+    Such a connection is closed. What goes wrong in the handling of a message is another's traceback.
+    """
+    error = record.exc_info[1] if record.exc_info else None
+    if error is None:
+        return True
+    in_consumer = any(frame.f_code is _infra._message_consumer.__code__ for frame, _ in walk_tb(error.__traceback__))
+    return not (in_consumer or isinstance(error, InvalidMessage))
 
 
 _log.addFilter(_is_no_noise)

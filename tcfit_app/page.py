@@ -10,7 +10,9 @@ from typing import Any, Literal
 import viser
 
 from fitting_core.errors import InputError
+from fitting_core.keypoints import COUNT
 from tcfit_app.actions import ACTIONS, bindings
+from tcfit_app.body_regions import full_name
 from tcfit_app.changes import Changes
 from tcfit_app.correcting import Correcting, describe
 from tcfit_app.desk import Desk
@@ -22,6 +24,7 @@ from tcfit_app.panels import PANELS, WITHOUT_KEYPOINTS
 from tcfit_app.panels.panel import Panel
 from tcfit_app.picture import Picture
 from tcfit_app.playback import Playback
+from tcfit_app.presses import Presses
 from tcfit_app.reviewing import Reviewing
 from tcfit_app.status import Status
 from tcfit_app.strip import Strip
@@ -39,6 +42,7 @@ _BEAT = 5.0
 """Seconds between two signs of life."""
 _SHORT, _LONG = 4.0, 12.0
 """Seconds for which a message stays."""
+SKELETON = Skeleton(names=tuple(full_name(joint) for joint in range(COUNT)))
 _log = logging.getLogger(__name__)
 
 
@@ -70,10 +74,10 @@ class Page:
         """The window of keys, while it is open: viser's handle."""
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
-        self._presses: dict[str, Callable[[str], None]] = {}
-        self.on_press("action", lambda name: ACTIONS[name].run(self))
+        self._presses = Presses()
+        self.on_press("action", lambda action: action.run(self), ACTIONS.__getitem__)
         self.channel = Channel(client, lambda event: do(self._guarded(lambda: self.receive(event))))
-        self.channel.send("skeleton", Skeleton())
+        self.channel.send("skeleton", SKELETON)
         self.channel.send("keys", Keys(bindings=bindings()))
         self.picture, self.strip, self.status = Picture(self), Strip(self), Status(self)
 
@@ -107,11 +111,10 @@ class Page:
         """Run something on the drawing thread; for callbacks of panels. What goes wrong is told in the tab."""
         self._do(self._guarded(command))
 
-    def on_press(self, command: str, run: Callable[[str], None]) -> None:
-        """What a button in a panel's HTML does (`panels/html.py`), given its value. The command "action" is taken: it
+    def on_press(self, command: str, run: Callable[[Any], None], read: Callable[[str], Any] = str) -> None:
+        """What a button in a panel's HTML does (`panels/html.py`), as `Presses.on`. The command "action" is taken: it
         runs one of ACTIONS."""
-        assert command not in self._presses, f"{command} is taken"
-        self._presses[command] = run
+        self._presses.on(command, run, read)
 
     def _guarded(self, command: Callable[[], None]) -> Callable[[], None]:
         def run() -> None:
@@ -274,7 +277,7 @@ class Page:
         self.correcting.take(event)
 
     def _press(self, event: page_events.Press) -> None:
-        self._presses[event.command](event.value)
+        self._presses.take(event)
 
     def _gesture(self, event: page_events.Gesture) -> None:
         self.picture.touched()

@@ -27,8 +27,8 @@ _LEGEND_HEIGHT = 34.0
 """CSS pixels that posters leave free for the colour bar below them."""
 _SAMPLED = 120
 """Frames of a clip, at most, whose whole bodies the 3D camera is fitted to: 0.1 s."""
-_MARGIN = 40.0
-"""Pixels of the image around keypoints that are zoomed to."""
+_LEAST_MARGIN, _MARGIN = 1 / 20, 1 / 4
+"""Around keypoints that are zoomed to: of the image's diagonal at least, and of their own extent."""
 
 
 class Picture:
@@ -65,7 +65,7 @@ class Picture:
         xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
         if not len(xy):
             raise InputError("None of the selected keypoints was detected in this frame: there is nothing to zoom to.")
-        low, high = xy.min(0) - _MARGIN, xy.max(0) + _MARGIN
+        low, high = _surroundings(xy, page.session.project.clip.camera.size)
         self._view.zoom_to((*low.tolist(), *high.tolist()))
 
     def draw(self) -> bool:
@@ -220,6 +220,14 @@ class Picture:
     def _draw_legend(self) -> None:
         if self._page.changes.of("legend", self._compared):
             self._page.channel.send("legend", LEGEND if self._compared else None)
+
+
+def _surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[np.ndarray, "2 2"]:
+    """A rectangle around points, with a margin as far as the image goes: first its least, then its largest corner."""
+    low, high = xy.min(0), xy.max(0)
+    margin = max(_LEAST_MARGIN * float(np.hypot(*size)), _MARGIN * float((high - low).max()))
+    inside = np.array([np.maximum(low - margin, 0), np.minimum(high + margin, size)])
+    return np.array([np.minimum(inside[0], low), np.maximum(inside[1], high)])
 
 
 def _places(places: Sequence[float], labels: tuple[tuple[str, str], ...]) -> tuple[PosterPlace, ...]:

@@ -55,7 +55,7 @@ APP_LAYERS = {
     "what all tabs draw from": "desk overlay_video export_source export_figures body_pictures worst_frames "
     "evaluated_fits evaluating export_report exports exporting",
     "scene, script and messages of viser's page": "view",
-    "one tab": "view_state actions status picture strip correcting reviewing submitting panels key_list page",
+    "one tab": "view_state presses actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
     "commands": "options detect_options import_options export_options evaluate_options reference_options "
     "evaluation_files suite_runs ablations suite_command evaluate_command "

@@ -39,7 +39,7 @@ class ComparePanel:
         self._reference = ReferenceField(page)
         with page.client.gui.add_folder("Costs", expand_by_default=False):
             self._costs = Board(page)
-        page.on_press("compare.frame", lambda frame: page.seek(int(frame)))
+        page.on_press("compare.frame", page.seek, int)
 
     def draw(self) -> None:
         """See `Panel.draw`."""

@@ -1,17 +1,17 @@
 """The panel Export: files of the project and its fits, as downloads of the browser."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal, cast, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import viser
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion import AXES
 from tcfit_app.export_source import ExportedFit, ExportSource
-from tcfit_app.exporting import Exporting, file_name
+from tcfit_app.exporting import Exporting
 from tcfit_app.exports import EXPORTS, Export, Group
-from tcfit_app.fits import Shown
-from tcfit_app.frame_words import in_words
+from tcfit_app.fits import TITLES, FitChoice, Shown
+from tcfit_app.frame_words import in_words, numbers
 from tcfit_app.panels.html import (
     Board,
     Html,
@@ -27,13 +27,18 @@ from tcfit_app.panels.html import (
     text,
     words,
 )
+from tcfit_app.presses import one_of
 from tcfit_app.view.layers import RUN_COLORS, css
+from tcfit_app.view_state import ViewState
 
 if TYPE_CHECKING:
     from tcfit_app.page import Page
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
+_USUAL: dict[Side, FitChoice] = {"A": ViewState().a, "B": ViewState().b}
+_FRAMES = {"all": False, "selected": True}
+"""Whether the selected frames alone are exported, by the button's value."""
 _AXES_HINT = "As the programs expect that read the format: each button's hint says which"
 
 
@@ -60,28 +65,43 @@ class ExportPanel:
         self.running: Exporting | None = None
         """The export that began last."""
         self._files, self._said = Board(page), Board(page)
-        page.on_press("export.begin", self._begin)
+        page.on_press("export.begin", self._begin, EXPORTS.__getitem__)
         page.on_press("export.cancel", lambda _: self._stop())
-        page.on_press("export.side", lambda value: self._wish(side=cast(Side, value)))
-        page.on_press("export.frames", lambda value: self._wish(selected=value == "selected"))
-        page.on_press("export.axes", lambda value: self._wish(axes=value))
+        page.on_press("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
+        page.on_press("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
+        page.on_press("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
 
-    def _begin(self, name: str) -> None:
+    def _begin(self, export: Export) -> None:
         if self.running is not None and self.running.state == "running":
             raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
-        page, export = self._page, EXPORTS[name]
+        page = self._page
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
         if (frames := self._frames) is not None and export.group != "Project":
             source = source[slice(frames.start, frames.stop)]
-        filename = file_name(export, source.name, zipped=True)
         self.running = Exporting(
-            export, source, lambda content: page.client.send_file_download(filename, content, save_immediately=True)
+            export,
+            source,
+            "-".join([source.name, *self._parts(export)]),
+            lambda name, content: page.client.send_file_download(name, content, save_immediately=True),
         )
+
+    def _parts(self, export: Export) -> list[str]:
+        """What files of other runs, phases and frames are told apart by: without it they are the newest run's last
+        phase, or what A | B shows at first, and the whole clip."""
+        if export.group == "Project":
+            return []
+        page, frames = self._page, self._frames
+        known = {} if export.needs == "keypoints" else {side: _short(fit) for side, fit in self._fits().items()}
+        shown = [name for side, name in known.items() if export.both or side == self._wishes.side]
+        sides: list[Side] = ["A", "B"] if export.both else ["B"]
+        usual = [_short(fit) for side in sides if (fit := page.fit(_USUAL[side])) is not None]
+        some = [] if frames is None else [numbers(frames, page.first_frame).replace("–", "-")]
+        return [*(shown if shown != usual else []), *some]
 
     def _source(self, export: Export) -> ExportSource:
         """What there is, with the fits only where they are needed: their bodies may be missing."""
@@ -136,12 +156,13 @@ class ExportPanel:
         wishes, page = self._wishes, self._page
         sides = [
             button(
-                joined(dot(css(color)), text(f"{side}: {titles[side]}" if side in titles else f"{side}: none")),
+                joined(dot(css(color)), *_named(side, titles.get(side, "none"))),
                 "export.side",
                 side,
                 pressed=side == wishes.side,
                 disabled=side not in titles,
                 kind="left",
+                hint=titles.get(side, ""),
             )
             for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
         ]
@@ -149,7 +170,7 @@ class ExportPanel:
         some = "selected" if selected is None else in_words(selected, page.first_frame)
         frames = [
             button(label, "export.frames", value, pressed=wishes.selected == on, disabled=on and selected is None)
-            for label, value, on in (("all", "all", False), (some, "selected", True))
+            for label, (value, on) in zip(("all", some), _FRAMES.items(), strict=True)
         ]
         axes = [
             button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
@@ -181,6 +202,18 @@ class ExportPanel:
             ]
             rows.append(row(cells(*buttons), label=group))
         return [heading("Formats"), *rows]
+
+
+def _named(side: Side, title: str) -> list[Html]:
+    """A fit on a button. Where its run's name is too long for it, the phase stays in sight."""
+    name, _, phase = title.rpartition(" · ")
+    return [words(f"{side}: ", "phase"), words(name or phase, "name"), words(f" · {phase}" if name else "", "phase")]
+
+
+def _short(shown: Shown) -> str:
+    """A run and phase in a file's name: "run2-temporal"."""
+    run = f"run{shown.run.id}"
+    return run if shown.run.kind == "imported" else f"{run}-{TITLES[shown.phase].replace(' ', '-')}"
 
 
 def _axes_hint(name: str) -> str:

@@ -53,6 +53,7 @@ def button(
     keys: str = "",
     hint: str = "",
     kind: str = "",
+    enter: bool = False,
 ) -> Html:
     """A button.
 
@@ -66,6 +67,7 @@ def button(
         hint: shown under the pointer.
         kind: more of its looks: "main", "danger", "left", "mini"; "close": Escape and a click outside press it, in a
             window.
+        enter: the Enter key in the text field above presses it.
     """
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
     return Html(
@@ -73,6 +75,7 @@ def button(
         + (f' class="tcfit-{escape(kind)}"' if kind else "")
         + (f' aria-pressed="{str(pressed).lower()}"' if pressed is not None else "")
         + (f' title="{escape(hint)}"' if hint else "")
+        + (" data-enter" if enter else "")
         + (" disabled" if disabled else "")
         + f">{shown}</button>"
     )
@@ -124,7 +127,8 @@ def paragraph(content: object, kind: str = "") -> Html:
 
 
 def words(content: object, kind: str) -> Html:
-    """A part of a text that is "good", "bad", "dim" or "strong"."""
+    """A part of a text that is "good", "bad", "dim" or "strong"; on a button "phase", which is shown whole, and "name",
+    which then gives way."""
     return tag("span", content, class_=f"tcfit-{kind}")
 
 

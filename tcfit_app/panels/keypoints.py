@@ -1,6 +1,5 @@
 """The panel that corrects keypoints."""
 
-import re
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
@@ -8,15 +7,17 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import viser
 
-from fitting_core.keypoints import COUNT, FACE, GROUPS, NAMES
-from tcfit_app.body_regions import spoken
+from fitting_core.keypoints import COUNT, GROUPS
+from tcfit_app.body_regions import full_name
 from tcfit_app.correcting import describe
 from tcfit_app.edit_log import LogEntry, Redo, Undo
+from tcfit_app.edits import SIDES, Edit
 from tcfit_app.frame_words import in_words
 from tcfit_app.panels.edit_history import history_table, past_edits
 from tcfit_app.panels.field import Dropdown
 from tcfit_app.panels.html import Board, Html, action, button, dot, heading, joined, line, row, table, text
 from tcfit_app.panels.selected_keypoints import selected_keypoints, selection_table
+from tcfit_app.presses import one_of
 from tcfit_app.view.page_states import GROUP_COLORS
 
 if TYPE_CHECKING:
@@ -27,16 +28,8 @@ _SWAPPED = ("arms", "legs")
 """What can be swapped and has no key."""
 
 
-def _full_name(joint: int) -> str:
-    """A keypoint in words that are no other's."""
-    if joint < FACE.start:
-        return spoken(joint)
-    return re.sub(r"(?<=\D)(?=\d)", " ", NAMES[joint]).replace("_", " ")
-
-
-_JOINTS = {_full_name(joint): joint for joint in range(COUNT)}
+_JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by what they are called in the dropdown."""
-_FULL_NAMES = {joint: name for name, joint in _JOINTS.items()}
 assert len(_JOINTS) == COUNT
 
 
@@ -63,14 +56,14 @@ class KeypointsPanel:
 
     def _listen(self) -> None:
         page, correcting = self._page, self._page.correcting
-        page.on_press("keypoints.swap", correcting.swap_sides)
+        page.on_press("keypoints.swap", correcting.swap_sides, one_of(SIDES))
         page.on_press("keypoints.move", lambda _: correcting.nudge(*self._by.value))
         page.on_press("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
-        page.on_press("keypoints.bad", correcting.mark_group_bad)
-        page.on_press("keypoints.restore", correcting.restore_group)
-        page.on_press("keypoints.group", self._select_group)
+        page.on_press("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))
+        page.on_press("keypoints.restore", correcting.restore_group, one_of(GROUPS))
+        page.on_press("keypoints.group", self._select_group, one_of(GROUPS))
         page.on_press("keypoints.follow", lambda _: self._follow_or_not())
-        page.on_press("keypoints.visit", self._visit)
+        page.on_press("keypoints.visit", self._visit, self._edit_of)
 
     def _select(self, name: str) -> None:
         if name in _JOINTS:
@@ -84,18 +77,23 @@ class KeypointsPanel:
         session = self._page.session
         session.following.after_edits = not session.following.after_edits
 
-    def _visit(self, number: str) -> None:
+    def _edit_of(self, number: str) -> Edit:
+        """The edit with this number in the log; raises ValueError if there is none."""
+        found = [entry.action for entry in self._page.session.project.log if entry.id == int(number)]
+        if not found or isinstance(found[0], Undo | Redo):
+            raise ValueError(number)
+        return found[0]
+
+    def _visit(self, edit: Edit) -> None:
         page = self._page
-        entry = next(entry for entry in page.session.project.log if entry.id == int(number))
-        assert not isinstance(entry.action, Undo | Redo)
         page.pause()
-        page.seek(entry.action.frames[0])
-        page.set(selection=entry.action.joints)
+        page.seek(edit.frames[0])
+        page.set(selection=edit.joints)
 
     def draw(self) -> None:
         """Bring it to the page's state."""
         page, state, session = self._page, self._page.state, self._page.session
-        self._name.show(_FULL_NAMES[state.selection[0]] if len(state.selection) == 1 else _NOTHING)
+        self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         if page.changes.of("selected", state.selection, state.frame if state.selection else 0, session.edits):
             self._selected.show(*selection_table(selected_keypoints(page), state.frame + page.first_frame))
         where, bad = self._where(), self._bad()

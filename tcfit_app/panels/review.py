@@ -48,20 +48,19 @@ class ReviewPanel:
         self._relink = Board(page)
         self._head = Board(page)
         self._queue = Board(page)
-        page.on_press("review.go", self._go)
-        page.on_press("review.frame", self._visit)
+        page.on_press("review.go", self._go, _entry)
+        page.on_press("review.frame", self._visit, int)
         page.on_press("review.relink", lambda _: self._find_video())
 
-    def _go(self, value: str) -> None:
-        frame, _, kind = value.partition(" ")
-        found = [s for s in self._suspects or () if (s.frame, s.kind) == (int(frame), kind)]
+    def _go(self, entry: tuple[int, str]) -> None:
+        found = [s for s in self._suspects or () if (s.frame, s.kind) == entry]
         if not found:
             raise InputError("This entry is gone from the queue: its frames were checked or fitted again.")
         self._page.reviewing.show(found[0])
 
-    def _visit(self, frame: str) -> None:
+    def _visit(self, frame: int) -> None:
         self._page.pause()
-        self._page.seek(int(frame))
+        self._page.seek(frame)
 
     def _find_video(self) -> None:
         page = self._page
@@ -208,4 +207,10 @@ class ReviewPanel:
             return
         self._media.show(heading("Video", first=True), paragraph(problem, "warn"))
         off = page.session.project.read_only
-        self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off)))
+        self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off, enter=True)))
+
+
+def _entry(value: str) -> tuple[int, str]:
+    """Frame and kind of an entry of the queue."""
+    frame, kind = value.split(" ")
+    return int(frame), kind

@@ -5,7 +5,7 @@ from datetime import datetime
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.result import FitResult
+from fitting_core.result import FitResult, PhaseResult
 from fitting_core.settings import value_of
 from tcfit_app.frame_words import in_words
 from tcfit_app.panels.fit_settings import differences, nearest_preset
@@ -33,8 +33,9 @@ LOOKS: dict[RunState, str] = {
     "failed": "bad",
 }
 """How each state is marked."""
-_OWN = {"frames": ("phase3",), "shape": ("phase2", "phase3"), "corrections": ("phase3",)}
-"""Phases that a run does itself; those before are its parent's. All, where nothing is said."""
+_OWN = {"frames": (3,), "shape": (2, 3), "corrections": ()}
+"""Phases that a run does itself, and whose seconds are its own; the others are its parent's. All, where nothing is
+said. Corrections are patches of their parent's phase 3."""
 _BADGES = {name: badge(name, css(color)) for name, color in zip("AB", RUN_COLORS, strict=True)}
 
 
@@ -56,12 +57,13 @@ def option(run: Run) -> str:
 
 
 def seconds_of(run: Run) -> float | None:
-    """Of the phases that it did itself, or from its start to its end; None while it runs, or if it was imported."""
-    if run.kind == "imported":
+    """Of the phases that it did itself, or from its start to its end; None while it runs, or if there are none."""
+    if run.kind in ("imported", "corrections"):
         return None
     phases = run.summary.get("seconds", {})
     if phases:
-        return sum(seconds for phase, seconds in phases.items() if phase in _OWN.get(run.kind, phases))
+        own = [f"phase{phase}" for phase in _OWN.get(run.kind, PHASES)]
+        return sum(seconds for phase, seconds in phases.items() if phase in own)
     return None if run.ended is None else (run.ended - run.started).total_seconds()
 
 
@@ -162,11 +164,23 @@ def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
     if run.kind == "imported":
         return {"Read as": fit.pose_prior, "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})"}
     return {
-        "Phases": ", ".join(f"{PHASES[p.phase]} {duration(p.seconds)}" for p in fit.phases),
-        "Cost": ", ".join(f"{p.objective['total']:.4g}" for p in fit.phases if "total" in p.objective),
+        "Phases": ", ".join(_phase(p, own=p.phase in _OWN.get(run.kind, PHASES)) for p in fit.phases),
+        "Cost": ", ".join(map(_cost, fit.phases)),
         "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})",
         "Pose prior": fit.pose_prior,
     }
+
+
+def _phase(phase: PhaseResult, *, own: bool) -> str:
+    """A phase with its time, if the run took it."""
+    return f"{PHASES[phase.phase]} {duration(phase.seconds)}" if own else PHASES[phase.phase]
+
+
+def _cost(phase: PhaseResult) -> str:
+    """Mean of a frame; of a phase that was patched, without what couples frames: that is known of whole fits only."""
+    if "total" in phase.objective:
+        return f"{phase.objective['total']:.4g}"
+    return f"{phase.frame_cost.mean():.4g} without the temporal term"
 
 
 def _differences(run: Run) -> list[Html]:

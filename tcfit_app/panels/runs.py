@@ -15,6 +15,7 @@ from tcfit_app.panels.fit_settings import nearest_preset
 from tcfit_app.panels.html import Board, button, heading, paragraph, preformatted, row, table
 from tcfit_app.panels.import_run import ImportRun
 from tcfit_app.panels.run_texts import Listed, details, option, result_of, run_line
+from tcfit_app.presses import one_of
 from tcfit_app.storage.runs import Run
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 LISTED = 30
 """Runs in the table, the newest; the choice has them all."""
 _NONE = "no runs yet"
+_RENAME = "To what stands in the field Name (Enter there)"
 _SIDES: tuple[Literal["a", "b"], ...] = ("a", "b")
 
 
@@ -42,7 +44,7 @@ class RunsPanel:
         self._table = Board(page)
         self._head = Board(page)
         self._choice = Dropdown(page, gui.add_dropdown("Run", (_NONE,)), self._choose)
-        self._name = gui.add_text("Name", "", hint="Enter another name, then Rename")
+        self._name = gui.add_text("Name", "", hint="Type another name, then Enter or Rename")
         self._naming = Field(page, self._name, lambda _: setattr(self, "_chosen", self._drawn))
         self._buttons, self._details = Board(page), Board(page)
         self._settings = gui.add_folder("All its settings", expand_by_default=False)
@@ -55,12 +57,12 @@ class RunsPanel:
 
     def _listen(self) -> None:
         page = self._page
-        page.on_press("runs.choose", lambda number: setattr(self, "_chosen", int(number)))
-        page.on_press("runs.show", self._show_as)
-        page.on_press("runs.settings", lambda number: self._use_settings(self._pressed(number)))
-        page.on_press("runs.cancel", lambda number: page.session.cancel(int(number)))
-        page.on_press("runs.rename", lambda number: self._rename(self._pressed(number)))
-        page.on_press("runs.delete", lambda number: self._delete(self._pressed(number)))
+        page.on_press("runs.choose", lambda number: setattr(self, "_chosen", number), int)
+        page.on_press("runs.show", self._show_as, _side_and_run)
+        page.on_press("runs.settings", lambda number: self._use_settings(self._pressed(number)), int)
+        page.on_press("runs.cancel", page.session.cancel, int)
+        page.on_press("runs.rename", lambda number: self._rename(self._pressed(number)), int)
+        page.on_press("runs.delete", lambda number: self._delete(self._pressed(number)), int)
 
     # --- what is done ---
 
@@ -71,9 +73,9 @@ class RunsPanel:
             raise InputError("There is no run yet: fit everything first.")
         return next((run for run in runs if run.id == self._chosen), runs[-1])
 
-    def _pressed(self, number: str) -> Run:
+    def _pressed(self, number: int) -> Run:
         """The run that a button was for: a newer one may have taken its place since. It stays on show."""
-        run = self._page.session.fits.run(int(number))
+        run = self._page.session.fits.run(number)
         if run is None:
             raise InputError("This run was deleted meanwhile; it can be restored below.")
         self._chosen = run.id
@@ -83,12 +85,11 @@ class RunsPanel:
         runs = self._page.session.fits.runs
         self._chosen = next((run.id for run in runs if name == option(run)), None)
 
-    def _show_as(self, what: str) -> None:
-        side, number = what.split()
+    def _show_as(self, what: tuple[str, int]) -> None:
+        side, number = what
         run = self._pressed(number)
         if run not in self._page.session.fits.showable():
             raise InputError(f"{run.name} has no result that could be shown.")
-        assert side in _SIDES
         self._page.set(**{side: FitChoice(run=run.id)})
 
     def _rename(self, run: Run) -> None:
@@ -195,7 +196,7 @@ class RunsPanel:
                 )
             ),
             row(
-                button("Rename", "runs.rename", number, disabled=off, hint="To what stands in the field Name"),
+                button("Rename", "runs.rename", number, disabled=off, hint=_RENAME, enter=True),
                 button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
             ),
             *(
@@ -205,3 +206,9 @@ class RunsPanel:
             ),
             *cancel,
         )
+
+
+def _side_and_run(value: str) -> tuple[str, int]:
+    """Where to show which run: "a 5"."""
+    side, number = value.split(" ")
+    return one_of(_SIDES)(side), int(number)

@@ -17,10 +17,14 @@ if TYPE_CHECKING:
 NEWEST = "Newest"
 """Stands for the newest run that has a result."""
 _GONE = "Deleted run"
+_LONGEST, _END = 28, 11
+"""Characters of a run's name that are shown, and those of its end among them: more are wider than the field."""
 _SIDES: tuple[Literal["a", "b"], ...] = ("a", "b")
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
 _PHASES: dict[int | None, str] = {**TITLES, None: "last"}
+_PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in _SIDES for phase in _PHASES}
+"""By the value of their button."""
 
 
 class RunsShown:
@@ -37,7 +41,7 @@ class RunsShown:
             handle = page.client.gui.add_dropdown(f"{side.upper()} shows", (NEWEST,), hint=_HINTS[side])
             self._runs[side] = Dropdown(page, handle, partial(self._choose_run, side))
             self._phases[side] = Board(page)
-        page.on_press("runs.phase", self._choose_phase)
+        page.on_press("runs.phase", self._choose_phase, _PHASE_CHOICES.__getitem__)
         page.on_press("runs.swap", lambda _: page.set(a=page.state.b, b=page.state.a))
 
     def _choose_run(self, side: str, name: str) -> None:
@@ -45,10 +49,10 @@ class RunsShown:
             now = self._choice(side)
             self._page.set(**{side: FitChoice(run=self._numbers[name], phase=now.phase)})
 
-    def _choose_phase(self, value: str) -> None:
-        side, _, phase = value.partition(" ")
+    def _choose_phase(self, chosen: tuple[str, int | None]) -> None:
+        side, phase = chosen
         now = self._choice(side)
-        self._page.set(**{side: FitChoice(run=now.run, phase=int(phase) if phase else None)})
+        self._page.set(**{side: FitChoice(run=now.run, phase=phase)})
 
     def _choice(self, side: str) -> FitChoice:
         return self._page.state.a if side == "a" else self._page.state.b
@@ -108,7 +112,14 @@ class RunsShown:
 
 
 def run_names(runs: Sequence[Run]) -> list[str]:
-    """What runs are called in a list of options, where each name may stand only once."""
-    names = [run.name for run in runs]
+    """What runs are called in a list of options, where each name stands only once; long ones without their middle."""
+    names = [_shortened(run.name) for run in runs]
     taken = {NEWEST, _GONE}
-    return [f"{run.name} (#{run.id})" if names.count(run.name) > 1 or run.name in taken else run.name for run in runs]
+    alike = [names.count(name) > 1 or name in taken for name in names]
+    return [f"{name} (#{run.id})" if also else name for run, name, also in zip(runs, names, alike, strict=True)]
+
+
+def _shortened(name: str) -> str:
+    """Names of a long list often begin alike, and end differently."""
+    start = _LONGEST - _END - 1
+    return name if len(name) <= _LONGEST else f"{name[:start]}…{name[-_END:]}"

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tcfit_app.body_regions import spoken
+from tcfit_app.body_regions import full_name
 from tcfit_app.corrected import Corrected
 from tcfit_app.panels.html import Html, heading, joined, line, paragraph, table, tag
 
@@ -49,7 +49,7 @@ def selected_keypoints(page: "Page") -> list[Selected]:
         seen = detections.confidence[frame, joint] > 0
         found.append(
             Selected(
-                name=spoken(joint),
+                name=full_name(joint),
                 state=state_of(corrected, frame, joint),
                 confidence=float(corrected.confidence[frame, joint]),
                 xy=(x, y),

@@ -39,14 +39,14 @@ class StartPanel:
         self._said = Board(page)
         page.on_press("start.import", lambda _: page.session.source.import_path(self._path.value))
         page.on_press("start.detect", lambda _: self._detect())
-        page.on_press("start.download", lambda name: page.session.source.download(name))
+        page.on_press("start.download", lambda name: page.session.source.download(name), _known_model)
         page.on_press("start.cancel", lambda _: page.session.source.cancel())
 
     def _add_import(self) -> None:
         page, gui = self._page, self._page.client.gui
         hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
         self._path = gui.add_text("Path", "", hint=hint)
-        Board(page).show(row(button("Import from this path", "start.import", kind="main")))
+        Board(page).show(row(button("Import from this path", "start.import", kind="main", enter=True)))
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
         upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
 
@@ -133,6 +133,12 @@ class _ModelChoice:
             return file
         known = self._options().get(self.chosen)
         return known.name if known is not None else ""
+
+
+def _known_model(name: str) -> str:
+    from fitting_core.detect.known_models import KNOWN_MODELS
+
+    return KNOWN_MODELS[name].name
 
 
 def _introduction(page: "Page") -> list[Html]:

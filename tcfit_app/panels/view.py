@@ -1,6 +1,6 @@
 """The panel that says what is seen: mode, playing, runs, layers, timeline."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
@@ -8,6 +8,7 @@ from fitting_core.keypoints import GROUPS
 from tcfit_app.panels.field import Dropdown, Field
 from tcfit_app.panels.html import Board, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.panels.runs_shown import RunsShown
+from tcfit_app.presses import one_of
 from tcfit_app.strip import PLOTTED
 from tcfit_app.view.page_states import GROUP_COLORS
 from tcfit_app.view_state import MODES, SPEEDS
@@ -19,6 +20,9 @@ _CURVES = {f"{title} ({unit})" if unit else title: name for name, (title, unit) 
 """Curves by what they are called in the dropdown."""
 _SWITCHES = {"video", "bones", "detections"}
 """What can be switched here and has no key."""
+_COLORS_BY = ("group", "confidence")
+_SPEEDS = {f"{speed:g}": speed for speed in SPEEDS}
+"""By the value of their button."""
 _APART = 1.2
 """Metres: two bodies with their arms stretched do not touch."""
 
@@ -53,10 +57,10 @@ class ViewPanel:
 
     def _listen(self) -> None:
         page = self._page
-        page.on_press("view.switch", self._switch)
-        page.on_press("view.group", self._switch_group)
-        page.on_press("view.color", self._color_by)
-        page.on_press("view.speed", lambda speed: page.set_speed(float(speed)))
+        page.on_press("view.switch", self._switch, one_of(_SWITCHES))
+        page.on_press("view.group", self._switch_group, one_of(GROUPS))
+        page.on_press("view.color", lambda by: page.set(color_by=by), one_of(_COLORS_BY))
+        page.on_press("view.speed", page.set_speed, _SPEEDS.__getitem__)
         page.on_press("view.apart", lambda _: page.set(apart=0.0 if page.state.apart else _APART))
 
     def _jump(self, number: int) -> None:
@@ -64,16 +68,10 @@ class ViewPanel:
         self._page.seek(number - self._page.first_frame)
 
     def _switch(self, name: str) -> None:
-        assert name in _SWITCHES
         self._page.set(**{name: not getattr(self._page.state, name)})
 
     def _switch_group(self, name: str) -> None:
-        assert name in GROUPS
         self._page.set(groups=self._page.state.groups ^ {name})
-
-    def _color_by(self, name: str) -> None:
-        colors: dict[str, Literal["group", "confidence"]] = {"group": "group", "confidence": "confidence"}
-        self._page.set(color_by=colors[name])
 
     def draw(self) -> None:
         """Bring it to the page's state."""
@@ -109,7 +107,7 @@ class ViewPanel:
                 )
             ),
         )
-        speeds = (button(f"{speed:g}×", "view.speed", f"{speed:g}", pressed=state.speed == speed) for speed in SPEEDS)
+        speeds = (button(f"{name}×", "view.speed", name, pressed=state.speed == s) for name, s in _SPEEDS.items())
         what = "the selection" if state.frames is not None else "the clip"
         self._speed.show(
             row(choice(*speeds), label="Speed"),
@@ -142,7 +140,7 @@ class ViewPanel:
             )
             for name in GROUPS
         )
-        colors = (button(name, "view.color", name, pressed=state.color_by == name) for name in ("group", "confidence"))
+        colors = (button(name, "view.color", name, pressed=state.color_by == name) for name in _COLORS_BY)
         self._keypoints.show(
             heading("Picture and keypoints"),
             row(action("fit_view", "Whole picture"), action("zoom", "Zoom to selected")),

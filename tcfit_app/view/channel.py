@@ -38,6 +38,8 @@ SCRIPTS = (
     "keys",
     "notice",
     "panels",
+    "number_fields",
+    "text_fields",
     "start",
 )
 """In the order in which they run, all in one scope."""

@@ -65,6 +65,7 @@ class Skeleton(_State, frozen=True, kw_only=True):
     """The keypoints' names, groups and bones."""
 
     names: tuple[str, ...] = tuple(keypoints.NAMES)
+    """As users read them."""
     groups: tuple[Group, ...] = tuple(
         Group(name=name, start=s.start, stop=s.stop, color=GROUP_COLORS[name], radius=GROUP_RADII[name])
         for name, s in keypoints.GROUPS.items()

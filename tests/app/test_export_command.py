@@ -31,7 +31,7 @@ from fitting_core.render import off_screen_gl
 from tcfit_app.bodies import record_of
 from tcfit_app.cli import main
 from tcfit_app.export_source import ExportSource
-from tcfit_app.exporting import file_name, write_export
+from tcfit_app.exporting import _replacing_folder, file_name, write_export
 from tcfit_app.exports import EXPORTS
 from tcfit_app.project import Project
 from tests.app.conftest import FRAMES, Finished, motion
@@ -294,3 +294,25 @@ def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130 and "cancelled" in said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["walk.smplx.npz"]
+
+
+@pytest.mark.parametrize("stopped", [1, 2])
+@pytest.mark.parametrize("reason", [KeyboardInterrupt, OSError])
+def test_a_folder_is_there_whatever_stops_its_replacement(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: type[BaseException], stopped: int
+):
+    out, rename, calls = tmp_path / "walk-obj", Path.rename, []
+    out.mkdir()
+    (out / "000.obj").write_text("old")
+
+    def interrupted(self: Path, target: Path) -> Path:
+        calls.append(target)
+        if len(calls) == stopped:
+            raise reason
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(reason), _replacing_folder(out) as draft:
+        (draft / "000.obj").write_text("new")
+    assert [path.name for path in tmp_path.iterdir()] == ["walk-obj"]
+    assert (out / "000.obj").read_text() == "old"

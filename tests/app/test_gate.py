@@ -392,6 +392,19 @@ def test_neither_token_nor_cookie_gets_into_logs(
         assert secret not in text
 
 
+def test_messages_that_are_none_end_their_connection_without_a_traceback(
+    server: ReviewServer, cookie: str, caplog: pytest.LogCaptureFixture
+):
+    for sent in ("text", b"", b"\xc1", msgspec.msgpack.encode(5), msgspec.msgpack.encode({"type": "NoSuch"})):
+        with open_websocket(server, Cookie=cookie) as client:
+            client.send(sent)
+            with pytest.raises(ConnectionClosed):
+                while True:
+                    client.recv(timeout=10)
+    assert not [record for record in caplog.records if record.exc_info]
+    assert get(server, HOME, Cookie=cookie).status == 200
+
+
 def test_the_end_closes_everything_at_once(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(gated_viser, "GOODBYE_SECONDS", 5.0)
     before = set(threading.enumerate())

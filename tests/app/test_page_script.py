@@ -290,10 +290,22 @@ def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
     tab.settle()
     assert set(map(type, tab.events)) <= {Gesture}
     assert np.abs(np.array(tab.clients[-1].camera.wxyz) - before).max() > 0.01
-    tab.events.clear()
-    tab.page.keyboard.press("w")  # viser's key: the camera has been moved
-    tab.await_event(Gesture)
+    tab.send("layout", POSTER)
+    tab.look(300.0)
+
+
+def test_in_space_keys_do_what_they_do_elsewhere(tab: Tab) -> None:
+    keys = tuple(states.KeyBinding(key=key, action=key) for key in ("KeyS", "KeyD"))
+    tab.send("keys", states.Keys(bindings=keys))
+    tab.send("layout", SPACE)
+    tab.settle()
+    before = tuple(tab.clients[-1].camera.position)
+    for key in ("s", "d", "w", "a", "ArrowUp"):
+        tab.page.keyboard.press(key, delay=30)
     tab.page.wait_for_timeout(300)
+    tab.settle()
+    assert tab.events == [Key(action="KeyS", repeat=False), Key(action="KeyD", repeat=False)]
+    assert tuple(tab.clients[-1].camera.position) == before
     tab.send("layout", POSTER)
     tab.look(300.0)
 
@@ -366,6 +378,28 @@ def test_the_legend_lies_above_the_curves_highest_values(tab: Tab) -> None:
     x = round(strip_place(tab, LENGTH - 15)[0])
     drawn = tab.page.evaluate(look, x)
     assert drawn and min(drawn) > 36  # below the legend, over which nothing else is drawn
+
+
+def test_of_a_long_run_s_name_the_phase_stays_in_sight(tab: Tab) -> None:
+    name = f"a very long name {'of a run ' * 30}corrected"
+    record = """() => {
+      const usual = CanvasRenderingContext2D.prototype.fillText;
+      window.written = [];
+      CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+        window.written.push(text);
+        usual.call(this, text, ...where);
+      };
+    }"""
+    tab.page.evaluate(record)
+    curve = states.Curve(label=f"{name} · temporal", color="#ff0000", values=(1.0,) * LENGTH)
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, curves=(curve,)))
+    poster = states.Poster(x=0.0, label=f"B   {name} · shared shape")
+    tab.send("layout", states.Layout(mode="poster", image=(WIDTH, HEIGHT), posters=(poster,)))
+    tab.settle()
+    written = tab.page.evaluate("window.written")
+    for phase in ("temporal", "shared shape"):
+        short = next(text for text in reversed(written) if phase in text)
+        assert short.endswith(f"rected · {phase}") and "a very" in short and "…" in short and len(short) < 120
 
 
 def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:

@@ -15,9 +15,12 @@ from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import Curve
 from tcfit_app.edits import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.fits import FitChoice
+from tcfit_app.page import SKELETON
+from tcfit_app.picture import _surroundings
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
 from tcfit_app.suspicion import Suspect
+from tcfit_app.view.page_events import Drag
 from tests.app.lone_page import LonePage, lone_page, sample_project
 from tests.app.project_samples import FRAMES
 
@@ -61,13 +64,67 @@ def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypat
     monkeypatch.setattr(page.picture._view, "zoom_to", seen.append)
     detected = page.session.project.corrected.confidence[0] > 0
     there, absent = np.flatnonzero(detected)[:2].tolist(), int(np.flatnonzero(~detected)[0])
-    xy = page.session.project.corrected.xy[0, there]
     page.set(selection=(*there, absent))
     page.picture.zoom_to_selection()
-    assert seen == [(*(xy.min(0) - 40).tolist(), *(xy.max(0) + 40).tolist())]
+    page.set(selection=tuple(there))
+    page.picture.zoom_to_selection()
+    assert seen[0] == seen[1]
     page.set(selection=(absent,))
     with pytest.raises(InputError, match="nothing to zoom to"):
         page.picture.zoom_to_selection()
+
+
+@pytest.mark.parametrize("size", [(45, 60), (640, 480), (3840, 2160)])
+def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
+    width, height = size
+    middle, diagonal = np.array([[width / 2, height / 2]]), np.hypot(*size)
+    assert np.allclose(_surroundings(middle, size), middle + diagonal / 20 * np.array([[-1], [1]]))
+    corners = np.array([[0.0, 1.0], [width, height - 1]])
+    assert np.allclose(_surroundings(corners, size), [[0, 0], [width, height]])
+    assert np.allclose(_surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 20)])
+    left, right = width / 4, 3 * width / 4
+    assert np.allclose(_surroundings(np.array([[left, 1.0], [right, 1.0]]), size)[:, 0], [width / 8, 7 * width / 8])
+
+
+def test_in_3d_nothing_that_is_not_on_show_gets_selected(tested: LonePage):
+    page = tested.page
+    page.set(mode="space")
+    with pytest.raises(InputError, match="In 3D no keypoints are on show"):
+        page.correcting.select_all()
+    assert page.state.selection == ()
+    page.set(mode="ab")
+    page.correcting.select_all()
+    chosen = page.state.selection
+    page.set(mode="space")
+    page.correcting.toggle_bad()  # chosen where it could be seen
+    assert chosen and page.session.project.corrected.bad[0, list(chosen)].all()
+
+
+def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
+    page, frame = tested.page, 2
+    page.set(frame=frame, selection=(4,))
+    page.correcting.reset()
+    before = page.session.project.last_edit
+    page.receive(Drag("start", (4,), 0.0, 0.0, frame))
+    for command in (page.correcting.toggle_bad, page.correcting.undo, page.correcting.redo):
+        with pytest.raises(InputError, match="being dragged"):
+            command()
+    assert page.session.project.last_edit == before
+    page.receive(Drag("end", (4,), 3.0, 0.0, frame))
+    page.correcting.toggle_bad()
+    assert page.session.project.last_edit == before + 2 and page.session.project.corrected.bad[frame, 4]
+
+
+def test_a_keypoint_has_one_name_wherever_it_is_read(tested: LonePage):
+    joints = tuple(INDEX[name] for name in ("left_wrist", "left_index4", "face_outer_lip3"))
+    names = ("left wrist", "left index 4", "face outer lip 3")
+    page = tested.page
+    page.set(selection=joints)
+    page.correcting.toggle_bad()
+    assert page.message[0].startswith(f"Saved: {', '.join(names)} marked bad")
+    assert all(f">{name}<" in tested.html() for name in names)
+    assert set(names) <= set(tested.field("Keypoint").options)
+    assert [SKELETON.names[joint] for joint in joints] == list(names)
 
 
 def test_playing_sends_little(tested: LonePage):

@@ -80,6 +80,37 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
     until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
 
 
+@pytest.mark.parametrize(
+    "keys", [["Backspace"], ["7", "Backspace"], ["7", "Backspace", "-"], ["End", *3 * ["Backspace"]]]
+)
+def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: list[str]):
+    def weight() -> float:
+        return opened.page.state.settings.config.temporal.weight
+
+    opened.tab.get_by_role("tab", name="Fit").click()
+    field = opened.tab.locator(".mantine-NumberInput-input:visible").first
+    field.fill("250")
+    until(lambda: weight() == 250)
+    field.press("Control+a")
+    for key in keys:
+        field.press(key)
+    assert field.input_value() in ("", "-")
+    field.press("Tab")
+    until(lambda: field.input_value() == "250" and weight() == 250)
+    opened.tab.evaluate("document.activeElement.blur()")
+
+
+def test_enter_in_the_field_name_renames(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Runs").click()
+    field = opened.tab.locator("input.mantine-TextInput-input:visible").first
+    run = opened.session.fits.runs[-1]
+    until(lambda: field.input_value() == run.name)
+    field.press("Control+a")
+    opened.tab.keyboard.type("mine")
+    opened.tab.keyboard.press("Enter")
+    until(lambda: opened.session.fits.runs[-1].name == "mine")
+
+
 def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
     window = opened.tab.locator("[role=dialog]", has_text="Nudge by 1 px")
     ways = (

@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -28,6 +29,7 @@ from tcfit_app.panels import compare
 from tcfit_app.panels.compare import ComparePanel
 from tcfit_app.panels.export import ExportPanel
 from tcfit_app.panels.runs import RunsPanel
+from tcfit_app.panels.runs_shown import run_names
 from tcfit_app.project import Project
 from tcfit_app.project_file import unpack
 from tcfit_app.view_state import FitSettings
@@ -113,6 +115,23 @@ def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
     assert "Run 1 (deleted)" in of_parent(tested)
     session.purge()
     assert "a run that was removed" in of_parent(tested)
+
+
+def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session, first = tested.page.session, tested.fit()
+    runs, fit = session.project.runs, session.fits.fit(first)
+    assert "<dt>Took</dt>" in tested.html()
+    patched = replace(fit.last, objective={"by frame": float(fit.last.frame_cost.mean())})
+    started = runs.start(QUICK, body=first.body, edits_seen=0, kind="corrections", parent=first.id, name="Corrected")
+    runs.finish(started.id, replace(fit, phases=(*fit.phases[:-1], patched)))
+    session.fits.changed()
+    tested.press("runs.choose", str(started.id))
+    shown = tested.html()
+    assert "<dt>Took</dt>" not in shown
+    assert "<dt>Phases</dt><dd>every frame, shape, over time</dd>" in shown
+    costs = shown.partition("<dt>Cost</dt><dd>")[2].partition("</dd>")[0].split(", ")
+    assert len(costs) == 3 and costs[2] == f"{fit.last.frame_cost.mean():.4g} without the temporal term"
 
 
 def of_parent(tested: LonePage) -> str:
@@ -267,6 +286,47 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
         assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
 
 
+def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run, clip = tested.fit(), tested.page.session.project.clip.name
+
+    def name(export: str) -> str:
+        downloaded(tested, export)
+        return tested.panels[0].running.name.removeprefix(clip)
+
+    assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
+    tested.press("export.side", "A")
+    tested.page.set(frames=range(2, 5))
+    tested.press("export.frames", "selected")
+    assert name("npz") == f"-run{run.id}-SMPLify-X-2-4.smplx.npz"
+    assert name("figures") == "-2-4.figures.csv", "it shows A and B"
+    assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
+    tested.page.set(frames=None, a=FitChoice(phase=2))
+    tested.draw()
+    assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
+    second = tested.fit()
+    tested.page.set(b=FitChoice(run=run.id))
+    tested.press("export.side", "B")
+    assert name("summary") == f"-run{run.id}-temporal.summary.json"
+    tested.page.set(b=FitChoice(run=second.id))
+    assert name("summary") == ".summary.json"
+
+
+def test_long_names_of_runs_are_told_apart(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run = tested.fit()
+    name = f"a very long name {'of a run ' * 15}corrected"
+    tested.page.session.rename(run.id, name)
+    shown = tested.html()
+    assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
+    assert f'title="{name} · temporal"' in shown
+    renamed = tested.page.session.fits.runs[0]
+    others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
+    names = run_names([renamed, *others])
+    assert names == ["a very long name…n corrected", "a very long name…ected twice", "a very lo, a ver…n corrected"]
+    assert run_names([renamed, replace(renamed, id=2)])[1] == "a very long name…n corrected (#2)"
+
+
 def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
     tested = panel_of(ExportPanel)
     tested.fit()
@@ -302,10 +362,14 @@ def test_an_export_can_be_cancelled_and_can_fail():
         raise InputError("No off-screen OpenGL here.")
 
     source, got = ExportSource(name="walk", known_clip=sample_clip()), []
-    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, got.append)
+
+    def take(name: str, content: bytes) -> None:
+        got.append(content)
+
+    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, "a", take)
     one.cancel()
     one.join(10)
-    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, got.append)
+    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, "a", take)
     other.join(10)
     assert (one.state, other.state, other.reason) == ("cancelled", "failed", "No off-screen OpenGL here.")
     assert not got

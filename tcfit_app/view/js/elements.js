@@ -75,6 +75,20 @@ function shortened(context, text, width) {
   return length ? `${text.slice(0, length)}…` : "";
 }
 
+/** As much of a run's name as fits, of its start and its end, and the whole of its phase: "Run wi…ted · temporal". */
+function shortenedName(context, text, width) {
+  const fits = (some) => context.measureText(some).width <= width;
+  if (fits(text)) return text;
+  const cut = text.lastIndexOf(" · ");
+  const [name, phase] = cut < 0 ? [text, ""] : [text.slice(0, cut), text.slice(cut)];
+  for (let length = name.length - 1; length > 0; length -= 1) {
+    const end = Math.floor(length / 3);
+    const some = `${name.slice(0, length - end)}…${name.slice(name.length - end)}${phase}`;
+    if (fits(some)) return some;
+  }
+  return shortened(context, text, width);
+}
+
 /** Puts a tooltip beside a point of its parent, within it sideways. */
 function place(tip, x, y, above) {
   tip.hidden = false;

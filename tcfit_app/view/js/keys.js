@@ -2,8 +2,10 @@
 
 const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
   "input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
-const CAMERA_LETTERS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"];
-const CAMERA_ARROWS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"];
+// They would move viser's camera: in 3D S and D did that and not what their buttons say. The mouse moves it.
+const CAMERA_KEYS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"].concat(
+  ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
+);
 
 // Asked at once: at the next key the browser takes a clicked button for one that was reached by keyboard.
 let reachedByKeyboard = null;
@@ -36,13 +38,9 @@ function keyDown(event) {
   if (event.key === "Escape" && (closeWindow() || cancelGesture())) return swallow(event);
   if (keyIsTaken(event)) return;
   const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
-  const letter = CAMERA_LETTERS.includes(event.code);
-  const camera = plain && (letter || CAMERA_ARROWS.includes(event.code));
-  const space = states.layout?.mode === "space";
-  const binding = space && plain && letter ? undefined : bindingFor(event);
+  const binding = bindingFor(event);
   if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
-  else if (space && camera) emitSoon({ type: "gesture" });
-  if (binding || (camera && states.layout?.mode === "poster")) swallow(event);
+  if (binding || (plain && CAMERA_KEYS.includes(event.code))) swallow(event);
 }
 
 function swallow(event) {

@@ -126,7 +126,7 @@ function drawHovered(context) {
   place(tooltip, ...places[poster], false);
 }
 
-/** "right_wrist  0.83  edited" */
+/** "right wrist  0.83  edited" */
 function jointLine(joint) {
   const confidence = states.keypoints.confidence[joint];
   const parts = [nameOf[joint], confidence > 0 ? confidence.toFixed(2) : "missing"];
@@ -151,7 +151,7 @@ function drawFitNames(context) {
 
 /** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`. */
 function drawFitName(context, { label, color }, right, top, across) {
-  const text = shortened(context, label, across - 60);
+  const text = shortenedName(context, label, across - 60);
   if (!text) return;
   const width = context.measureText(text).width + 32;
   const [x, y] = [right - width - 8, top + 8];

@@ -20,6 +20,9 @@ const PANEL_SHEET = `
   -webkit-user-select: none; }
 .tcfit-panel button > span { overflow: hidden; text-overflow: ellipsis; padding: 3px 0; }
 .tcfit-panel button:hover:not(:disabled) { background: #3a404a; border-color: #59616d; color: #fff; }
+.tcfit-panel button > span:has(.tcfit-phase) { display: flex; align-items: center; }
+.tcfit-panel button > span:has(.tcfit-phase) > * { flex: none; white-space: pre; }
+.tcfit-panel button > span:has(.tcfit-phase) > .tcfit-name { flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }
 .tcfit-panel button:active:not(:disabled) { background: #23272d; }
 .tcfit-panel button:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }

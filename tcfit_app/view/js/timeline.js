@@ -12,7 +12,7 @@ const MARK_ROWS = [
 ];
 const ROW = 7; // height of a mark
 const FIT_ROW = 145;
-const LEGEND_ENTRY = 170; // widest
+const LEGEND_ENTRY = 170; // widest, where the plot is not four times as wide
 const FULL_HEIGHT = 156;
 
 let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
@@ -151,7 +151,8 @@ function drawValueLabels(context, scale, y) {
 function drawCurveLegend(context, curves) {
   const { title, unit } = states.timeline;
   context.font = `11px ${FONT}`;
-  const entries = curves.map(({ label, color }) => ({ text: shortened(context, label, LEGEND_ENTRY), color }));
+  const widest = Math.max(LEGEND_ENTRY, plotWidth() / 4);
+  const entries = curves.map(({ label, color }) => ({ text: shortenedName(context, label, widest), color }));
   const heading = unit && title ? `${title} [${unit}]` : title || unit;
   if (heading) entries.unshift({ text: heading, color: null });
   const widths = entries.map(({ text, color }) => context.measureText(text).width + (color ? 30 : 14));
