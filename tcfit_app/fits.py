@@ -198,15 +198,11 @@ class Fits:
         self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; what it has stored stays. One that failed in being written is written now.
+        """A run was cancelled or has failed; what it has stored stays.
 
         Raises:
             InputError: The project cannot be written.
         """
-        if (found := self._unwritten.get(run)) is not None:
-            self._finish(run, found)
-            del self._unwritten[run]
-            return
         self._project.runs.end(run, state, message)
         with self._lock:
             if (version := self._versions.pop(run, None)) is not None and self._project.runs.get(run).stored:
@@ -228,10 +224,14 @@ class Fits:
         assert isinstance(job, RunJob)
         if isinstance(result, FitResult):
             try:
-                self._finish(job.run_id, result)
-            except InputError:
+                self._project.runs.finish(job.run_id, result)
+            except InputError as error:
                 self._unwritten[job.run_id] = result
-                raise
+                raise InputError(
+                    f"{error} The fit is not lost: leave tcfit running, it is written as soon as that is possible."
+                ) from error
+            self._publish(job.run_id, result)
+            self.changed()
         elif isinstance(result, PhaseFinished):
             self._project.runs.store(job.run_id, result.so_far)
             self._publish(job.run_id, result.so_far)
@@ -239,10 +239,24 @@ class Fits:
         else:
             self._put_window(job, result)
 
-    def _finish(self, run: int, result: FitResult) -> None:
-        self._project.runs.finish(run, result)
-        self._publish(run, result)
-        self.changed()
+    @property
+    def unwritten(self) -> bool:
+        """Whether there are finished fits that could not be written."""
+        return bool(self._unwritten)
+
+    def write_late(self) -> list[Run]:
+        """Try again to write those; which runs have finished so."""
+        written = []
+        for number, found in list(self._unwritten.items()):
+            if self.run(number) is not None:  # it may have been deleted meanwhile
+                try:
+                    written.append(self._project.runs.finish_late(number, found))
+                except InputError:
+                    break
+                self._publish(number, found)
+                self.changed()
+            del self._unwritten[number]
+        return written
 
     def _put_window(self, job: RunJob, window: WindowFinished) -> None:
         with self._lock:

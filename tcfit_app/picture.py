@@ -27,7 +27,7 @@ _LEGEND_HEIGHT = 34.0
 """CSS pixels that posters leave free for the colour bar below them."""
 _SAMPLED = 120
 """Frames of a clip, at most, whose whole bodies the 3D camera is fitted to: 0.1 s."""
-_LEAST_MARGIN, _MARGIN = 1 / 20, 1 / 4
+_LEAST_MARGIN, _MARGIN = 1 / 12, 1 / 4
 """Around keypoints that are zoomed to: of the image's diagonal at least, and of their own extent."""
 
 

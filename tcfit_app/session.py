@@ -379,25 +379,26 @@ class Session:
         except InputError as error:  # e.g. a full disk
             _log.warning("Run %d could not be ended: %s", job.run, error)
             self._unended.append(job)
-            text = f"{error} It is tried again until it succeeds: leave tcfit running."
-            self.tell(Notice(title="The project cannot be written", text=text, kind="error"))
+            self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
 
     def _end_late(self, now: float) -> None:
         """Write what could not be written, if that is possible by now."""
-        if not self._unended or 0 < now < self._next_try:
+        if not (self._unended or self.fits.unwritten) or 0 < now < self._next_try:
             return
         self._next_try = now + _RETRY
-        for job in list(self._unended):
+        while self._unended:
+            job = self._unended[0]
             assert job.run is not None and job.outcome in ("cancelled", "failed")
             try:
                 self.fits.end(job.run, job.outcome, job.reason)
             except InputError:
                 return
-            self._unended.remove(job)
-            if (run := self.fits.run(job.run)) is not None and run.state == "finished":
-                job.outcome, job.reason = "finished", ""
+            self._unended.pop(0)
+        for run in self.fits.write_late():
+            if self.ended is not None and self.ended.run == run.id:
+                self.ended.outcome, self.ended.reason = "finished", ""
             self.changes += 1
-            self.tell(Notice(title=f"{job.title}: written after all", text="", kind="done"))
+            self.tell(Notice(title=f"{run.name} is written after all", text="", kind="done"))
 
     def refuse_without_keypoints(self) -> None:
         """Raises InputError where there is nothing yet to correct or fit."""

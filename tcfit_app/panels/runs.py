@@ -170,6 +170,7 @@ class RunsPanel:
         if chosen is None:
             for board in (self._buttons, self._details, self._toml):
                 board.show()
+            self._settings.visible = False
             return
         run = chosen.run
         self._drawn = run.id

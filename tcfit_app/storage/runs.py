@@ -170,6 +170,19 @@ class Runs:
         self._end(run, "finished", "", _summary(fit, summary))
         return self.get(run)
 
+    def finish_late(self, run: int, fit: FitResult) -> Run:
+        """Keep the result of a run that has failed because it could not be written.
+
+        Raises:
+            InputError: It has not failed, or the project cannot be written.
+        """
+        found = self.get(run)
+        if found.state != "failed":
+            raise InputError(f"{found.name} has not failed; it stays as it is.")
+        write_run(self._path(run), fit)
+        self._end(run, "finished", "", _summary(fit, None))
+        return self.get(run)
+
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
         """Keep what a finished run of corrections has become; when this returns, it is on the disk.
 

@@ -78,12 +78,14 @@ def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypat
 def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
     width, height = size
     middle, diagonal = np.array([[width / 2, height / 2]]), np.hypot(*size)
-    assert np.allclose(_surroundings(middle, size), middle + diagonal / 20 * np.array([[-1], [1]]))
+    assert np.allclose(_surroundings(middle, size), middle + diagonal / 12 * np.array([[-1], [1]]))
     corners = np.array([[0.0, 1.0], [width, height - 1]])
     assert np.allclose(_surroundings(corners, size), [[0, 0], [width, height]])
-    assert np.allclose(_surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 20)])
-    left, right = width / 4, 3 * width / 4
-    assert np.allclose(_surroundings(np.array([[left, 1.0], [right, 1.0]]), size)[:, 0], [width / 8, 7 * width / 8])
+    assert np.allclose(_surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 12)])
+    length, along = max(size), int(np.argmax(size))
+    far = np.ones((2, 2))
+    far[:, along] = length / 4, 3 * length / 4
+    assert np.allclose(_surroundings(far, size)[:, along], [length / 8, 7 * length / 8])
 
 
 def test_in_3d_nothing_that_is_not_on_show_gets_selected(tested: LonePage):

@@ -452,7 +452,10 @@ def test_a_fit_without_its_body_follows_nothing_and_says_so(folder: Path):
         assert told(session)[-1].kind == "error" and "There is no neutral smplx body" in told(session)[-1].text
 
 
-def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(session: Session, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("barred", [("finish",), ("finish", "end")])
+def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
+    session: Session, monkeypatch: pytest.MonkeyPatch, barred: tuple[str, ...]
+):
     full = True
     runs = session.project.runs
 
@@ -464,18 +467,18 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(session: Session,
 
         return tried
 
-    for name in ("finish", "end"):
+    for name in (*barred, "finish_late"):
         monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
     monkeypatch.setattr("tcfit_app.session._RETRY", 0.0)
     run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
     idle(session)
     kept = session.fits.run(run.id)
-    assert kept is not None and kept.state == "running" and not kept.stored
+    assert kept is not None and kept.state == ("running" if "end" in barred else "failed") and not kept.stored
     assert any("leave tcfit running" in notice.text for notice in told(session))
     full = False
     session.take_news()
     kept = session.fits.run(run.id)
-    assert kept is not None and kept.state == "finished" and "written after all" in told(session)[-1].title
+    assert kept is not None and kept.state == "finished" and "is written after all" in told(session)[-1].title
     assert newest(session).run.id == run.id and torch.equal(
         session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
     )
