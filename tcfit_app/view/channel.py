@@ -38,6 +38,7 @@ SCRIPTS = (
     "keys",
     "notice",
     "panels",
+    "tabs",
     "number_fields",
     "text_fields",
     "start",

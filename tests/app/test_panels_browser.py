@@ -123,3 +123,17 @@ def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
         window.wait_for()
         close()
         window.wait_for(state="detached")
+
+
+def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Reviewing):
+    def shown() -> str:
+        return opened.tab.locator("[role=tab][aria-selected=true]").inner_text()
+
+    opened.tab.get_by_role("tab", name="Runs").click()
+    until(lambda: shown() == "Runs")
+    for part in (opened.tab.reload, opened.server.viser._websock_server.disconnect_all_clients):
+        client = opened.page.client.client_id
+        part()
+        until(lambda client=client: opened.app.pages and opened.page.client.client_id != client and opened.page.ready)
+        until(lambda: opened.tab.locator("[role=tab]").count() and shown() == "Runs", "the panel")
+    opened.tab.get_by_role("tab", name="View", exact=True).click()
