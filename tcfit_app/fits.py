@@ -261,10 +261,7 @@ class Fits:
     def _put_window(self, job: RunJob, window: WindowFinished) -> None:
         with self._lock:
             version = self._versions[job.run_id]
-            before = version.partial
-            if before is None:
-                start = getattr(job.job, "start", version.fit)
-                before = start.last.params
+            before = version.fit.last.params if version.partial is None else version.partial
             self._publish(job.run_id, version.fit, with_frames(before, window.frames, window.params))
 
     def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:

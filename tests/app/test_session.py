@@ -282,7 +282,9 @@ def test_a_cancelled_shape_keeps_its_second_phase(session: Session):
     slow = replace(config, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3))
     run = session.rerun_shape(before, slow)
     assert session.fits.phases(run) == (1,), "the shape is found again"
-    until(session, lambda: 2 in session.fits.phases(run))
+    until(session, lambda: newest(session).phase == 3)
+    betas = newest(session).params.betas
+    assert torch.equal(betas, betas[:1].expand_as(betas)), "frames that are still to come have the new shape, too"
     session.worker.pause()
     session.cancel(run.id)
     session.worker.resume()
