@@ -11,7 +11,7 @@ import pytest
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from tcfit_app.app import ReviewApp
-from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge, Restore
+from tcfit_app.edits import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.fits import FitChoice
 from tcfit_app.project import Project
 from tcfit_app.server import review_server
@@ -58,10 +58,8 @@ def _step(session: Session, rng: np.random.Generator) -> str:
         session.release(drag, edit, author="script", shown=shown)
     elif chance < 0.3:
         session.undo(author="script", shown=shown)
-    elif chance < 0.35:
+    elif chance < 0.4:
         session.edit(MarkBad(frames=(frame,), joints=(joint,)), author="script", shown=shown)
-    elif chance < 0.4:  # else nobody is left to be fitted after some thousand steps
-        session.edit(Restore(frames=(frame,), joints=tuple(range(kp.BODY.stop))), author="script", shown=shown)
     else:
         session.edit(Nudge(frames=(frame,), joints=(joint,), by=(1.0, 0.0)), author="script", shown=shown)
     return f"edit {session.project.last_edit}"
