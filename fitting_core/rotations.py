@@ -42,10 +42,22 @@ def exp_and_left_jacobian(v: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 3
 
 
 def log(matrix: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3"]:
-    """Axis-angle of a rotation matrix, exact near pi too (through the quaternion)."""
-    import roma  # here, as it loads torch's compiler: 0.8 s at the start of every command
+    """Axis-angle of a rotation matrix, exact near zero and pi too; of a length of pi at most.
 
-    return roma.rotmat_to_rotvec(matrix)
+    Through the unit quaternion q, of which the matrix gives 4 q_k q for each k: the one with the largest q_k is taken
+    (Shepperd 1978). As quick as roma's, whose package loads torch's compiler: 1.9 s before the first fit or drag.
+    """
+    a, b, c, d, e, f, g, h, i = matrix.flatten(-2).unbind(-1)
+    wx, wy, wz, xy, xz, yz = h - f, c - g, d - b, b + d, c + g, f + h
+    ww, xx, yy, zz = 1 + a + e + i, 1 + a - e - i, 1 - a + e - i, 1 - a - e + i
+    rows = torch.stack([ww, wx, wy, wz, wx, xx, xy, xz, wy, xy, yy, yz, wz, xz, yz, zz], -1).unflatten(-1, (4, 4))
+    largest = rows.diagonal(dim1=-2, dim2=-1).argmax(-1)[..., None, None]
+    q = torch.nn.functional.normalize(rows.take_along_dim(largest, -2)[..., 0, :], dim=-1)
+    cos, sines = torch.where(q[..., :1] < 0, -q, q).split([1, 3], -1)  # of half the angle
+    squared = (sines * sines).sum(-1, keepdim=True)
+    small = squared < 1e-6
+    sin = torch.where(small, torch.ones_like(squared), squared).sqrt()
+    return torch.where(small, 2 + squared / 3, 2 * torch.atan2(sin, cos) / sin) * sines
 
 
 def inverse_left_jacobian(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 3"]:

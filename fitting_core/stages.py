@@ -87,7 +87,6 @@ class Stages:
         """Keypoints of which the image says where they are, (T, 137) bool."""
         self.keypoint_points: list[Point | None] = keypoint_points(body)
         self._known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
-        self._compiled: dict[tuple[int, ...], BodyPoints] = {}
         self.all_frames = torch.arange(len(keypoints), device=self.device)
         self.hips_seen = self.seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
         self.leg_seen = torch.stack([self.seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
@@ -102,7 +101,6 @@ class Stages:
         prior = self.parametrisation.prior
         if factor > 1 and not isinstance(prior, AxisAnglePrior | Loosened):
             other.parametrisation = self.parametrisation.with_prior(Loosened(prior, LOOSENED))
-            other._compiled = {}
         return other
 
     def tensor(self, a: np.ndarray) -> Tensor:
@@ -135,11 +133,7 @@ class Stages:
         return self._select(self._joint_weights(stage).expand(len(self.keypoints), -1)).indices
 
     def _view(self, indices: Tensor, state: State | None) -> View:
-        key = tuple(indices.tolist())
-        if key not in self._compiled:
-            points = [p for p in (self.keypoint_points[i] for i in key) if p is not None]
-            self._compiled[key] = BodyPoints(self.body, points, dtype=self.dtype, device=self.device)
-        points = self._compiled[key]
+        points = _compiled(self.body, tuple(indices.tolist()), self.dtype, self.device)
         focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
         bins = None
         if points.has_contour and state is not None:
@@ -231,6 +225,14 @@ class Stages:
     def usable(self) -> Tensor:
         """Frames with enough confident keypoints to say where the person is, (T,) bool."""
         return self.seen[:, kp.BODY].sum(1) >= 4
+
+
+@lru_cache(maxsize=16)
+def _compiled(body: BodyModel, indices: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> BodyPoints:
+    """The points of some keypoints. Remembered beyond a fit: 0.1 s that each drag of a keypoint would wait."""
+    known = keypoint_points(body)
+    points = [point for i in indices if (point := known[i]) is not None]
+    return BodyPoints(body, points, dtype=dtype, device=device)
 
 
 @lru_cache(maxsize=4)

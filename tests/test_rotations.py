@@ -94,6 +94,7 @@ def test_batches_are_rows():
     v[0, 0] = 0
     for function in (rotations.exp, rotations.hat, lambda x: rotations.exp_and_left_jacobian(x)[1]):
         torch.testing.assert_close(function(v)[1, 3], function(v[1, 3]), rtol=0, atol=1e-15)
+    torch.testing.assert_close(rotations.log(rotations.exp(v)), v, rtol=0, atol=1e-14)
 
 
 def test_yaw_turns_x_towards_minus_z():

@@ -128,7 +128,7 @@ def pairs_of(
         assert isinstance(p, Surface)
         vertices, weights = np.array(p.vertices), np.array(p.weights)
         for bone in np.flatnonzero(body.skinning_weights[vertices].max(0) > 0):
-            rows.append((i, bone, *_weighted(body, vertices, weights, int(bone), directions)))
+            rows.append((i, bone, *_weighted(body, vertices, weights, bone, directions)))
     if not rows:
         empty = np.zeros((0, 3))
         return _table(
@@ -152,29 +152,28 @@ def contour_pairs(body: BodyModel, landmarks: list[int], directions: np.ndarray)
         used = body.skinning_weights[body.contour_vertices[:, landmark]].max((0, 1)) > 0
         point += [i] * int(used.sum())
         bone += list(np.flatnonzero(used))
-    tables = len(body.contour_vertices)
+    owner = np.array(landmarks)[point]
     parts = [
-        _weighted(
-            body, body.contour_vertices[b, landmarks[i]], body.contour_weights[b, landmarks[i]], int(k), directions
-        )
-        for b in range(tables)
-        for i, k in zip(point, bone, strict=True)
+        _weighted(body, vertices[owner], weights[owner], np.array(bone), directions)
+        for vertices, weights in zip(body.contour_vertices, body.contour_weights, strict=True)
     ]
-    weight, template, direction, corrective = (
-        np.array(a).reshape(tables, len(point), *np.shape(a[0])) for a in zip(*parts, strict=True)
-    )
-    return _table(point, bone, weight, template, direction, corrective)
+    return _table(point, bone, *(np.array(a) for a in zip(*parts, strict=True)))
 
 
-def _weighted(body: BodyModel, vertices: np.ndarray, weights: np.ndarray, bone: int, directions: np.ndarray) -> tuple:
-    """Weight, template, directions and correctives of the part of a surface point that one bone carries."""
-    c = weights * body.skinning_weights[vertices, bone]
-    return (
-        c.sum(),
-        c @ body.template[vertices],
-        np.tensordot(c, directions[vertices], 1),
-        np.tensordot(c, body.pose_directions[vertices], 1),
-    )
+def _weighted(
+    body: BodyModel,
+    vertices: Int[np.ndarray, "*n k"],
+    weights: Float[np.ndarray, "*n k"],
+    bone: Int[np.ndarray, "*n"],
+    directions: np.ndarray,
+) -> tuple:
+    """Weight, template, directions and correctives of the part of surface points that one bone of each carries."""
+    c = weights * body.skinning_weights[vertices, bone[..., None]]
+    sums = [
+        (c[..., None, :] @ a[vertices].reshape(*vertices.shape, -1)).reshape(*bone.shape, *a.shape[1:])
+        for a in (body.template, directions, body.pose_directions)
+    ]
+    return c.sum(-1), *sums
 
 
 def _table(

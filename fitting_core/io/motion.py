@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from fitting_core import rotations
 from fitting_core.body.mesh import Mesh
@@ -106,9 +105,8 @@ class Motion:
         if torch.equal(turn, torch.eye(3, dtype=torch.float64)):
             return replace(self, axes=axes)
         pelvis = self.rest_joints[:, 0].double()
-        # Not rotations.log, whose package loads torch's compiler: a second or two before the first file.
         turned_root = turn @ rotations.exp(self.params.global_orient.double())
-        orient = torch.as_tensor(Rotation.from_matrix(turned_root.numpy()).as_rotvec())
+        orient = rotations.log(turned_root)
         translation = (pelvis + self.params.camera_translation.double()) @ turn.mT - pelvis
         like = self.params.global_orient
         turned = replace(self.params, global_orient=orient.to(like), camera_translation=translation.to(like))

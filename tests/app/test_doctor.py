@@ -180,9 +180,9 @@ def test_versions_of_packages(monkeypatch: pytest.MonkeyPatch, requirement: str,
 
 
 def test_missing_package_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch):
-    _versions(monkeypatch, ["roma>=1.5", "numpy>=1.26"], {"numpy": "2.0"})
+    _versions(monkeypatch, ["tyro>=1.5", "numpy>=1.26"], {"numpy": "2.0"})
     _, missing, rest = check_python()
-    assert (missing.status, missing.advice) == ("failed", 'pip install "roma>=1.5"')
+    assert (missing.status, missing.advice) == ("failed", 'pip install "tyro>=1.5"')
     assert rest.found == "numpy 2.0"
 
 
