@@ -18,6 +18,7 @@ from fitting_core.result import FitResult
 from tcfit_app.job_clock import JobClock
 from tcfit_app.jobs import Job
 from tcfit_app.live import Correction, LiveCorrection
+from tcfit_app.memory import give_back
 from tcfit_app.outbox import (
     DragAbandoned,
     DragFailed,
@@ -198,6 +199,7 @@ class Worker:
         with self._changed:
             self._running = None
         self.outbox.tell(ended)
+        give_back()
 
     def _outcome(self, number: int, job: Job) -> JobFinished | JobCancelled:
         clock = JobClock(number, job)

@@ -128,7 +128,7 @@ def pairs_of(
         assert isinstance(p, Surface)
         vertices, weights = np.array(p.vertices), np.array(p.weights)
         for bone in np.flatnonzero(body.skinning_weights[vertices].max(0) > 0):
-            rows.append((i, bone, *_weighted(body, vertices, weights, bone, directions)))
+            rows.append((i, bone, *_weighted(body, vertices, weights, np.asarray(bone), directions)))
     if not rows:
         empty = np.zeros((0, 3))
         return _table(
