@@ -46,7 +46,7 @@ OUTER = {
 }
 """What stands beside the fitter uses data types only; packages stand for all their modules but those in LAYERS."""
 APP_LAYERS = {
-    "plain values": "frame_words edit_windows notices changes byte_cache jpeg playback corrected edits edit_log",
+    "plain values": "frame_words edit_windows notices changes byte_cache memory jpeg playback corrected edits edit_log",
     "what a project keeps": "storage project project_file bodies",
     "what is computed to be drawn": "background meshes posed_fit body_regions curves findings suspicion "
     "run_metrics reference_metrics between_runs video_frames",

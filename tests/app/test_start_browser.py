@@ -46,7 +46,8 @@ def chips(review: Reviewing) -> str:
 
 
 def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_path: Path, browser: "Browser"):
-    assert "No keypoints yet" in chips(review) and drawn(review) == 0
+    until(lambda: "No keypoints yet" in chips(review), "the status line")
+    assert drawn(review) == 0
     second = opened(review.app, review.server, browser)
     field(review, "Path").fill(str(keypoint_files(tmp_path / "kp")))
     review.tab.get_by_text("Import from this path").click()
