@@ -1,7 +1,7 @@
 """The three phases as a generator of events, and as one call."""
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -15,7 +15,7 @@ from fitting_core.config import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
 from fitting_core.frame_names import spans
-from fitting_core.phases.consistency import Consistency, state_around
+from fitting_core.phases.consistency import Consistency, coupled
 from fitting_core.phases.independent import fit_frames
 from fitting_core.phases.progress import Step, TermSampling
 from fitting_core.phases.shared_shape import fit_shape
@@ -28,6 +28,8 @@ from fitting_core.state import State
 
 Outcome = TypeVar("Outcome")
 """What a phase returns."""
+_CONTEXT = 10
+"""Frames around a window whose costs are taken."""
 TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
@@ -81,16 +83,16 @@ def rerun_events(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
     stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    stages = sharpened_for(stages, params, sharpness)
+    near = coupled(frames, len(clip))
+    stages = sharpened_for(stages, params, sharpness).within(near)
     settings = sharp_settings(config.settings, stages.sharpness)
     consistency = Consistency(stages, make_solver(config.solver, settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
-    state = yield from _events(consistency.rerun(state_around(stages, params, frames)[0], frames), 3)
-    fresh = stages.parametrisation.to_params(state)
-    inside = torch.zeros(len(clip), dtype=torch.bool)
-    inside[frames.start : frames.stop] = True
-    merged = {n: torch.where(inside[:, None], getattr(fresh, n), t.double()) for n, t in vars(params).items()}
-    return BodyParams(**merged)
+    moving = range(frames.start - near.start, frames.stop - near.start)
+    state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
+    state = yield from _events(consistency.rerun(state, moving), 3)
+    fresh = stages.parametrisation.to_params(state[slice(moving.start, moving.stop)])
+    return params.to(dtype=torch.float64).with_frames(frames, fresh)
 
 
 def shape_events(
@@ -244,6 +246,43 @@ def evaluated(
     stages = sharpened_for(stages, params, sharpness)
     result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
     return replace(result, params=params)
+
+
+def patched(
+    phase: PhaseResult,
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    windows: Iterable[range],
+    *,
+    sharpness: float | None,
+    note: str,
+) -> PhaseResult:
+    """A phase with other parameters in some windows.
+
+    Costs are taken there alone, with some frames around that the data term's swaps are told from: those of a whole clip
+    take 4 ms a frame, for which a drag or a re-run of some frames would wait. So they are known by frame, and not by
+    term.
+
+    Args:
+        phase: before.
+        clip: as for `evaluated`.
+        body: as for `evaluated`.
+        config: as for `evaluated`.
+        params: all frames.
+        windows: where they are others than those of `phase`.
+        sharpness: as for `rerun_events`.
+        note: for the user.
+    """
+    cost = phase.frame_cost.copy()
+    for window in windows:
+        part = slice(max(0, window.start - _CONTEXT), min(len(clip), window.stop + _CONTEXT))
+        near = replace(clip, keypoints=clip.keypoints[part])
+        found = evaluated(near, body, config, params[part], sharpness=sharpness)
+        inner = slice(window.start - part.start, window.stop - part.start)
+        cost[window.start : window.stop] = found.frame_cost[inner]
+    return replace(phase, params=params, frame_cost=cost, objective={"by frame": float(cost.mean())}, notes=(note,))
 
 
 def _phase_result(

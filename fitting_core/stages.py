@@ -87,6 +87,8 @@ class Stages:
         """Keypoints of which the image says where they are, (T, 137) bool."""
         self.keypoint_points: list[Point | None] = keypoint_points(body)
         self._known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
+        self._shown = self._known & (self.confidence > 0).any(0)
+        """Keypoints that the body knows and that any frame of the clip shows."""
         self.all_frames = torch.arange(len(keypoints), device=self.device)
         self.hips_seen = self.seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
         self.leg_seen = torch.stack([self.seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
@@ -103,6 +105,20 @@ class Stages:
             other.parametrisation = self.parametrisation.with_prior(Loosened(prior, LOOSENED))
         return other
 
+    def within(self, frames: range) -> "Stages":
+        """The same for a part of the clip, which counts as a clip: at a cost that does not grow with the whole.
+
+        What the whole clip decides stays: swapped sides, the keypoints that are looked at, what is free to move.
+        """
+        other, part = copy(self), slice(frames.start, frames.stop)
+        for name in ("keypoints", "xy", "confidence", "side", "seen", "hips_seen", "leg_seen"):
+            setattr(other, name, getattr(self, name)[part])
+        other.all_frames = self.all_frames[: len(frames)]
+        inside = {name: where[(where >= part.start) & (where < part.stop)] for name, where in self.swaps.items()}
+        other.swaps = {name: where - part.start for name, where in inside.items() if len(where)}
+        vars(other).pop("_observed", None)
+        return other
+
     def tensor(self, a: np.ndarray) -> Tensor:
         """The array in the fit's type and on its device."""
         a = np.asarray(a)
@@ -112,7 +128,7 @@ class Stages:
 
     def has(self, group: slice) -> bool:
         """Whether any keypoint of the group was detected that the body knows."""
-        return bool((self.confidence[:, group][:, self._known[group]] > 0).any())
+        return bool(self._shown[group].any())
 
     def _joint_weights(self, stage: int) -> Float[Tensor, "137"]:
         w, config = self.config.weights, self.config
@@ -125,7 +141,7 @@ class Stages:
 
     def _select(self, joint_weights: Float[Tensor, "T 137"]) -> _Selection:
         weight = self.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1]) * self.sharpness**0.5
-        used = ((weight > 0).any(0) & self._known).nonzero()[:, 0]
+        used = ((joint_weights > 0).any(0) & self._shown).nonzero()[:, 0]
         return _Selection(used, weight[:, used])
 
     def data_keypoints(self, stage: int) -> Int[Tensor, "N"]:

@@ -16,7 +16,7 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.events import PhaseFinished, WindowFinished
-from fitting_core.fitting import evaluated
+from fitting_core.fitting import patched
 from fitting_core.result import FitResult, PhaseResult
 from tcfit_app.edit_log import frames_of
 from tcfit_app.jobs import Job, with_phases
@@ -25,8 +25,6 @@ from tcfit_app.project import Project
 from tcfit_app.run_jobs import CorrectionJob, RunJob
 from tcfit_app.storage.runs import Ended, Run
 
-_CONTEXT = 10
-"""Frames around a corrected window."""
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
 TITLES = {1: "SMPLify-X", 2: "shared shape", 3: "temporal"}
@@ -262,7 +260,7 @@ class Fits:
         with self._lock:
             version = self._versions[job.run_id]
             before = version.fit.last.params if version.partial is None else version.partial
-            self._publish(job.run_id, version.fit, with_frames(before, window.frames, window.params))
+            self._publish(job.run_id, version.fit, before.with_frames(window.frames, window.params))
 
     def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
         """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
@@ -291,8 +289,9 @@ class Fits:
         fit = self.fit(base)
         whole = fit.last.params
         for window in windows:
-            whole = with_frames(whole, window, params[slice(window.start, window.stop)])
-        phase = _corrected(fit, whole, windows, clip, body)
+            whole = whole.with_frames(window, params[slice(window.start, window.stop)])
+        note = "keypoints were corrected, and the frames around them fitted again"
+        phase = patched(fit.last, clip, body, fit.config, whole, windows, sharpness=fit.sharpness, note=note)
         config = self._project.runs.get(run).config
         self._store_corrections(base, with_phases(fit, (phase,), config), self.edits_seen(base, windows, seen))
 
@@ -333,30 +332,3 @@ def newest(runs: list[Run]) -> Run:
     """The one that is shown where nobody chose: what was imported is to be compared with, and not corrected."""
     own = [run for run in runs if run.kind != "imported"]
     return (own or runs)[-1]
-
-
-def with_frames(params: BodyParams, frames: range, window: BodyParams) -> BodyParams:
-    """All frames, some of them replaced."""
-    merged = {name: tensor.clone() for name, tensor in vars(params).items()}
-    for name, values in vars(window).items():
-        merged[name][frames.start : frames.stop] = values.to(merged[name])
-    return BodyParams(**merged)
-
-
-def _corrected(
-    fit: FitResult, params: BodyParams, windows: tuple[range, ...], clip: Clip, body: BodyModel
-) -> PhaseResult:
-    """The last phase with other parameters in some windows.
-
-    Costs are taken there alone, with some frames around that the data term's swaps are told from: those of a whole clip
-    take 7 ms a frame, for which the next drag would wait. So they are known by frame, and not by term.
-    """
-    cost = fit.last.frame_cost.copy()
-    for window in windows:
-        part = slice(max(0, window.start - _CONTEXT), min(len(clip), window.stop + _CONTEXT))
-        near = replace(clip, keypoints=clip.keypoints[part])
-        found = evaluated(near, body, fit.config, params[part], sharpness=fit.sharpness)
-        inner = slice(window.start - part.start, window.stop - part.start)
-        cost[window.start : window.stop] = found.frame_cost[inner]
-    note = "keypoints were corrected, and the frames around them fitted again"
-    return replace(fit.last, params=params, frame_cost=cost, objective={"by frame": float(cost.mean())}, notes=(note,))

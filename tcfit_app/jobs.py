@@ -10,7 +10,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig
 from fitting_core.events import FitEvent, Iteration, WindowFinished
-from fitting_core.fitting import evaluated, fit_events, rerun_events, shape_events
+from fitting_core.fitting import fit_events, patched, rerun_events, shape_events
 from fitting_core.result import FitResult, PhaseResult
 from tcfit_app.frame_words import in_words
 
@@ -87,10 +87,17 @@ class RerunFrames:
             events = rerun_events(self.clip, self.body, self.config, params, window, sharpness=self.start.sharpness)
             params = yield from _as_part(events, i, len(self.windows))
             yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
-        seconds, sharpness = time.perf_counter() - begin, self.start.sharpness
-        phase = evaluated(self.clip, self.body, self.config, params, seconds=seconds, sharpness=sharpness)
-        note = f"{self.title}: window of phase 3, the rest as in the run before"
-        return with_phases(self.start, (replace(phase, notes=(note,)),), self.config)
+        phase = patched(
+            replace(self.start.last, phase=3),
+            self.clip,
+            self.body,
+            self.config,
+            params,
+            self.windows,
+            sharpness=self.start.sharpness,
+            note=f"{self.title}: window of phase 3, the rest as in the run before",
+        )
+        return with_phases(self.start, (replace(phase, seconds=time.perf_counter() - begin),), self.config)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config import FitConfig, without_collisions
@@ -32,7 +31,7 @@ from fitting_core.errors import InputError
 from fitting_core.events import FitEvent
 from fitting_core.fitting import rerun_events
 from fitting_core.keypoints import Keypoints
-from fitting_core.phases.consistency import state_around
+from fitting_core.phases.consistency import coupled
 from fitting_core.phases.sharpening import sharpened_for
 from fitting_core.reliability import cut_off
 from fitting_core.stages import N_STAGES, Stages
@@ -128,25 +127,26 @@ class LiveCorrection:
         self.correction = correction
         clip, config = correction.edited(xy), correction.following
         stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
-        self._stages = sharpened_for(stages, correction.params, correction.sharpness)
-        self._row = self._stages.keypoints[correction.frame : correction.frame + 1]
+        window, near = correction.frames, coupled(correction.frames, len(clip))
+        self._stages = sharpened_for(stages, correction.params, correction.sharpness).within(near)
+        self._frame = correction.frame - near.start
+        """That is corrected, in `_stages`, which hold the window and what is coupled to it."""
+        self._row = self._stages.keypoints[self._frame : self._frame + 1]
         self._places = [_place(self._row, k, position) for k, position in zip(correction.keypoints, xy, strict=True)]
-        around, near = state_around(self._stages, correction.params, correction.frames)
-        self._problem = self._coupled(around, near)
+        around = self._stages.parametrisation.from_params(correction.params[slice(near.start, near.stop)])
+        self._problem = self._coupled(around, range(window.start - near.start, window.stop - near.start))
         self._looked_at = self._stages.data_keypoints(N_STAGES)
         self._state = around[self._problem.coupling.free]
         self.move(xy)
 
-    def _coupled(self, around: State, near: Tensor) -> Sequence:
+    def _coupled(self, around: State, window: range) -> Sequence:
         """The window's problem, held by its surroundings as in a re-run."""
-        stages, window = self._stages, self.correction.frames
+        stages = self._stages
         objective = stages.objective(N_STAGES, around, stages.free(N_STAGES, betas=False))
         in_camera = stages.config.temporal.space == "camera"
         joints = JointPositions(stages.body, stages.parametrisation, in_camera=in_camera)
-        held = around.vector.new_zeros(len(around), N_JOINTS, 3)
-        held[near] = joints(around[near])
         coupling = Coupling.of(window, range(window.start - 1, window.stop + 1), len(around), around.vector.device)
-        return Sequence(objective, joints, held, coupling, stages.temporal_weight)
+        return Sequence(objective, joints, joints(around), coupling, stages.temporal_weight)
 
     def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
         """The keypoints are there now; pixels, in the order of the correction's."""
@@ -166,7 +166,7 @@ class LiveCorrection:
 
     def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:
         """The data term with this frame's keypoints where they are now."""
-        frame, which = self.correction.frame, self._looked_at
+        frame, which = self._frame, self._looked_at
         moved, sides = data.xy.clone(), data.side.clone()
         moved[frame], sides[frame] = self._stages.tensor(row)[0, which], self._stages.tensor(side)[0, which]
         return replace(data, xy=moved, side=sides)
@@ -199,11 +199,7 @@ class LiveCorrection:
     @property
     def params(self) -> BodyParams:
         """All frames: the result that is corrected, with the window put in."""
-        inside = slice(self.correction.frames.start, self.correction.frames.stop)
-        whole = {name: values.clone().double() for name, values in vars(self.correction.params).items()}
-        for name, values in vars(self.window).items():
-            whole[name][inside] = values
-        return BodyParams(**whole)
+        return self.correction.params.to(dtype=torch.float64).with_frames(self.correction.frames, self.window)
 
     def release(self) -> Generator[FitEvent, None, BodyParams]:
         """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames.

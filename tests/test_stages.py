@@ -159,3 +159,18 @@ def test_usable_frames_show_four_body_keypoints(tiny_body: BodyModel, detections
     part.confidence[0, 3], part.xy[0, 3] = 0.19, detections.xy[0, 3]  # not quite seen
     part.confidence[1, 4:25] = 0
     assert stages_of(tiny_body, part, FitConfig()).usable().tolist() == [False, True]
+
+
+def test_a_part_of_a_clip_looks_at_what_the_whole_clip_decides(tiny_body: BodyModel, detections: Keypoints):
+    """The first frame shows no hands, but they are seen later: in its part they are looked at and move too."""
+    config = replace(PRESETS["paper"], weights=replace(PRESETS["paper"].weights, collision=(0,) * 5))
+    confidence = detections.confidence.copy()
+    confidence[0, kp.HANDS] = 0
+    whole = stages_of(tiny_body, replace(detections, confidence=confidence), config)
+    assert whole.observed[1].any()
+    part = whole.within(range(0, 1))
+    state = whole.parametrisation.neutral(2)
+    assert part.has(kp.HANDS) and torch.equal(part.data_keypoints(5), whole.data_keypoints(5))
+    one, both = (s.objective(5, state[: len(s.keypoints)], Free()) for s in (part, whole))
+    np.testing.assert_allclose(one.cost(state[:1], part.all_frames), both.cost(state, whole.all_frames)[:1])
+    assert (part.observed == whole.observed[:1]).all() and len(part.observed) == 1

@@ -37,6 +37,13 @@ class BodyParams:
         """The same parameters in another type or on another device."""
         return BodyParams(**{f.name: getattr(self, f.name).to(dtype=dtype, device=device) for f in fields(self)})
 
+    def with_frames(self, frames: range, window: "BodyParams") -> "BodyParams":
+        """All frames, some of them replaced, in the type and on the device of these."""
+        merged = {f.name: getattr(self, f.name).clone() for f in fields(self)}
+        for name, values in vars(window).items():
+            merged[name][frames.start : frames.stop] = values.to(merged[name])
+        return BodyParams(**merged)
+
     @staticmethod
     def neutral(
         frames: int, *, dtype: torch.dtype = torch.float64, hand_components: int = N_HAND_COMPONENTS

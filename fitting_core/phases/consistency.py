@@ -2,10 +2,8 @@
 
 from collections.abc import Generator
 
-from jaxtyping import Int
 from torch import Tensor
 
-from fitting_core.body.params import BodyParams
 from fitting_core.phases.progress import Step, reported
 from fitting_core.solvers import Solver
 from fitting_core.stages import Stages
@@ -86,15 +84,9 @@ class Consistency:
         return float(self.stages.temporal_weight**2 * coupling.residuals(positions).square().sum())
 
 
-def state_around(stages: Stages, params: BodyParams, frames: range) -> tuple[State, Int[Tensor, "n"]]:
-    """A state of the whole clip that is filled in where `frames` and what they are coupled to lie, and where that is.
-
-    Encoding a pose takes 4 ms: a re-run of seven frames must not wait for thousands of them.
-    """
-    near = slice(max(0, frames.start - COUPLED), min(len(params), frames.stop + COUPLED))
-    index = stages.all_frames[near]
-    parametrisation = stages.parametrisation
-    return parametrisation.neutral(len(params)).put(index, parametrisation.from_params(params[near])), index
+def coupled(frames: range, count: int) -> range:
+    """Frames of a clip of `count`, and those that E_T couples to them."""
+    return range(max(0, frames.start - COUPLED), min(count, frames.stop + COUPLED))
 
 
 def _index(frames: range, state: State) -> Tensor:

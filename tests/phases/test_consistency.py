@@ -8,7 +8,7 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.config import FitConfig, SolverSettings, Temporal, Weights
-from fitting_core.phases.consistency import Consistency
+from fitting_core.phases.consistency import Consistency, coupled
 from fitting_core.phases.progress import Step
 from fitting_core.solvers import make_solver
 from fitting_core.stages import Stages
@@ -123,6 +123,18 @@ def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyMod
 
     for frames in (range(2, 4), range(0, 1), range(5, 6)):
         assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("frames", [range(0, 2), range(2, 4), range(5, 6)])
+def test_a_rerun_among_what_is_coupled_is_that_of_the_whole_clip(tiny_body: BodyModel, frames: range):
+    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
+    near = coupled(frames, FRAMES)
+    part = Consistency(consistency.stages.within(near), consistency.solver)
+    inner = range(frames.start - near.start, frames.stop - near.start)
+    alone = finished(part.rerun(state[slice(near.start, near.stop)], inner))
+    whole = finished(consistency.rerun(state, frames))
+    torch.testing.assert_close(alone.vector, whole.vector[near.start : near.stop], rtol=0, atol=1e-9)
+    torch.testing.assert_close(alone.orient, whole.orient[near.start : near.stop], rtol=0, atol=1e-9)
 
 
 def test_more_weight_makes_smoother(tiny_body: BodyModel):
