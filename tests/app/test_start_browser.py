@@ -97,4 +97,4 @@ def test_a_model_of_another_kind_is_named(review: Reviewing, tmp_path: Path):
     field(review, "Model file").fill(str(tmp_path / "text.onnx"))
     review.tab.get_by_text("Detect", exact=True).click()
     review.tab.get_by_text("cannot be opened as an ONNX model").first.wait_for()
-    assert "No keypoints yet" in chips(review)
+    until(lambda: "No keypoints yet" in chips(review), "the status line")
