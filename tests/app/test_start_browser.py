@@ -54,7 +54,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
     review.tab.get_by_text(f"Found in {FRAMES} of {FRAMES} frames").wait_for()
     for tab in (review, second):
         until(lambda tab=tab: drawn(tab) == 137)
-        assert "No fit yet" in chips(tab)
+        until(lambda tab=tab: "No fit yet" in chips(tab), "the status line")
     assert review.tab.get_by_text("Import from this path").is_hidden()
     assert np.array_equal(review.session.project.detections.xy, imported_xy())
     known = len(review.app.pages)
