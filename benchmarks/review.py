@@ -151,6 +151,26 @@ def drags(page: "Page", place: tuple[float, float], count: int) -> list[float]:
     return times
 
 
+def starts(page: "Page", place: tuple[float, float], count: int) -> list[float]:
+    """Milliseconds from the first move of a pressed pointer to the first body; the fit comes to its end in between."""
+    x, y = place
+    times = []
+    for i in range(count):
+        page.mouse.move(x, y)
+        page.wait_for_timeout(SETTLED_MS)
+        page.mouse.down()
+        page.evaluate(NEXT_MOVE)
+        x, y = x - 6 * (-1) ** i, y - 4 * (-1) ** i
+        page.mouse.move(x, y)
+        found = page.evaluate(LATER, ["__mesh", page.evaluate("() => window.__at")])
+        if found is not None:
+            times.append(found)
+        page.mouse.up()
+        page.evaluate(AT_REST, SETTLED_MS)
+        page.wait_for_timeout(1000)
+    return times
+
+
 def rapid(page: "Page", place: tuple[float, float], count: int) -> list[float]:
     """Milliseconds between bodies while the pointer never rests."""
     x, y = place
@@ -223,6 +243,11 @@ def run(options: Review) -> None:
             rows.append(summary("seek: key to picture", sent, "median 150"))
             rows.append(summary("seek: key to drawn picture", drawn, "median 150"))
             progress("seeks")
+            place = on_screen(page, project, options.seeks, options.keypoint)
+            first, *later = starts(page, place, 9)
+            rows.append(summary("the first drag: pointer to first body", [first], ""))
+            rows.append(summary("later drags: pointer to first body", later, ""))
+            page.wait_for_timeout(4000)
             place = on_screen(page, project, options.seeks, options.keypoint)
             rows.append(summary("drag: pointer to body", drags(page, place, options.moves), "median 150, 95 % 300"))
             page.wait_for_timeout(4000)

@@ -1,6 +1,7 @@
 """Body models by what a run says about its body; each is read once."""
 
 import threading
+from concurrent.futures import Future
 from pathlib import Path
 
 from fitting_core.body.files import load_body
@@ -22,10 +23,11 @@ class Bodies:
 
     Args:
         search: A model file or a folder that alone is searched; None: everywhere (`registry.search_folders`).
+        ahead: A body that is being read already, or None.
     """
 
-    def __init__(self, search: Path | None = None) -> None:
-        self._search = search
+    def __init__(self, search: Path | None = None, ahead: Future[BodyModel | None] | None = None) -> None:
+        self._search, self._ahead = search, ahead
         self._by_path: dict[Path, BodyModel] = {}
         self._lock = threading.Lock()
 
@@ -47,9 +49,7 @@ class Bodies:
         Raises:
             InputError: It is gone or was replaced by another one, so the run cannot be shown.
         """
-        with self._lock:
-            known = next((b for b in self._by_path.values() if b.hash == record.hash), None)
-        if known is not None:
+        if (known := self._known(record.hash)) is not None:
             return known
         path = Path(record.source)
         body = self._read(path) if record.source and path.is_file() else None
@@ -67,9 +67,15 @@ class Bodies:
         if reference.body is None:
             return None
         record = reference.body
+        return self._known(record.hash) or body_of(record, search=self._search)
+
+    def _known(self, digest: str) -> BodyModel | None:
         with self._lock:
-            known = next((b for b in self._by_path.values() if b.hash == record.hash), None)
-        return known or body_of(record, search=self._search)
+            body = None if self._ahead is None else self._ahead.result()
+            if body is not None and body.source is not None:
+                self._by_path[body.source.resolve()] = body
+            self._ahead = None
+            return next((b for b in self._by_path.values() if b.hash == digest), None)
 
     def _read(self, path: Path) -> BodyModel:
         path = path.resolve()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from fitting_core.config import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
+from tcfit_app.ahead import body_ahead, load_app
 from tcfit_app.options import ReviewOptions, ServerOptions
 from tcfit_app.reference_options import ReferenceOptions
 from tcfit_app.server import ReviewServer, review_server, tell
@@ -17,6 +18,9 @@ from tcfit_app.storage.database import is_project
 from tcfit_app.storage.lock import ProjectLocked
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from fitting_core.body.model import BodyModel
     from tcfit_app.project import Project
 
 
@@ -28,9 +32,12 @@ def run_review(options: ReviewOptions) -> None:
     """
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     if options.video is not None and is_project(options.video):
-        with _served(options.video.stem, options.server) as server, opened(options) as project:
-            _take_reference(project, options.truth)
-            _review(project, server, models=options.models, fit=fit)
+        with _served(options.video.stem, options.server) as server:
+            body = body_ahead(options.video)
+            load_app()
+            with opened(options) as project:
+                _take_reference(project, options.truth)
+                _review(project, server, models=options.models, fit=fit, body=body)
         return
     with opened(options) as project:
         _take_reference(project, options.truth)
@@ -56,7 +63,15 @@ def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewS
     return review_server(f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser)
 
 
-def _review(project: "Project", server: ReviewServer, *, models: Path | None, fit: FitConfig | None) -> None:
+def _review(
+    project: "Project",
+    server: ReviewServer,
+    *,
+    models: Path | None,
+    fit: FitConfig | None,
+    body: "Future[BodyModel | None] | None" = None,
+) -> None:
+    load_app()
     import torch
 
     from tcfit_app.app import ReviewApp
@@ -65,7 +80,7 @@ def _review(project: "Project", server: ReviewServer, *, models: Path | None, fi
 
     torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
     _log_warnings()
-    session = Session(project, Bodies(models))
+    session = Session(project, Bodies(models, body))
     app = ReviewApp(session, server.viser)
     try:
         if fit is not None and project.has_detections and not session.fits.runs and not project.read_only:

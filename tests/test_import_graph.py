@@ -57,7 +57,7 @@ APP_LAYERS = {
     "scene, script and messages of viser's page": "view",
     "one tab": "view_state presses actions status picture strip correcting reviewing submitting panels key_list page",
     "all tabs": "app address gate gated_viser server",
-    "commands": "options detect_options import_options export_options evaluate_options reference_options "
+    "commands": "ahead options detect_options import_options export_options evaluate_options reference_options "
     "evaluation_files suite_runs ablations suite_command evaluate_command "
     "progress clip_input probes doctor fit_command detect_command models_command reopening new_command review_command "
     "demo_command import_command export_command child_processes batch "
