@@ -1,4 +1,4 @@
-"""The vertices of fitted bodies, frame by frame, as fast as a view wants to draw them.
+"""The vertices of fitted bodies, frame by frame, as fast as a view wants to draw them; their joints and keypoints.
 
 Milliseconds per frame on one thread, free body (13492 vertices), medians on a 2-core machine that was busy otherwise:
 
@@ -13,14 +13,16 @@ from collections.abc import Hashable
 
 import numpy as np
 import torch
-from jaxtyping import Float32, Int
+from jaxtyping import Float, Float32, Int
 from scipy.sparse import csr_matrix
 
 from fitting_core import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from tcfit_app.byte_cache import ByteCache
+from tcfit_app.frame_by_frame import FrameByFrame
 
 BATCH = 16
 """Frames that are evaluated together."""
@@ -31,7 +33,7 @@ either way, at 0.1 it takes 11 against 41 ms, at 0.6 62 against 27 ms."""
 
 
 class Meshes:
-    """All vertices of one body in any pose, with a cache. Thread-safe.
+    """All vertices of one body in any pose, with a cache; its joints and keypoints. Thread-safe.
 
     A version stands for one value of BodyParams: whoever changes parameters (a new run, a live correction) gives
     another version, any hashable value; old ones are dropped when memory is needed.
@@ -45,6 +47,10 @@ class Meshes:
         self.body = body
         self._skin = _Skin(body)
         self._cache: ByteCache[np.ndarray] = ByteCache(limit, lambda vertices: vertices.nbytes)
+        self.joints = FrameByFrame(lambda params: joints_in_space(body, params))
+        """(T, 55, 3) of parameters: the kinematic joints in camera space, metres."""
+        self.keypoints = FrameByFrame(lambda params: _keypoints(body, params))
+        """(T, 137, 3) of parameters: the keypoints in camera space (metres), NaN where the body has none."""
 
     @property
     def faces(self) -> Int[np.ndarray, "F 3"]:
@@ -69,6 +75,12 @@ class Meshes:
     def batch(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
         """All frames of the parameters, in camera space (metres), past the cache."""
         return self._skin(params)
+
+
+def _keypoints(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 137 3"]:
+    points, exists = keypoints_in_space(body, params)
+    points[:, ~exists] = np.nan
+    return points
 
 
 class _Skin:

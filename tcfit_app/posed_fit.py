@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
-from fitting_core.body.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import project
 from fitting_core.clip import Clip
 from fitting_core.evaluation.metrics import reprojection_errors
@@ -107,7 +106,7 @@ class PosedFit:
     @cached_property
     def joints(self) -> Float[np.ndarray, "T 55 3"]:
         """The kinematic joints in camera space, metres."""
-        return joints_in_space(self.meshes.body, self.params)
+        return self.meshes.joints(self.params)
 
     @property
     def joints_in_body(self) -> Float[np.ndarray, "T 55 3"]:
@@ -122,10 +121,9 @@ class PosedFit:
     @cached_property
     def projected(self) -> Float[np.ndarray, "T 137 2"]:
         """Pixels of the body's keypoints; NaN for those that the body lacks and those behind the camera."""
-        points, exists = keypoints_in_space(self.meshes.body, self.params)
-        hidden = ~exists | (points[..., 2] < _NEAR)
-        points[hidden] = 1.0
-        pixels = project(self.clip.camera, torch.as_tensor(points)).numpy()
+        points = self.meshes.keypoints(self.params)
+        hidden = ~(points[..., 2] >= _NEAR)
+        pixels = project(self.clip.camera, torch.as_tensor(np.where(hidden[..., None], 1.0, points))).numpy()
         pixels[hidden] = np.nan
         return pixels
 

@@ -48,7 +48,7 @@ OUTER = {
 APP_LAYERS = {
     "plain values": "frame_words edit_windows notices changes byte_cache memory jpeg playback corrected edits edit_log",
     "what a project keeps": "storage project project_file bodies",
-    "what is computed to be drawn": "background meshes posed_fit body_regions curves findings suspicion "
+    "what is computed to be drawn": "background frame_by_frame meshes posed_fit body_regions curves findings suspicion "
     "run_metrics reference_metrics between_runs video_frames",
     "fitting beside the app": "jobs live outbox job_clock worker run_jobs running_job fits result_uploads "
     "importing uploads keypoint_jobs job_thread keypoint_source following session",
