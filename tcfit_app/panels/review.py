@@ -121,7 +121,7 @@ class ReviewPanel:
         return next(iter(exact + places), None)
 
     def _draw_head(self, where: str, *, fine: bool, flagged: bool) -> None:
-        found = [] if self._suspects is None else [f"{len(self._suspects)} suspicious"]
+        found = [] if self._suspects is None else [f"{len(self._suspects)} left"]
         counts = ", ".join([*found, f"{len(self._flagged)} flagged", f"{len(self._checked)} checked"])
         off = self._page.session.project.read_only
         self._head.show(

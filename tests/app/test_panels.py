@@ -342,7 +342,7 @@ def test_the_review_queue(tested: LonePage):
     page = tested.page
     with_suspects(tested, suspect(4), replace(suspect(2), reason="nose off", joints=(0,)))
     shown = tested.html()
-    assert "2 suspicious, 0 flagged, 0 checked" in shown and "left wrist 42 px off" in shown
+    assert "2 left, 0 flagged, 0 checked" in shown and "left wrist 42 px off" in shown
     tested.press("review.go", "2 cost")
     assert (page.state.frame, page.state.selection, page.state.suggested) == (2, (0,), True)
     assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost"' in tested.html()
