@@ -9,15 +9,17 @@ import logging
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from threading import Lock
 from traceback import walk_tb
 from types import SimpleNamespace
 from typing import Any
+from zipfile import ZipFile
 
 import rich
 import viser
 import websockets.asyncio.server
-from viser import _messages
+from viser import _gui_api, _gui_handles, _icons, _messages
 from viser.infra import _infra
 from websockets.exceptions import InvalidMessage
 from websockets.http11 import Request, Response
@@ -50,6 +52,21 @@ def _is_no_noise(record: logging.LogRecord) -> bool:
 
 
 _log.addFilter(_is_no_noise)
+
+
+@cache
+def _icons_archive() -> ZipFile:
+    return ZipFile(_icons.ICONS_DIR / "tabler-icons.zip")
+
+
+@cache
+def icon(name: str) -> str:
+    """As viser's `svg_from_icon`, which opens its archive of 5000 icons anew for each: 60 ms, in front of every tab."""
+    return _icons_archive().read(f"{name}.svg").decode()
+
+
+for _user in (_gui_api, _gui_handles):
+    setattr(_user, "svg_from_icon", icon)  # noqa: B010
 
 
 @contextmanager

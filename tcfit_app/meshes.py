@@ -26,7 +26,8 @@ from tcfit_app.frame_by_frame import FrameByFrame
 
 BATCH = 16
 """Frames that are evaluated together."""
-_LIMIT = 256 * 2**20
+_LIMIT = 96 * 2**20
+"""Six hundred frames of the free body: a loop that is played twice."""
 _SPARSE = 0.3
 """Share of correctives that are not zero up to which a sparse product is the faster one: at 0.3 a batch takes 35 ms
 either way, at 0.1 it takes 11 against 41 ms, at 0.6 62 against 27 ms."""

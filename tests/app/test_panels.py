@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
+from viser import _gui_api, _gui_handles
+from viser._icons import svg_from_icon
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
@@ -15,7 +17,9 @@ from tcfit_app.between_runs import BETWEEN
 from tcfit_app.curves import Curve
 from tcfit_app.edits import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.fits import FitChoice
+from tcfit_app.gated_viser import icon
 from tcfit_app.page import SKELETON
+from tcfit_app.panels import PANELS
 from tcfit_app.picture import _surroundings
 from tcfit_app.project import Project
 from tcfit_app.strip import PLOTTED
@@ -481,3 +485,10 @@ def test_the_distance_between_a_and_b_in_the_timeline(tested: LonePage):
     calls = [call.args[0].source for call in page.client._websock_connection.queue_message.call_args_list]  # pyright: ignore[reportAttributeAccessIssue]
     timeline = next(source for source in reversed(calls) if '"timeline"' in source)
     assert "Distance between A and B" in timeline and "[0.0,1.0,2.0,3.0,4.0,5.0]" in timeline
+
+
+def test_icons_are_viser_s_own():
+    """Read from its archive by us, as viser does it slowly."""
+    for kind in PANELS:
+        assert icon(kind.icon) == svg_from_icon(kind.icon)
+    assert _gui_handles.svg_from_icon is icon and _gui_api.svg_from_icon is icon  # pyright: ignore
