@@ -21,7 +21,7 @@ install: $(INSTALLED) ## Set up .venv and nothing else
 demo: $(INSTALLED) ## Make a clip, fit it, and open it in the browser
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
-test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/body -k hands"
+test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
 	@$(RUN) -m pytest $(ARGS)
 
 test-slow: $(INSTALLED) ## Run the slow tests

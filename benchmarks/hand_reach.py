@@ -11,11 +11,11 @@ from jaxtyping import Float
 
 from assets import BODIES
 from benchmarks.clips import data_folder
-from fitting_core.body.files import load_body
-from fitting_core.body.free.hand_motion import joint_angles
-from fitting_core.body.free.hand_skeleton import FINGERS, SIZE, HandSkeleton
-from fitting_core.body.free.hand_space import hand_of, learn, read_recordings
-from fitting_core.evaluation.handshapes import HANDSHAPES, finger_angles
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.hand_skeleton import FINGERS, SIZE, HandSkeleton
+from fitting_core.build_assets.free_body.hand.hand_space import hand_of, learn, read_recordings
+from fitting_core.build_assets.free_body.hand.recordings import joint_angles
+from fitting_core.synthetic.acting.handshapes import HANDSHAPES, finger_angles
 
 HELD_OUT = ("brian", "grab", "gun", "Waiting-110fps", "HandSplay-110fps")
 """Recordings for the test. `waiting-short` is a part of one of them."""

@@ -24,21 +24,21 @@ from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.positions import keypoints_in_space
+from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, default_focal, project
 from fitting_core.errors import InputError
-from fitting_core.evaluation.handshapes import FINGERS, HANDSHAPES, finger_angles
-from fitting_core.evaluation.limbs import LIMBS, Figure, hand_rotation
-from fitting_core.evaluation.performance import standing_root
-from fitting_core.evaluation.world_camera import in_camera
-from fitting_core.io.atomic import replacing
+from fitting_core.files.atomic import replacing
+from fitting_core.fit.phases.independent import fit_frames
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import Free
 from fitting_core.keypoints import Keypoints
-from fitting_core.phases.independent import fit_frames
-from fitting_core.render import Renderer
-from fitting_core.solvers import make_solver
-from fitting_core.solvers.problem import IndependentFrames
-from fitting_core.stages import N_STAGES, Stages
-from fitting_core.state import Free
+from fitting_core.render.renderer import Renderer
+from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger_angles
+from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
+from fitting_core.synthetic.acting.performance import standing_root
+from fitting_core.synthetic.studio.world_camera import in_camera
 from tcfit_app.bench.five_stages import solved
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}

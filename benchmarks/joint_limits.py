@@ -17,7 +17,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.render import Renderer
+from fitting_core.render.renderer import Renderer
 
 ANGLES = ("flexion", "side", "twist")
 _SIZE = (150, 190)

@@ -21,11 +21,11 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.config import PRESETS
-from fitting_core.evaluation.excerpts import mirrored
-from fitting_core.fitting import fit
+from fitting_core.config.schema import PRESETS
+from fitting_core.fit.fitting import fit
+from fitting_core.synthetic.excerpts import mirrored
 from tcfit_app.bench.dragging import dragged, quick
-from tcfit_app.live import REACH, Correction, LiveCorrection
+from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
 
 
 @dataclass(frozen=True, kw_only=True)

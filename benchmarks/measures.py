@@ -10,16 +10,16 @@ from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.clips import Sample
 from fitting_core import keypoints as kp
+from fitting_core import metrics
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.evaluation import metrics
-from fitting_core.evaluation.demo_clip import keypoints_in_space
-from fitting_core.joint_angles import AngleTable
-from fitting_core.priors.train.contact import Contact
-from fitting_core.priors.train.dataset import matrices
-from fitting_core.priors.train.skeleton import Skeleton
+from fitting_core.build_assets.pose_prior.contact import Contact
+from fitting_core.build_assets.pose_prior.dataset import matrices
+from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
+from fitting_core.fit.terms.joint_angles import AngleTable
+from fitting_core.synthetic.demo_clip import keypoints_in_space
 
 CONFIDENT = 0.3
 """Detections above it count as seen."""

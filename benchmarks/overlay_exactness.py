@@ -17,13 +17,13 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
-from fitting_core.evaluation.demo_clip import cached_demo
-from fitting_core.evaluation.truth import read_truth
-from fitting_core.video import FrameSource
-from tcfit_app.view.layers import BodyLayer, FrameImage
-from tcfit_app.view.poster import Poster, Posters
-from tcfit_app.view.space import Space
-from tests.app.screens import (
+from fitting_core.synthetic.demo_clip import cached_demo
+from fitting_core.synthetic.truth import read_truth
+from fitting_core.video.frames import FrameSource
+from tcfit_app.review.scene.layers import BodyLayer, FrameImage
+from tcfit_app.review.scene.poster import Poster, Posters
+from tcfit_app.review.scene.space import Space
+from tests.drivers.screens import (
     PLATE,
     Screen,
     canvas_camera,

@@ -1,7 +1,7 @@
 """The trained pose prior on people whom its training never saw: how exactly their poses come back, and its samples.
 
 Beside it principal components of the same number, of the axis-angle and of the 6D rotations, found on the same poses.
-Needs the motion capture that the prior was trained on (`fitting_core.priors.train`).
+Needs the motion capture that the prior was trained on (`fitting_core.build_assets.pose_prior`).
 """
 
 from collections.abc import Callable
@@ -18,12 +18,12 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
+from fitting_core.build_assets.pose_prior.contact import Contact
+from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool, split
+from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
+from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
 from fitting_core.priors.pose import make_prior
-from fitting_core.priors.sheets import Cell, beside, pose_cells, write_sheet
-from fitting_core.priors.train.contact import Contact
-from fitting_core.priors.train.dataset import balanced, matrices, pool, split
-from fitting_core.priors.train.retarget import load
-from fitting_core.priors.train.skeleton import Skeleton
+from fitting_core.render.sheets import Cell, beside, pose_cells, write_sheet
 
 Coder = Callable[[Float[Tensor, "N 21 3 3"]], Float[Tensor, "N 21 3 3"]]
 """Rotations through a bottleneck and back."""

@@ -16,19 +16,20 @@ from benchmarks.clips import read
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from benchmarks.sections import Section, Spent, Stopwatch
-from fitting_core import objective, temporal, terms
 from fitting_core.body.model import BodyModel
-from fitting_core.body.points import BodyPoints
+from fitting_core.body.points.points import BodyPoints
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig
-from fitting_core.evaluation.excerpts import mirrored
-from fitting_core.events import PhaseFinished
-from fitting_core.fitting import fit, fit_events
-from fitting_core.objective import FrameObjective
-from fitting_core.point_jacobian import PointJacobian
-from fitting_core.solvers.problem import IndependentFrames, SharedShape
-from fitting_core.stages import Stages
-from fitting_core.temporal import JointPositions, Sequence
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit import objective, temporal
+from fitting_core.fit.events import PhaseFinished
+from fitting_core.fit.fitting import fit, fit_events
+from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.solvers.problem import IndependentFrames, SharedShape
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.temporal import JointPositions, Sequence
+from fitting_core.fit.terms import terms
+from fitting_core.fit.variables.point_jacobian import PointJacobian
+from fitting_core.synthetic.excerpts import mirrored
 
 SECTIONS = [
     Section("forward: pose the points", ((BodyPoints, "forward"),)),

@@ -8,10 +8,10 @@ from benchmarks.clips import CLIPS, Sample, read
 from benchmarks.measures import measure
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import BodyModel
-from fitting_core.config import PRESETS, FitConfig, Weights, without_collisions
+from fitting_core.config.schema import PRESETS, FitConfig, Weights, without_collisions
 from fitting_core.errors import InputError
-from fitting_core.fitting import fit
-from fitting_core.result import FitResult
+from fitting_core.fit.fitting import fit
+from fitting_core.fit.result import FitResult
 
 BASELINE = "smplifyx"
 """Only its phase 1 is SMPLify-X, which fits single images; the later phases would be ours."""

@@ -22,21 +22,21 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.positions import keypoints_in_space
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.build_assets.pose_prior.dataset import split
+from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig
+from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.evaluation.metrics import procrustes
-from fitting_core.fitting import fit
+from fitting_core.fit.fitting import fit
+from fitting_core.fit.phases.search.sharpening import sharp_settings, sharpened_for
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.keypoints import Keypoints
-from fitting_core.phases.sharpening import sharp_settings, sharpened_for
-from fitting_core.priors.sheets import Cell, beside, body_picture, fitted_views, write_sheet
-from fitting_core.priors.train.dataset import split
-from fitting_core.priors.train.retarget import load
-from fitting_core.render import DEFAULT_COLOR
-from fitting_core.solvers import make_solver
-from fitting_core.solvers.problem import IndependentFrames
-from fitting_core.stages import N_STAGES, Stages
+from fitting_core.metrics import procrustes
+from fitting_core.render.renderer import DEFAULT_COLOR
+from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, write_sheet
 
 RETURNED_MM = 15.0
 """Mean vertex error under which a pose counts as returned."""

@@ -13,9 +13,9 @@ from typing import Any
 import torch
 import tyro
 
-from fitting_core.body.files import load_body
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
-from fitting_core.body.registry import FREE_FOLDER, find_body
 from fitting_core.errors import InputError
 
 Row = Mapping[str, str | float | None]

@@ -23,8 +23,8 @@ from tyro.conf import OmitArgPrefixes
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
-from tcfit_app.project import Project
-from tests.app.browser import chromium
+from tcfit_app.project.project import Project
+from tests.drivers.browser import chromium
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

@@ -16,14 +16,14 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, progress, start
-from fitting_core.config import PRESETS
+from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, Keypoints
-from tcfit_app.fits import FitChoice, Shown
-from tcfit_app.panels import PANELS
-from tcfit_app.project import Project
-from tests.app.browser import chromium
-from tests.app.review_page import Reviewing, reviewing, until
+from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.project.project import Project
+from tcfit_app.review.panels import PANELS
+from tests.drivers.browser import chromium
+from tests.drivers.review_page import Reviewing, reviewing, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

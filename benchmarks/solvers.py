@@ -18,10 +18,10 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig
-from fitting_core.evaluation.excerpts import picked, spread
-from fitting_core.solvers import SOLVERS, make_solver
-from fitting_core.stages import N_STAGES, Stages
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.solvers import SOLVERS, make_solver
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.synthetic.excerpts import picked, spread
 from tcfit_app.bench.five_stages import Outcome, camera_start, five_stages, stage_objective
 
 _HAND_POINTS = 15

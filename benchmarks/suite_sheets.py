@@ -14,12 +14,12 @@ from jaxtyping import UInt8
 from tqdm import tqdm
 
 from fitting_core.camera import Camera
-from fitting_core.encode import video_writer
-from fitting_core.evaluation.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence, render_frames
-from fitting_core.evaluation.truth import write_truth
-from fitting_core.evaluation.view import View
-from fitting_core.io.openpose import write_openpose
+from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import BODY, BONES
+from fitting_core.synthetic.studio.view import View
+from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence, render_frames
+from fitting_core.synthetic.truth import write_truth
+from fitting_core.video.encoding import video_writer
 
 _COLUMNS, _SIZE = 8, (270, 360)
 _SIDE = View(azimuth=100.0, height=0.7, distance=4.0, looking_at=(0.1, 0.75, 0.0))

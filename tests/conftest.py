@@ -7,10 +7,10 @@ import pytest
 import torch
 from hypothesis import settings
 
-from fitting_core.body.files import load_body
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
-from fitting_core.body.registry import FREE_FOLDER, find_body
-from tests.tiny_body import make_tiny_body
+from tests.samples.tiny_body import make_tiny_body
 
 # Small problems: on a busy machine two threads that wait for each other take ten times as long as one.
 torch.set_num_threads(1)

@@ -63,4 +63,4 @@ def test_a_wheel_holds_licence_notice_and_command(wheel: zipfile.ZipFile) -> Non
     for name in ("LICENSE", "NOTICE"):
         assert any(re.fullmatch(rf"tcfit-.*\.dist-info/licenses/{name}", entry) for entry in names)
     points = next(entry for entry in names if entry.endswith("entry_points.txt"))
-    assert "tcfit = tcfit_app.cli:main" in wheel.read(points).decode()
+    assert "tcfit = tcfit_app.cli.main:main" in wheel.read(points).decode()

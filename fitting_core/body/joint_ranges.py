@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.free.geometry import MIRROR, MIRROR_ROTATION
-from fitting_core.body.free.hand_skeleton import axes_of_finger
+from fitting_core.body.geometry import MIRROR, MIRROR_ROTATION
+from fitting_core.body.hand_skeleton import axes_of_finger
 from fitting_core.body.model import JOINT, BodyModel
 
 Degrees = tuple[float, float]

@@ -13,9 +13,9 @@ from fitting_core.detect.boxes import Boxes
 from fitting_core.detect.stored import DetectionSettings, StoredDetection
 from fitting_core.detect.tracking import box_around, follow, whole
 from fitting_core.errors import InputError
-from fitting_core.io.coco_wholebody_layout import WHOLEBODY_COUNT, from_wholebody
+from fitting_core.io.keypoints.coco_wholebody_layout import WHOLEBODY_COUNT, from_wholebody
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.video import FrameSource
+from fitting_core.video.frames import FrameSource
 
 PART = 32
 """Frames that are stored together: what has to be done again after an end in between."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from fitting_core.detect.known_models import KnownModel, Origin, model_path, pin, pinned, write_origin
 from fitting_core.detect.onnx_model import OnnxModel
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
+from fitting_core.files.atomic import replacing
 
 _PIECE = 1 << 18
 """Bytes between two looks at whether to go on."""

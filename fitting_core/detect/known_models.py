@@ -11,7 +11,7 @@ from typing import Literal
 import platformdirs
 
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
+from fitting_core.files.atomic import replacing
 
 _SERVER = "https://download.openmmlab.com/mmpose/v1/projects"
 _POSE_LICENCE = "Apache-2.0 (MMPose)"

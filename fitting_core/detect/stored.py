@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.detect.boxes import Boxes
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
+from fitting_core.files.atomic import replacing
 
 _SETTINGS = "settings.json"
 _VERSION = 1

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from fitting_core.detect import simcc
 from fitting_core.detect.boxes import Boxes, intersection_over_union
 from fitting_core.errors import InputError
-from fitting_core.frame_names import spans
+from fitting_core.video.frame_names import spans
 
 MOST_MISSED = 30
 """Frames without a box that are bridged, a second of most videos; the person is not there in longer gaps."""

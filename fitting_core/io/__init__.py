@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitting_core.errors import InputError
-from fitting_core.io.coco_wholebody import holds_coco
-from fitting_core.io.detections import Detections
-from fitting_core.io.pose_binary import starts_as_pose
+from fitting_core.io.keypoints.coco_wholebody import holds_coco
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.pose_binary import starts_as_pose
 
 if TYPE_CHECKING:  # keypoints are read without torch
-    from fitting_core.io.imported_motion import ImportedMotion
-    from fitting_core.io.smplifyx import Decode
+    from fitting_core.io.motion.imported_motion import ImportedMotion
+    from fitting_core.io.motion.smplifyx import Decode
 
 _START = 65536
 """Bytes of a file by which its format is told: COCO's annotation files can start with a list of licences."""
@@ -36,9 +36,9 @@ def _is_json(start: bytes) -> bool:
 
 
 READERS: dict[Callable[[Path, bytes], bool], str] = {
-    _holds_people: "fitting_core.io.openpose:read_openpose",
-    _holds_coco: "fitting_core.io.coco_wholebody:read_coco_wholebody",
-    _holds_pose: "fitting_core.io.pose_file:read_pose",
+    _holds_people: "fitting_core.io.keypoints.openpose:read_openpose",
+    _holds_coco: "fitting_core.io.keypoints.coco_wholebody:read_coco_wholebody",
+    _holds_pose: "fitting_core.io.keypoints.pose_file:read_pose",
 }
 """What recognises a format by the path and its first bytes (none of a folder) -> the function Path -> Detections.
 
@@ -83,8 +83,8 @@ def read_motion(
     Raises:
         InputError: There is no such path, its format is not known, or its content is broken.
     """
-    from fitting_core.io.smplifyx import read_smplifyx
-    from fitting_core.io.smplx_npz import read_smplx_npz
+    from fitting_core.io.motion.smplifyx import read_smplifyx
+    from fitting_core.io.motion.smplx_npz import read_smplx_npz
 
     if not path.exists():
         raise InputError(f"{path}: there is no such file or folder; expected the result of a fit.")

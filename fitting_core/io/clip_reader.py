@@ -8,12 +8,12 @@ import numpy as np
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.alignment import Timeline, align, select, timeline_of_keypoints
 from fitting_core.io.camera_options import camera_of, focal_option
-from fitting_core.io.detections import Detections, to_pixels
-from fitting_core.io.person import choose_person
+from fitting_core.io.keypoints.alignment import Timeline, align, select, timeline_of_keypoints
+from fitting_core.io.keypoints.detections import Detections, to_pixels
+from fitting_core.io.keypoints.person import choose_person
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.video import FrameSource
+from fitting_core.video.frames import FrameSource
 
 DEFAULT_FRAME_RATE = 30.0
 _MAX_FRAME_RATE = 2000.0

@@ -32,15 +32,15 @@ from jaxtyping import Bool, Float
 
 from fitting_core.body.model import N_BETAS, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
-from fitting_core.body.positions import joints_in_space
+from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
-from fitting_core.io.motion import Motion
+from fitting_core.files.atomic import replacing
+from fitting_core.files.npz import read_npz
+from fitting_core.fit.result import FitResult
+from fitting_core.io.motion.motion import Motion
 from fitting_core.io.summary import summary
-from fitting_core.npz import read_npz
-from fitting_core.result import FitResult
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 FORMAT = "tcfit fit 1"

@@ -10,13 +10,13 @@ from jaxtyping import Bool, Float
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.positions import joints_in_space, keypoints_in_space
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import project
 from fitting_core.clip import Clip
-from fitting_core.config_file import as_plain
-from fitting_core.evaluation.metrics import jitter, reprojection_errors
-from fitting_core.reliability import cut_off
-from fitting_core.result import FitResult
+from fitting_core.config.toml import as_plain
+from fitting_core.fit.reliability import cut_off
+from fitting_core.fit.result import FitResult
+from fitting_core.metrics import jitter, reprojection_errors
 
 CONFIDENT = 0.3
 """Keypoints with more confidence count in the reprojection error."""

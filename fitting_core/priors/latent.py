@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from fitting_core import rotations
-from fitting_core.priors.network import INPUTS, Activation, Layer, PriorNetwork
+from fitting_core.priors.files.network import INPUTS, Activation, Layer, PriorNetwork
 
 N_JOINTS = 21
 PARENTS = (-1, -1, -1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 8, 8, 11, 12, 13, 15, 16, 17, 18)

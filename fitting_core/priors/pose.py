@@ -9,8 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import JOINT
+from fitting_core.priors.files.registry import SHIPPED, read_prior, registered_vposer
 from fitting_core.priors.latent import LatentPrior
-from fitting_core.priors.registry import SHIPPED, read_prior, registered_vposer
 
 
 class PosePrior(Protocol):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from fitting_core.body.files import load_body
+from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
@@ -26,8 +26,8 @@ from tcfit_app.batch.locking import patient_lock
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import RECORD_NAME, Record, done_record, read_record, write_log, write_record
 from tcfit_app.batch.writing import Report, Work, write_files, write_project
-from tcfit_app.fit_command import body_file, prepare_torch
-from tcfit_app.storage.durable import accessing, sync
+from tcfit_app.options.preparing import body_file, prepare_torch
+from tcfit_app.project.storage.durable import accessing, sync
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""

@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from fitting_core.config import PRESETS
-from fitting_core.settings import Range, nearest, settings
-from tcfit_app.options import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
+from fitting_core.config.schema import PRESETS
+from fitting_core.config.settings import Range, nearest, settings
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
 
 Group = Literal["files", "clip", "camera", "body", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import msgspec
 
-from fitting_core.config import POSE_PRIORS
-from fitting_core.config_file import as_plain
+from fitting_core.config.schema import POSE_PRIORS
+from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import locate
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.fit_command import body_file
+from tcfit_app.options.preparing import body_file
 
 _ENDS = 1 << 20
 """Bytes at both ends of a video that stand for all of it: a fit takes its length, size and frame rate from it."""

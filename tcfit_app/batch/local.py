@@ -13,13 +13,13 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from fitting_core.events import FitEvent, Iteration
-from tcfit_app import child_processes
+from fitting_core.fit.events import FitEvent, Iteration
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
 from tcfit_app.batch.fingerprint import fingerprint_of
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.news import Ended, News, Underway
 from tcfit_app.batch.records import Record
+from tcfit_app.fitting import child_processes
 
 _TRIES = 2
 """Times that a clip's process may die: the first time may be anybody's fault, as when memory runs out."""

@@ -4,8 +4,8 @@ import time
 from pathlib import Path
 
 from fitting_core.errors import InputError
-from tcfit_app.storage.durable import accessing
-from tcfit_app.storage.lock import Lock, ProjectLocked
+from tcfit_app.project.storage.durable import accessing
+from tcfit_app.project.storage.lock import Lock, ProjectLocked
 
 _PAUSE = 0.1
 

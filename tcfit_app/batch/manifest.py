@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fitting_core.config import FitConfig
+from fitting_core.config.schema import FitConfig
+from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
-from fitting_core.settings import changed
 from tcfit_app.batch.columns import FOCAL, Column, find, suggestion
-from tcfit_app.batch_options import BatchOptions
-from tcfit_app.options import FitOptions, fit_config
+from tcfit_app.options.batch import BatchOptions
+from tcfit_app.options.fit import FitOptions, fit_config
 
 _SHOWN = 30
 """Errors that a message lists; of more than these, the number is told."""

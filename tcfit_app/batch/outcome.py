@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from fitting_core.io.atomic import replacing
+from fitting_core.files.atomic import replacing
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record
 

@@ -8,7 +8,7 @@ from fitting_core.errors import InputError
 from tcfit_app.batch.fingerprint import missing_input
 from tcfit_app.batch.manifest import ClipTask, Complaints
 from tcfit_app.batch.records import Record, done_record, failed_record
-from tcfit_app.fit_command import body_file, check_out, prepare_torch
+from tcfit_app.options.preparing import body_file, check_out, prepare_torch
 
 
 @dataclass(frozen=True, kw_only=True)

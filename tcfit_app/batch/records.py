@@ -23,8 +23,8 @@ import msgspec
 from fitting_core.io.result_files import is_result
 from tcfit_app.batch.fingerprint import Fingerprint, unchanged
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.storage.database import is_project
-from tcfit_app.storage.durable import durable
+from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.durable import durable
 
 RECORD_NAME = "batch.json"
 """In a result's folder."""

@@ -10,18 +10,18 @@ import numpy as np
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.events import FitEvent, PhaseFinished
-from fitting_core.fitting import fit_events
+from fitting_core.fit.events import FitEvent, PhaseFinished
+from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
-from fitting_core.result import FitResult
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Figures
-from tcfit_app.bodies import record_of
-from tcfit_app.fit_command import check_out
-from tcfit_app.overlay_video import write_comparison
-from tcfit_app.project import Project
-from tcfit_app.storage.database import is_project
+from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.fitting.bodies import record_of
+from tcfit_app.options.preparing import check_out
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.database import is_project
 
 Report = Callable[[FitEvent], None]
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.params import BodyParams
-from fitting_core.config import FitConfig
-from fitting_core.fitting import rerun_events
-from tcfit_app.live import Correction, LiveCorrection
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.fitting import rerun_events
+from tcfit_app.fitting.live import Correction, LiveCorrection
 
 Times = list[tuple[float, float]]
 """Milliseconds on the wall's clock and of the processor."""

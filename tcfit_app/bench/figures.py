@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from fitting_core.errors import InputError
-from fitting_core.io.atomic import replacing
+from fitting_core.files.atomic import replacing
 
 FORMAT = "tcfit bench 1"
 _SAME, _ENOUGH = 0.01, 3

@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core import keypoints as kp
-from fitting_core.body.files import load_body
+from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
-from fitting_core.config import FitConfig
-from fitting_core.evaluation.excerpts import picked
-from fitting_core.events import PhaseFinished, PhaseStarted
-from fitting_core.fitting import fit, fit_events, shape_events
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.events import PhaseFinished, PhaseStarted
+from fitting_core.fit.fitting import fit, fit_events, shape_events
+from fitting_core.fit.result import FitResult
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.io.summary import CONFIDENT
-from fitting_core.result import FitResult
-from fitting_core.solvers import make_solver
-from fitting_core.stages import N_STAGES, Stages
+from fitting_core.synthetic.excerpts import picked
 from tcfit_app.bench.dragging import dragged, quick
 from tcfit_app.bench.five_stages import camera_start, five_stages, stage_objective
 from tcfit_app.bench.machine import peak_memory
 from tcfit_app.bench.subject import Measured
-from tcfit_app.bench_options import Clock
-from tcfit_app.live import Correction
+from tcfit_app.fitting.live import Correction
+from tcfit_app.options.bench import Clock
 
 CLOCKS: dict[Clock, Callable[[], float]] = {"wall": time.perf_counter, "cpu": time.process_time}
 _DRAG_PIXELS = np.array([[40.0, 20.0]])

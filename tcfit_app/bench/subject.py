@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from fitting_core.errors import InputError
-from tcfit_app import child_processes
+from tcfit_app.fitting import child_processes
 
 Measured = dict[str, tuple[float, str]]
 """Value and unit by what was measured."""

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fitting_core.config import FitConfig
-from fitting_core.config_file import preset
+from fitting_core.config.schema import FitConfig
+from fitting_core.config.settings import changed, settings, unknown
+from fitting_core.config.toml import preset
 from fitting_core.errors import InputError
-from fitting_core.evaluation.excerpts import mirrored, picked, spread
-from fitting_core.settings import changed, settings, unknown
+from fitting_core.synthetic.excerpts import mirrored, picked, spread
 from tcfit_app.bench.figures import Figure
 from tcfit_app.bench.measuring import Setup, fit_measures, live_measures, solver_measures, warm_up, window_measures
 from tcfit_app.bench.subject import Measured, Subject
-from tcfit_app.bench_options import Part
-from tcfit_app.options import SHORTCUTS
+from tcfit_app.options.bench import Part
+from tcfit_app.options.fit import SHORTCUTS
 
 _SLOW = {"lbfgs": 1}
 """Turns of what would take most of the time."""

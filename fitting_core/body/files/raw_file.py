@@ -1,0 +1,172 @@
+"""Open a body model file, npz or pickle, and hand out its arrays checked."""
+
+import hashlib
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from fitting_core.body.files.pickles import as_array, read_pickle
+from fitting_core.errors import InputError
+
+REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
+HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
+LANDMARKS = ("lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx", "dynamic_lmk_bary_coords")
+OWN_KEYPOINTS = "keypoint_vertices"
+"""Optional key for a mesh that is not the official one: a vertex for each of SURFACE_KEYPOINTS, -1 for none."""
+KEYS = (*REQUIRED, *HANDS, *LANDMARKS, OWN_KEYPOINTS, "gender")
+"""What is read of a file; it may hold more."""
+MAX_BYTES = 4 * 2**30
+"""Unpacked size of the largest file that is read; SMPL-X's is some 0.5 GB."""
+ADVICE = "Download the model again from its official site, or run `tcfit models` to see the bodies found here."
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawFile:
+    """What a file holds, before anything of it is believed."""
+
+    path: Path
+    values: dict[str, Any]
+    """By key; None for keys of no use here."""
+    hash: str
+    """SHA-256 of the file."""
+
+    def error(self, problem: str, advice: str = ADVICE) -> InputError:
+        """An error to raise about this file: what was found and expected, and what to do."""
+        return InputError(f"{self.path}: {problem}. {advice}")
+
+    def array(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
+        """The array of a key.
+
+        Raises:
+            InputError: It is no array of finite numbers of this shape (None: any length).
+        """
+        try:
+            value = as_array(self.values[key])
+        except InputError as error:
+            raise self.error(f"'{key}' is {error}") from error
+        if value.dtype.kind not in "fiu":
+            raise self.error(
+                f"'{key}' holds {value.dtype} values, expected numbers",
+                "Save it again as a plain numeric array (numpy.asarray(..., dtype=float)).",
+            )
+        if value.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, value.shape, strict=True)):
+            expected = " x ".join("any" if n is None else str(n) for n in shape)
+            raise self.error(f"'{key}' has the shape {_shape(value)}, expected {expected}")
+        if value.dtype.kind == "f" and not np.isfinite(value).all():
+            bad = value.size - int(np.isfinite(value).sum())
+            raise self.error(f"'{key}' holds {bad} values that are not finite (NaN or infinity), expected none")
+        return value
+
+    def floats(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
+        """The array of a key as float64, checked as `array` does."""
+        return np.ascontiguousarray(self.array(key, shape), dtype=np.float64)
+
+    def indices(self, key: str, shape: tuple[int | None, ...], *, limit: int, first: int = 0) -> np.ndarray:
+        """The array of a key as int64.
+
+        Raises:
+            InputError: As `array`, or its values are not whole numbers from first to below limit.
+        """
+        value = self.array(key, shape)
+        whole = value.astype(np.int64)
+        if (whole != value).any() or (value.size and (whole.min() < first or whole.max() >= limit)):
+            found = f"values from {value.min()} to {value.max()}"
+            raise self.error(f"'{key}' holds {found}, expected whole numbers from {first} to {limit - 1}")
+        return whole
+
+
+def read_raw(path: Path) -> RawFile:
+    """Open a body model file.
+
+    Raises:
+        InputError: The file is missing, unreadable, damaged, or lacks arrays that every body model has.
+    """
+    values, digest = _values(path, KEYS)
+    raw = RawFile(path=path, values=values, hash=digest)
+    _check_keys(raw)
+    return raw
+
+
+def vertex_count(path: Path) -> int:
+    """Number of a body's vertices, of an npz file without reading the rest of it.
+
+    Raises:
+        InputError: The file is missing, unreadable, damaged or no body model.
+    """
+    values, digest = _values(path, ("v_template",))
+    raw = RawFile(path=path, values=values, hash=digest)
+    _check_keys(raw)
+    return len(raw.array("v_template", (None, 3)))
+
+
+def _values(path: Path, keys: tuple[str, ...]) -> tuple[dict[str, Any], str]:
+    """What a file holds under these keys, None for its other keys; and its hash."""
+    if not path.is_file():
+        found = "is a folder" if path.is_dir() else "does not exist"
+        raise InputError(f"{path}: {found}, expected a body model file. {ADVICE}")
+    if path.suffix.lower() not in READERS:
+        expected = " or ".join(READERS)
+        raise InputError(f"{path}: ends in '{path.suffix}', expected {expected}. Give the model file itself.")
+    try:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            file.seek(0)
+            return READERS[path.suffix.lower()](file, keys), digest
+    except InputError as error:
+        raise InputError(f"{path}: {error}. {ADVICE}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}). Check its permissions.") from error
+
+
+def _read_npz(file: BinaryIO, keys: tuple[str, ...]) -> dict[str, Any]:
+    """Only these keys: official files carry others (joint2num, part2num) that hold pickled objects."""
+    try:
+        with zipfile.ZipFile(file) as members:
+            size = sum(m.file_size for m in members.infolist() if Path(m.filename).stem in keys)
+        if size > MAX_BYTES:
+            raise InputError(f"unpacks to {size / 2**30:.1f} GB, expected at most {MAX_BYTES / 2**30:.0f} GB")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            return {key: _npz_array(archive, key) if key in keys else None for key in archive.files}
+    except InputError:
+        raise
+    # One changed byte makes zipfile and numpy raise any of a dozen types (40,000 tries): all mean the same to the user.
+    except Exception as error:
+        raise InputError(f"is no complete npz archive, it is damaged or was cut off ({error})") from error
+
+
+def _npz_array(archive: Any, key: str) -> np.ndarray:
+    try:
+        return archive[key]
+    except Exception as error:
+        if isinstance(error, ValueError) and "allow_pickle" in str(error):
+            raise InputError(f"'{key}' is an array of Python objects, expected numbers") from error
+        raise InputError(f"'{key}' is damaged ({error})") from error
+
+
+def _read_pickle(file: BinaryIO, keys: tuple[str, ...]) -> dict[str, Any]:
+    return {key: value if key in keys else None for key, value in read_pickle(file).items()}
+
+
+READERS: dict[str, Callable[[BinaryIO, tuple[str, ...]], dict[str, Any]]] = {".npz": _read_npz, ".pkl": _read_pickle}
+"""By the file's suffix."""
+
+
+def _check_keys(raw: RawFile) -> None:
+    if {"poses", "trans"} <= raw.values.keys():
+        raise raw.error(
+            "is a motion (it has 'poses' and 'trans'), expected a body model",
+            "Give the model file itself, e.g. SMPLX_NEUTRAL.npz.",
+        )
+    missing = [key for key in REQUIRED if key not in raw.values]
+    if missing:
+        has = ", ".join(sorted(raw.values)[:12]) or "nothing"
+        raise raw.error(f"has no {', '.join(missing)} (it has {has}), expected a SMPL-X, SMPL-H or SMPL model")
+
+
+def _shape(value: np.ndarray) -> str:
+    return " x ".join(str(n) for n in value.shape) or "of a single number"

@@ -1,0 +1,212 @@
+"""Chosen points of a body (joints, vertices, landmarks, keypoints) with closed-form Jacobians, without the mesh.
+
+A surface point is a sum over (point, bone) PAIRS, p = sum_pairs G_k x + w (t_k - G_k J_k), where the pair's vector
+x = template + shape + expression + correctives already holds the skinning and barycentric weights. So one list of
+constants covers vertices, landmarks and offset joints, and skins some hundred vectors instead of the whole mesh.
+
+Turning joint a about a world axis e moves point p by e x m with m = q_a - W_a t_a, where q_a and W_a are the sums of
+posed pair vectors and weights over the subtree of a. For all (point, joint) entries at once, m is one product of a
+constant incidence matrix with [posed joints; posed pairs].
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core import rotations
+from fitting_core.body.kinematics import Tree, pose_joints
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.points.pairs import Contour, Joint, Point, contour_pairs, pairs_of
+
+N_COEFFICIENTS = 20
+"""Betas, then expression."""
+
+
+@dataclass(frozen=True)
+class Posed:
+    """One forward pass over B frames: the points, and what their Jacobian needs."""
+
+    points: Float[Tensor, "B N 3"]
+    """Metres, relative to the camera's axes; the camera translation is not added."""
+    world: Float[Tensor, "B 55 3 3"]
+    local: Float[Tensor, "B 55 3 3"]
+    left_jacobian: Float[Tensor, "B 55 3 3"]
+    """Of the local axis-angles; the identity for the root, which turns in the tangent of its matrix."""
+    joints: Float[Tensor, "B 55 3"]
+    pairs: Float[Tensor, "B P 3"]
+    weight: Float[Tensor, "B P"] | Float[Tensor, "1 P"]
+    contour_bin: Int[Tensor, "B"] | None
+
+
+class BodyPoints:
+    """Evaluates a fixed list of points of one body.
+
+    Args:
+        body: the model.
+        points: what to evaluate, in the order of the output; the same point may stand in it twice.
+        dtype: float64 is the safe default; float32 reaches the same objectives on single frames.
+        device: where to compute.
+    """
+
+    def __init__(
+        self,
+        body: BodyModel,
+        points: Sequence[Point],
+        *,
+        dtype: torch.dtype = torch.float64,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        self.dtype, self.device = dtype, torch.device(device)
+        self.tree = Tree.of(body.parents, device)
+        directions = np.concatenate([body.shape_directions, body.expression_directions], 2)
+        rest = body.joint_regressor @ body.template
+        moves = np.einsum("jv,vdk->jdk", body.joint_regressor, directions)
+        self.rest, self.rest_directions = self._tensor(rest), self._tensor(moves)
+        relative = moves.copy()
+        relative[1:] -= moves[body.parents[1:]]
+        self.bone_directions = self._tensor(relative)
+        self.ancestors = self._tensor(self.tree.ancestors)
+        self._compile(body, points, rest, directions, moves)
+
+    def _tensor(self, a) -> Tensor:
+        return torch.as_tensor(np.ascontiguousarray(a), dtype=self.dtype, device=self.device)
+
+    def _index(self, a) -> Tensor:
+        return torch.as_tensor(np.ascontiguousarray(a), dtype=torch.long, device=self.device)
+
+    def _compile(
+        self, body: BodyModel, points: Sequence[Point], rest: np.ndarray, directions: np.ndarray, moves
+    ) -> None:
+        """Turns the list of points into constant tables: pairs, incidence and Jacobian entries."""
+        surface = [i for i, p in enumerate(points) if not isinstance(p, Joint | Contour)]
+        contour = [i for i, p in enumerate(points) if isinstance(p, Contour)]
+        self.tables = [pairs_of(body, [points[i] for i in surface], rest, directions, moves)]
+        if contour:
+            self.tables.append(contour_pairs(body, [p.landmark for p in points if isinstance(p, Contour)], directions))
+        self.tables = [t.to(self.dtype, self.device) for t in self.tables]
+        self.has_contour = bool(contour)
+        owner = np.concatenate([self.tables[0].point.cpu(), *[t.point.cpu() + len(surface) for t in self.tables[1:]]])
+        bone = np.concatenate([t.bone.cpu() for t in self.tables])
+        self.bone = self._index(bone)
+        rows = surface + contour
+        self.sum_pairs = self._tensor(np.equal.outer(np.arange(len(rows)), owner))
+        place = {row: N_JOINTS + k for k, row in enumerate(rows)}
+        self.pick = self._index([place.get(i, getattr(p, "joint", 0)) for i, p in enumerate(points)])
+        self.surface_rows = self._index(rows)
+        self._compile_entries(points, place, owner, bone)
+
+    def _compile_entries(
+        self, points: Sequence[Point], place: dict[int, int], owner: np.ndarray, bone: np.ndarray
+    ) -> None:
+        """Lists the (point, joint) pairs with a derivative, and how the lever arm of each comes about."""
+        ancestors = self.tree.ancestors
+        entries: list[tuple[int, int, np.ndarray]] = []
+        for i, p in enumerate(points):
+            if isinstance(p, Joint):
+                for a in np.flatnonzero(ancestors[p.joint]).tolist():
+                    if a != p.joint:
+                        row = np.zeros(N_JOINTS + len(bone))
+                        row[p.joint], row[a] = 1, -1
+                        entries.append((i, a, row))
+                continue
+            mine = owner == place[i] - N_JOINTS
+            for a in range(N_JOINTS):
+                below = mine & ancestors[bone, a]
+                if below.any():
+                    row = np.zeros(N_JOINTS + len(bone))
+                    row[N_JOINTS:][below] = 1
+                    entries.append((i, a, row))
+        self.entry_point, self.entry_joint = (self._index([entry[k] for entry in entries]) for k in (0, 1))
+        incidence = np.array([row for *_, row in entries])
+        self.incidence = self._tensor(incidence.reshape(len(entries), N_JOINTS + len(bone)))
+        # weights of surface points in the subtree, to take their share of the turning joint's own position off
+        self.subtree_weight = self.incidence[:, N_JOINTS:].contiguous()
+
+    def world_rotations(
+        self, orient: Float[Tensor, "B 3 3"], pose: Float[Tensor, "B 54 3"]
+    ) -> Float[Tensor, "B 55 3 3"]:
+        """World rotations of the joints alone."""
+        local = torch.cat([orient[:, None], rotations.exp(pose)], 1)
+        return pose_joints(self.tree, local, self.rest.expand(len(pose), -1, -1))[0]
+
+    def forward(
+        self,
+        orient: Float[Tensor, "B 3 3"],
+        pose: Float[Tensor, "B 54 3"],
+        coefficients: Float[Tensor, "B 20"],
+        contour_bin: Int[Tensor, "B"] | None = None,
+    ) -> Posed:
+        """Poses the points.
+
+        Args:
+            orient: world rotation of the root.
+            pose: axis-angle of the other joints, radians.
+            coefficients: betas and expression.
+            contour_bin: head yaw table of each frame; needed when contour landmarks are among the points.
+        """
+        local, left = rotations.exp_and_left_jacobian(pose)
+        identity = torch.eye(3, dtype=self.dtype, device=self.device)
+        local = torch.cat([orient[:, None], local], 1)
+        left = torch.cat([identity.expand(len(pose), 1, 3, 3), left], 1)
+        rest = self.rest + (coefficients @ self.rest_directions.flatten(0, 1).T).view(-1, N_JOINTS, 3)
+        world, joints = pose_joints(self.tree, local, rest)
+        vectors = torch.cat([t.vectors(coefficients, local, contour_bin) for t in self.tables], 1)
+        weight = torch.cat([t.weights(contour_bin).expand(len(pose), -1) for t in self.tables], 1)
+        offset = joints - (world @ rest[..., None])[..., 0]
+        pairs = (world[:, self.bone] @ vectors[..., None])[..., 0] + weight[..., None] * offset[:, self.bone]
+        points = torch.cat([joints, self.sum_pairs @ pairs], 1)[:, self.pick]
+        return Posed(points, world, local, left, joints, pairs, weight, contour_bin)
+
+    def rotation_entries(self, posed: Posed, left: Float[Tensor, "B N R 3"]) -> Float[Tensor, "B E R 3"]:
+        """left_p @ d point / d (axis-angle of joint) for every (point, joint) entry that is not zero.
+
+        `left` maps each point's motion to what the caller looks at: its projection, or the identity.
+        """
+        up = posed.world[:, self.tree.parents[1:]]
+        axes = torch.cat([posed.left_jacobian[:, :1], up @ posed.left_jacobian[:, 1:]], 1)
+        arm = self.incidence @ torch.cat([posed.joints, posed.pairs], 1)
+        share = posed.weight @ self.subtree_weight.T
+        arm = arm - share[..., None] * posed.joints[:, self.entry_joint]
+        # row . (axis x arm) = axis . (arm x row)
+        turned = torch.linalg.cross(arm[:, :, None].expand(-1, -1, left.shape[2], -1), left[:, self.entry_point])
+        return turned @ axes[:, self.entry_joint]
+
+    def coefficient_jacobian(self, posed: Posed, columns: slice) -> Float[Tensor, "B N 3 C"]:
+        """d points / d (betas, expression)[columns]."""
+        frames, up = len(posed.joints), posed.world[:, self.tree.parents[1:]]
+        identity = torch.eye(3, dtype=self.dtype, device=self.device).expand(frames, 1, 3, 3)
+        bones = torch.cat([identity, up], 1) @ self.bone_directions[..., columns]
+        count = bones.shape[-1]
+        joints = (self.ancestors @ bones.flatten(2)).view(frames, N_JOINTS, 3, count)
+        offset = joints - posed.world @ self.rest_directions[..., columns]
+        table = [t.direction(posed.contour_bin)[..., columns].expand(frames, -1, -1, -1) for t in self.tables]
+        pairs = posed.world[:, self.bone] @ torch.cat(table, 1) + posed.weight[..., None, None] * offset[:, self.bone]
+        surface = (self.sum_pairs @ pairs.flatten(2)).view(frames, -1, 3, count)
+        return torch.cat([joints, surface], 1)[:, self.pick]
+
+    def corrective_gradient(self, posed: Posed, pull: Float[Tensor, "B N 3"]) -> Float[Tensor, "B 55 3"]:
+        """sum over points of pull . d point / d pose, through the pose correctives alone.
+
+        Their share of the Jacobian is small, and costs many times this adjoint; solvers leave it out of the normal
+        matrix, where it only shapes the step, and put it into the gradient, where it decides where they end.
+        """
+        per_pair = self.sum_pairs.T @ pull[:, self.surface_rows]
+        in_bone = (posed.world[:, self.bone].transpose(-1, -2) @ per_pair[..., None])[..., 0]
+        gradient = posed.joints.new_zeros(len(pull), N_JOINTS, 3)
+        start = 0
+        for table in self.tables:
+            part = in_bone[:, start : start + len(table.bone)]
+            start += len(table.bone)
+            if len(table.driving):
+                gradient[:, table.driving] += table.pull_back(part, posed.local, posed.left_jacobian, posed.contour_bin)
+        return gradient
+
+
+def whole_pose(body_pose: Tensor, jaw_pose: Tensor, hands: Float[Tensor, "B 90"]) -> Float[Tensor, "B 54 3"]:
+    """Axis-angle of all joints but the root, eyes at rest."""
+    eyes = body_pose.new_zeros(len(body_pose), 6)
+    return torch.cat([body_pose, jaw_pose, eyes, hands], 1).view(len(body_pose), N_JOINTS - 1, 3)

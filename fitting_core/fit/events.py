@@ -1,0 +1,57 @@
+"""What the fitting generator yields. Events carry detached copies on the CPU."""
+
+from dataclasses import dataclass, field
+
+from fitting_core.body.params import BodyParams
+from fitting_core.fit.result import FitResult, PhaseResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseStarted:
+    """A phase begins."""
+
+    phase: int
+    title: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Iteration:
+    """A solver made a step."""
+
+    phase: int
+    label: str
+    """Which part of the phase, for the user: "camera", "stage 3", "relay 1", "window 12"."""
+    share: float
+    """How much of the phase is done, 0 to 1, as far as that can be told."""
+    cost: float
+    """Mean cost of the frames that are being fitted."""
+    terms: dict[str, float] = field(default_factory=dict)
+    """Mean cost of a frame by term; empty but now and then (`phases.progress.TermSampling`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowFinished:
+    """Frames that are final in a sliding window's phase 3."""
+
+    frames: range
+    params: BodyParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseFinished:
+    """A phase has its result; it stays valid if the fit is cancelled after it."""
+
+    phase: int
+    result: PhaseResult
+    so_far: FitResult
+    """The fit with all phases finished so far."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finished:
+    """The whole fit has its result."""
+
+    result: FitResult
+
+
+FitEvent = PhaseStarted | Iteration | WindowFinished | PhaseFinished | Finished

@@ -1,0 +1,336 @@
+"""The three phases as a generator of events, and as one call."""
+
+import time
+from collections.abc import Generator, Iterable
+from dataclasses import replace
+from typing import TypeVar
+
+import torch
+from torch import Tensor
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.fit.phases.consistency import Consistency, coupled
+from fitting_core.fit.phases.independent import fit_frames
+from fitting_core.fit.phases.progress import Step, TermSampling
+from fitting_core.fit.phases.search.sharpening import sharp_settings, sharpened_for
+from fitting_core.fit.phases.shared_shape import fit_shape
+from fitting_core.fit.reliability import SEEN
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import State
+from fitting_core.video.frame_names import spans
+
+Outcome = TypeVar("Outcome")
+"""What a phase returns."""
+_CONTEXT = 10
+"""Frames around a window whose costs are taken."""
+TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
+
+
+def fit_events(clip: Clip, body: BodyModel, config: FitConfig) -> Generator[FitEvent, None, FitResult]:
+    """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        config: everything else; see `config.PRESETS`.
+
+    Raises:
+        InputError: no frame of the clip shows enough of a person.
+    """
+    return (yield from _Fit(clip, body, config).run())
+
+
+def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
+    """The result of `fit_events`, without the events."""
+    events = fit_events(clip, body, config)
+    while True:
+        try:
+            next(events)
+        except StopIteration as stop:
+            return stop.value
+
+
+def rerun_events(
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    frames: range,
+    *,
+    sharpness: float | None = None,
+) -> Generator[FitEvent, None, BodyParams]:
+    """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        config: everything else.
+        params: a result for this clip, all frames.
+        frames: which of them are fitted again, counted from the first of the clip as 0.
+        sharpness: that of the result (`FitResult.sharpness`); None finds it, at a cost that grows with the clip.
+    """
+    first = clip.first_frame
+    asked = f"{first + frames.start} to {first + frames.stop - 1}"
+    if not (0 <= frames.start < frames.stop <= len(clip)):
+        raise InputError(
+            f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
+        )
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    near = coupled(frames, len(clip))
+    stages = sharpened_for(stages, params, sharpness).within(near)
+    settings = sharp_settings(config.settings, stages.sharpness)
+    consistency = Consistency(stages, make_solver(config.solver, settings))
+    yield PhaseStarted(phase=3, title=f"frames {asked} again")
+    moving = range(frames.start - near.start, frames.stop - near.start)
+    state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
+    state = yield from _events(consistency.rerun(state, moving), 3)
+    fresh = stages.parametrisation.to_params(state[slice(moving.start, moving.stop)])
+    return params.to(dtype=torch.float64).with_frames(frames, fresh)
+
+
+def shape_events(
+    clip: Clip, body: BodyModel, config: FitConfig, start: FitResult
+) -> Generator[FitEvent, None, FitResult]:
+    """Phase 2 again from a fit's first phase on, and phase 3 under the new shape if `config.last_phase` has one.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        config: everything else.
+        start: its first phase and its sharpness are kept.
+
+    Raises:
+        InputError: It has no first phase, or no frame of the clip shows a person.
+    """
+    return (yield from _Fit(clip, body, config).run_again(start))
+
+
+class _Fit:
+    """One fit: what is constant over its phases, and the phases finished so far."""
+
+    def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
+        self.clip, self.config = clip, config
+        self.stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+        if not bool(self.stages.usable().any()):
+            raise InputError(
+                f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
+                f"above {SEEN}. Check the keypoint files, or --person."
+            )
+        self.solver = make_solver(config.solver, config.settings)
+        self.phases: list[PhaseResult] = []
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """All phases up to the configured last one."""
+        state = yield from self._first()
+        if self.config.last_phase >= 2:
+            state = yield from self._second(state)
+        if self.config.last_phase >= 3:
+            yield from self._third(state)
+        result = self._result()
+        yield Finished(result=result)
+        return result
+
+    def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
+        """The phases after the first, from another fit's first one on."""
+        first = start.phase(1)
+        if first is None:
+            raise InputError("There is no first phase to find a shape from: run everything.")
+        self.phases.append(first)
+        self._sharpen(sharpened_for(self.stages, first.params, start.sharpness))
+        self.good = self.stages.usable() & torch.as_tensor(first.frame_cost).isfinite()
+        # Poses as they came: a latent prior does not bring them back exactly.
+        state = self.stages.parametrisation.from_params(first.params)
+        state = yield from self._second(state, poses=first.params)
+        if self.config.last_phase >= 3:
+            yield from self._third(state)
+        result = self._result()
+        yield Finished(result=result)
+        return result
+
+    def _sharpen(self, stages: Stages) -> None:
+        self.stages = stages
+        if stages.sharpness > 1:
+            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, stages.sharpness))
+
+    def _first(self) -> Generator[FitEvent, None, State]:
+        yield PhaseStarted(phase=1, title=TITLES[1])
+        start = time.perf_counter()
+        fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
+        self.good = fits.cost.isfinite()
+        self._sharpen(fits.stages)
+        yield self._finish(1, fits.state, start, fits.notes)
+        return fits.state
+
+    def _second(self, state: State, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
+        yield PhaseStarted(phase=2, title=TITLES[2])
+        start = time.perf_counter()
+        usable = self.good.nonzero()[:, 0] if bool(self.good.any()) else self.stages.all_frames
+        sampled, frames = yield from _events(fit_shape(self.stages, self.solver, state, usable), 2)
+        betas = self.stages.parametrisation.columns.betas
+        state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
+        note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
+        yield self._finish(2, state, start, (note,), sample=(sampled, frames), poses=poses)
+        return state
+
+    def _third(self, state: State) -> Generator[FitEvent, None, None]:
+        yield PhaseStarted(phase=3, title=TITLES[3])
+        start = time.perf_counter()
+        self.consistency = Consistency(self.stages, self.solver)
+        mode = {"global": self.consistency.all_at_once, "sliding_window": self.consistency.sliding_window}
+        state = yield from _events(mode[self.config.temporal.mode](state), 3)
+        yield self._finish(3, state, start, tuple(self.consistency.notes))
+
+    def _finish(
+        self,
+        phase: int,
+        state: State,
+        start: float,
+        notes: tuple[str, ...],
+        *,
+        sample: tuple[State, Tensor] | None = None,
+        poses: BodyParams | None = None,
+    ) -> PhaseFinished:
+        result = _phase_result(
+            self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
+        )
+        if poses is not None:
+            result = replace(result, params=replace(poses, betas=result.params.betas))
+        self.phases.append(result)
+        return PhaseFinished(phase=phase, result=result, so_far=self._result())
+
+    def _result(self) -> FitResult:
+        return FitResult(
+            phases=tuple(self.phases),
+            camera=self.clip.camera,
+            config=self.config,
+            observed=self.stages.observed,
+            sharpness=self.stages.sharpness,
+            pose_prior=self.stages.parametrisation.prior.title,
+            warnings=(
+                *self.clip.notes,
+                *_swap_notes(self.stages, self.clip.first_frame),
+                *(note for p in self.phases for note in p.notes),
+            ),
+        )
+
+
+def evaluated(
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    *,
+    phase: int = 3,
+    seconds: float = 0.0,
+    sharpness: float | None = None,
+) -> PhaseResult:
+    """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
+
+    Args:
+        clip: keypoints and camera, against which the costs are taken.
+        body: the body model.
+        config: its weights are those of the costs.
+        params: all frames; they are kept as they are.
+        phase: 3 counts E_T too.
+        seconds: what making them took.
+        sharpness: as for `rerun_events`.
+    """
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = sharpened_for(stages, params, sharpness)
+    result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
+    return replace(result, params=params)
+
+
+def patched(
+    phase: PhaseResult,
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    windows: Iterable[range],
+    *,
+    sharpness: float | None,
+    note: str,
+) -> PhaseResult:
+    """A phase with other parameters in some windows.
+
+    Costs are taken there alone, with some frames around that the data term's swaps are told from: those of a whole clip
+    take 4 ms a frame, for which a drag or a re-run of some frames would wait. So they are known by frame, and not by
+    term.
+
+    Args:
+        phase: before.
+        clip: as for `evaluated`.
+        body: as for `evaluated`.
+        config: as for `evaluated`.
+        params: all frames.
+        windows: where they are others than those of `phase`.
+        sharpness: as for `rerun_events`.
+        note: for the user.
+    """
+    cost = phase.frame_cost.copy()
+    for window in windows:
+        part = slice(max(0, window.start - _CONTEXT), min(len(clip), window.stop + _CONTEXT))
+        near = replace(clip, keypoints=clip.keypoints[part])
+        found = evaluated(near, body, config, params[part], sharpness=sharpness)
+        inner = slice(window.start - part.start, window.stop - part.start)
+        cost[window.start : window.stop] = found.frame_cost[inner]
+    return replace(phase, params=params, frame_cost=cost, objective={"by frame": float(cost.mean())}, notes=(note,))
+
+
+def _phase_result(
+    stages: Stages,
+    phase: int,
+    state: State,
+    *,
+    seconds: float,
+    notes: tuple[str, ...] = (),
+    sample: tuple[State, Tensor] | None = None,
+) -> PhaseResult:
+    """Figures of a state of all frames; the objective is the mean over these, or over a sample of them."""
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=phase < 3))
+    every = objective.costs(state, stages.all_frames)
+    counted = every if sample is None else objective.costs(*sample)
+    terms = {name: float(cost.mean()) for name, cost in counted.items()}
+    if phase == 3:
+        consistency = Consistency(stages, make_solver(stages.config.solver, stages.config.settings))
+        terms["temporal"] = consistency.temporal_cost(state) / len(state)
+    terms["total"] = sum(terms.values())
+    return PhaseResult(
+        phase=phase,
+        params=stages.parametrisation.to_params(state),
+        objective=terms,
+        frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
+        seconds=seconds,
+        notes=notes,
+    )
+
+
+def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
+    """A phase's steps as events."""
+    sampling = TermSampling()
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as stop:
+            return stop.value
+        if step.final is not None:
+            yield WindowFinished(frames=step.final[0], params=step.final[1])
+        else:
+            yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
+
+
+def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
+    """What was swapped back, for the user."""
+    swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.swaps.items()}
+    return [
+        f"left and right {name} were swapped in the keypoints and were swapped back: frames {numbers}"
+        for name, numbers in swapped.items()
+    ]

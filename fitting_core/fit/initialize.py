@@ -1,0 +1,142 @@
+"""Where phase 1 starts: depth from similar triangles, and the starting orientations of the camera step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from fitting_core import keypoints as kp
+from fitting_core import rotations
+from fitting_core.body.model import JOINT
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.variables.state import State
+
+SIDE_VIEW = 0.25
+"""Shoulder width over torso length in the image under which a person is seen from the side."""
+FORESHORTENED = 0.75
+"""Share of a thigh's length, measured by the torso, under which it may point towards the camera."""
+_LONGEST = 100.0
+"""Metres: a depth beyond it is no guess."""
+
+_TORSO_EDGES = [("left_shoulder", "left_hip"), ("right_shoulder", "right_hip")]
+_OTHER_EDGES = [
+    ("left_shoulder", "right_shoulder"),
+    *[(f"{side}_{a}", f"{side}_{b}") for side in ("left", "right")
+      for a, b in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))],
+]  # fmt: skip
+_ANCHORS = ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")
+_JOINT_OF = {"mid_hip": "pelvis"}
+
+
+@dataclass(frozen=True)
+class DepthGuess:
+    """Depth of each frame, and what it was taken from."""
+
+    depth: Float[Tensor, "T"]
+    from_torso: Bool[Tensor, "T"]
+    from_limbs: Bool[Tensor, "T"]
+
+    def note(self) -> str:
+        """For the user."""
+        torso, limbs = int(self.from_torso.sum()), int(self.from_limbs.sum())
+        rest = len(self.depth) - torso - limbs
+        parts = [f"the torso in {torso} frames"] if torso else []
+        parts += [f"shoulders and limbs in {limbs} (hips not seen)"] if limbs else []
+        parts += [f"neighbouring frames in {rest}"] if rest else []
+        return "depth was first guessed from " + ", ".join(parts)
+
+
+def guess_depth(stages: Stages) -> DepthGuess:
+    """Similar triangles: focal length x length in metres / length in pixels.
+
+    From the mean of the shoulder-hip edges where both are seen. Else from the shoulder width and the limbs: each
+    foreshortened edge looks farther away than it is, so the nearest candidate counts. Else from other frames.
+    """
+    rest = _rest_joints(stages)
+    focal = sum(stages.camera.focal) / 2
+
+    def edge(a: str, b: str) -> tuple[Tensor, Tensor, float]:
+        i, j = kp.INDEX[a], kp.INDEX[b]
+        seen = stages.seen[:, i] & stages.seen[:, j]
+        return seen, (stages.xy[:, i] - stages.xy[:, j]).norm(dim=1), float((rest[JOINT[a]] - rest[JOINT[b]]).norm())
+
+    torso = [edge(a, b) for a, b in _TORSO_EDGES]
+    torso_seen = torso[0][0] & torso[1][0]
+    torso_pixels = sum(t[1] for t in torso)
+    by_torso = focal * sum(t[2] for t in torso) / torso_pixels.clamp_min(1e-6)  # pyright: ignore
+    others = [edge(a, b) for a, b in _OTHER_EDGES]
+    limbs = torch.stack(
+        [torch.where(seen, focal * metres / pixels.clamp_min(1e-6), torch.inf) for seen, pixels, metres in others]
+    )
+    by_limbs = limbs.amin(0)
+    from_torso = torso_seen & (by_torso < _LONGEST)
+    from_limbs = ~from_torso & (by_limbs < _LONGEST)
+    depth = torch.where(from_torso, by_torso, by_limbs)
+    known = from_torso | from_limbs
+    return DepthGuess(fill_gaps(depth, known, otherwise=4.0), from_torso, from_limbs)
+
+
+def _rest_joints(stages: Stages) -> Float[Tensor, "55 3"]:
+    return stages.tensor(stages.body.joint_regressor @ stages.body.template)
+
+
+def fill_gaps(values: Float[Tensor, "T"], known: Bool[Tensor, "T"], *, otherwise: float) -> Float[Tensor, "T"]:
+    """Values where known, linear in time between them and constant beyond; `otherwise` where none is known."""
+    if not bool(known.any()):
+        return torch.full_like(values, otherwise)
+    at = np.flatnonzero(known.cpu().numpy())
+    filled = np.interp(np.arange(len(values)), at, values[known].cpu().numpy())
+    return torch.as_tensor(filled).to(values)
+
+
+def starting_state(stages: Stages, depth: Float[Tensor, "T"], yaw_degrees: float) -> State:
+    """The neutral pose at the guessed depth, upright, turned by `yaw_degrees` from facing the camera."""
+    state = stages.parametrisation.neutral(len(depth))
+    facing = torch.diag(depth.new_tensor([1.0, -1.0, -1.0]))
+    orient = facing @ rotations.yaw(yaw_degrees, depth)
+    where = [kp.INDEX[n] for n in _ANCHORS]
+    rest = (orient @ _rest_joints(stages)[[JOINT[_JOINT_OF.get(n, n)] for n in _ANCHORS]].T).T
+    share = stages.confidence[:, where] * stages.seen[:, where]
+    total = share.sum(1, keepdim=True)
+    share = torch.where(total > 0, share / total.clamp_min(1e-9), share)
+    pixels = (stages.xy[:, where] * share[..., None]).sum(1)
+    anchor = share @ rest
+    focal, center = depth.new_tensor(stages.camera.focal), depth.new_tensor(stages.camera.center)
+    across = (pixels - center) / focal * depth[:, None] - anchor[:, :2]
+    across = torch.where(total > 0, across, 0.0)
+    state = state.with_columns(stages.parametrisation.columns.translation, torch.cat([across, depth[:, None]], 1))
+    return State(orient.expand(len(depth), 3, 3).clone(), state.vector)
+
+
+def turned(state: State) -> State:
+    """The same bodies turned by 180 degrees about their own vertical axis."""
+    return State(state.orient @ rotations.yaw(180.0, state.orient), state.vector)
+
+
+def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
+    """Frames in which the shoulders look close together against the torso's length."""
+    xy = stages.xy
+    left, right = kp.INDEX["left_shoulder"], kp.INDEX["right_shoulder"]
+    width = (xy[:, left] - xy[:, right]).norm(dim=1)
+    hips = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
+    length = (xy[:, [left, right]].mean(1) - xy[:, hips].mean(1)).norm(dim=1)
+    known = stages.seen[:, [left, right]].all(1) & stages.hips_seen
+    return known & (width < SIDE_VIEW * length)
+
+
+def thighs_foreshortened(stages: Stages) -> Bool[Tensor, "T"]:
+    """Frames in which a thigh looks much shorter than the body's proportions to the torso say: it points in depth."""
+    rest, xy = _rest_joints(stages), stages.xy
+
+    def length(a: str, b: str) -> Tensor:
+        return (xy[:, kp.INDEX[a]] - xy[:, kp.INDEX[b]]).norm(dim=1)
+
+    short = torch.zeros_like(stages.hips_seen)
+    for side in ("left", "right"):
+        shoulder, hip, knee = (f"{side}_{n}" for n in ("shoulder", "hip", "knee"))
+        seen = stages.seen[:, [kp.INDEX[n] for n in (shoulder, hip, knee)]].all(1)
+        thigh, torso = (rest[JOINT[hip]] - rest[JOINT[n]] for n in (knee, shoulder))
+        short |= seen & (length(hip, knee) < FORESHORTENED * length(shoulder, hip) * thigh.norm() / torso.norm())
+    return short

@@ -1,0 +1,93 @@
+"""Phase 3: pose and camera, consistent over time. Sliding window, all at once, or a re-run of a range."""
+
+from collections.abc import Generator
+
+from torch import Tensor
+
+from fitting_core.fit.phases.progress import Step, reported
+from fitting_core.fit.solvers import Solver
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
+from fitting_core.fit.variables.state import State
+
+COUPLED = 2
+"""Frames on each side that E_T couples to a window."""
+
+
+class Consistency:
+    """Minimises E_o + E_T over ranges of frames of one clip; betas are those of the state and stay.
+
+    Args:
+        stages: builds the objectives.
+        solver: minimises them.
+    """
+
+    def __init__(self, stages: Stages, solver: Solver) -> None:
+        self.stages, self.solver = stages, solver
+        self.notes: list[str] = []
+        """What went wrong, for the user."""
+        self.joints = JointPositions(
+            stages.body, stages.parametrisation, in_camera=stages.config.temporal.space == "camera"
+        )
+
+    def _run(
+        self, state: State, free: range, centres: range, label: str, share: tuple[float, float]
+    ) -> Generator[Step, None, State]:
+        """The configured stages over the frames of `free`; every other frame stays."""
+        chosen, held = self.stages.config.temporal.stages, self.joints(state)
+        for i, stage in enumerate(chosen):
+            objective = self.stages.objective(stage, state, self.stages.free(stage, betas=False))
+            coupling = Coupling.of(free, centres, len(state), state.vector.device)
+            problem = Sequence(objective, self.joints, held, coupling, self.stages.temporal_weight)
+            begin, end = share
+            part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
+            minimisation = self.solver.minimise(problem, state[coupling.free], final=i == len(chosen) - 1)
+            solution = yield from reported(minimisation, f"{label}stage {stage}", part, self.solver.iterations)
+            if "failed" in solution.reason:
+                self.notes.append(
+                    f"{label}stage {stage} of phase 3 failed (no finite cost): its frames stay as they were"
+                )
+            state = state.put(coupling.free, solution.state)
+        return state
+
+    def all_at_once(self, state: State) -> Generator[Step, None, State]:
+        """Every frame free, every residual counted; cost linear in the number of frames."""
+        everything = range(len(state))
+        return (yield from self._run(state, everything, everything, "", (0.0, 1.0)))
+
+    def sliding_window(self, state: State) -> Generator[Step, None, State]:
+        """The paper's windows of n frames, stride 1: no E_T for a window's last frame, the one before it constant."""
+        frames = len(state)
+        size = min(self.stages.config.temporal.window_size, frames)
+        last = frames - size
+        for first in range(last + 1):
+            window = range(first, first + size)
+            centres = range(first, first + size - 1)
+            share = (first / (last + 1), (first + 1) / (last + 1))
+            state = yield from self._run(state, window, centres, f"window {first + 1} of {last + 1}, ", share)
+            done = range(first, first + 1) if first < last else window
+            yield Step(
+                "window", share[1], 0.0, (done, self.stages.parametrisation.to_params(state[_index(done, state)]))
+            )
+        return state
+
+    def rerun(self, state: State, frames: range) -> Generator[Step, None, State]:
+        """Only `frames` move; all others are held and coupled, so that no seam appears."""
+        centres = range(frames.start - 1, frames.stop + 1)
+        return (yield from self._run(state, frames, centres, "", (0.0, 1.0)))
+
+    def temporal_cost(self, state: State) -> float:
+        """E_T summed over the clip."""
+        free = range(len(state))
+        coupling = Coupling.of(free, free, len(state), state.vector.device)
+        positions = self.joints(state).flatten(1)
+        return float(self.stages.temporal_weight**2 * coupling.residuals(positions).square().sum())
+
+
+def coupled(frames: range, count: int) -> range:
+    """Frames of a clip of `count`, and those that E_T couples to them."""
+    return range(max(0, frames.start - COUPLED), min(count, frames.stop + COUPLED))
+
+
+def _index(frames: range, state: State) -> Tensor:
+    return Coupling.of(frames, range(0), len(state), state.vector.device).free

@@ -1,0 +1,63 @@
+"""How phases report a running minimisation."""
+
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+import torch
+
+from fitting_core.body.params import BodyParams
+from fitting_core.fit.solvers.solution import Progress, Solution
+
+
+@dataclass(frozen=True)
+class Step:
+    """One solver iteration inside a phase, or frames that became final."""
+
+    label: str
+    share: float
+    """How much of the phase is done, 0 to 1."""
+    cost: float
+    final: tuple[range, BodyParams] | None = None
+    terms: Callable[[], dict[str, float]] = dict
+    """Evaluates the mean cost of a frame by term; to be called before the phase goes on."""
+
+
+def reported(
+    minimisation: Generator[Progress, None, Solution], label: str, share: tuple[float, float], iterations: int
+) -> Generator[Step, None, Solution]:
+    """Passes a minimisation on as steps that lie between two shares of the phase."""
+    begin, end = share
+    while True:
+        try:
+            progress = next(minimisation)
+        except StopIteration as stop:
+            return stop.value
+        done = min(1.0, progress.iteration / iterations)
+        finite = progress.cost[progress.cost.isfinite()]
+        cost = float(finite.mean()) if len(finite) else float("inf")
+        yield Step(label, begin + (end - begin) * done, cost, terms=progress.terms)
+
+
+TERMS_EVERY = 0.5
+"""Seconds between two evaluations of the cost by term."""
+_SHARE = 0.03
+"""Most of the time that these evaluations may take: of long clips they are rarer."""
+
+
+class TermSampling:
+    """Evaluates the cost by term now and then, by the clock: the fit itself is the same with and without."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def terms(self, step: Step) -> dict[str, float]:
+        """The step's, or empty if the last ones are recent."""
+        begin = time.monotonic()
+        if begin < self._due:
+            return {}
+        with torch.no_grad():
+            terms = step.terms()
+        end = time.monotonic()
+        self._due = end + max(TERMS_EVERY, (end - begin) / _SHARE)
+        return terms

@@ -1,0 +1,164 @@
+"""Limbs mirrored in depth: other poses that look the same in the image.
+
+A bone of known length that starts at a known point and ends on a known ray has two ways to lie, nearer or farther. So
+every limb of two bones has four poses at the same keypoints (H.-J. Lee, Z. Chen, Determination of 3D human body
+postures from a single view, CVGIP 30, 1985), and a descent seldom finds the way from one to another.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core import rotations
+from fitting_core.body.model import JOINT
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.temporal import JointPositions
+from fitting_core.fit.variables.state import State
+
+_STRAIGHT = 0.1
+"""Sine of the bend under which a limb's own hinge stays where it is: two bones in a line do not tell."""
+_PALM = (1.0, -1.0, 1.0)
+"""Mirrors a hand at rest in the plane of its palm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limb:
+    """Two bones, hinged in the middle."""
+
+    joints: tuple[str, str, str]
+    hinge: tuple[float, float, float]
+    """Axis about which the lower bone bends, in the rest pose."""
+    hand: bool
+    """Whether the end is a hand, flat enough that it looks the same when mirrored in depth."""
+
+
+LIMBS = {
+    "left_arm": Limb(joints=("left_shoulder", "left_elbow", "left_wrist"), hinge=(0.0, -1.0, 0.0), hand=True),
+    "right_arm": Limb(joints=("right_shoulder", "right_elbow", "right_wrist"), hinge=(0.0, 1.0, 0.0), hand=True),
+    "left_leg": Limb(joints=("left_hip", "left_knee", "left_ankle"), hinge=(1.0, 0.0, 0.0), hand=False),
+    "right_leg": Limb(joints=("right_hip", "right_knee", "right_ankle"), hinge=(1.0, 0.0, 0.0), hand=False),
+}
+FLIPS = ((True, False), (False, True), (True, True))
+"""Which bones are mirrored: upper, lower."""
+
+
+class LimbFlips:
+    """Makes mirrored states of one body.
+
+    Args:
+        stages: the body, and how a state's numbers become its pose.
+    """
+
+    def __init__(self, stages: Stages) -> None:
+        self.parametrisation = stages.parametrisation
+        self.positions = JointPositions(stages.body, stages.parametrisation, in_camera=True)
+        self.parents = stages.body.parents
+
+    def flipped(self, state: State, limb: Limb, *, upper: bool, lower: bool) -> State:
+        """The states with a limb's upper bone, lower bone or both mirrored in depth, at the same pixels.
+
+        The joint in the middle stays a hinge: the limb is turned about its upper bone until it bends its natural way.
+        """
+        estimate = self.positions.estimate(state)
+        joints, world = estimate.in_camera, estimate.posed.world
+        first, middle, last = (JOINT[name] for name in limb.joints)
+        bones = joints[:, middle] - joints[:, first], joints[:, last] - joints[:, middle]
+        at_middle = _other_end(joints[:, first], joints[:, middle]) if upper else joints[:, middle]
+        ray = _unit(joints[:, last])
+        near, far = _ends_on_ray(at_middle, ray, bones[1].norm(dim=1))
+        was_near = (bones[1] * ray).sum(1, keepdim=True) < 0
+        at_last = torch.where(was_near ^ lower, near, far)
+        turned = _hinged(limb, world, bones, (_unit(at_middle - joints[:, first]), _unit(at_last - at_middle)))
+        end = world[:, last]
+        if limb.hand and lower:
+            end = _mirrored_hand(end, ray)
+        elif not limb.hand:
+            end = turned[1] @ world[:, middle].transpose(1, 2) @ end
+        return self._with_world(state, (first, middle, last), world, (*turned, end))
+
+    def with_mirrored_hand(self, state: State, limb: Limb) -> State:
+        """The states with a limb's hand mirrored in depth about its wrist; the limb stays."""
+        estimate = self.positions.estimate(state)
+        joints, world = estimate.in_camera, estimate.posed.world
+        first, middle, last = (JOINT[name] for name in limb.joints)
+        hand = _mirrored_hand(world[:, last], _unit(joints[:, last]))
+        return self._with_world(state, (first, middle, last), world, (world[:, first], world[:, middle], hand))
+
+    def _with_world(
+        self, state: State, chain: tuple[int, int, int], world: Tensor, turned: tuple[Tensor, Tensor, Tensor]
+    ) -> State:
+        """The state with the world rotations of three joints in a row replaced."""
+        pose = self.parametrisation.body_pose(state).clone()
+        parent = world[:, int(self.parents[chain[0]])]
+        for joint, own in zip(chain, turned, strict=True):
+            pose[:, 3 * (joint - 1) : 3 * joint] = rotations.log(parent.transpose(1, 2) @ own)
+            parent = own
+        return state.with_columns(self.parametrisation.columns.body, self.parametrisation.prior.encode(pose))
+
+    def every(self, state: State) -> Iterator[tuple[str, State]]:
+        """All flips of all limbs and hands, one at a time, by the limb's name."""
+        for name, limb in LIMBS.items():
+            for upper, lower in FLIPS:
+                yield name, self.flipped(state, limb, upper=upper, lower=lower)
+            if limb.hand:
+                yield f"{name}'s hand", self.with_mirrored_hand(state, limb)
+
+
+def _hinged(
+    limb: Limb, world: Float[Tensor, "B 55 3 3"], bones: tuple[Tensor, Tensor], wanted: tuple[Tensor, Tensor]
+) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3 3"]]:
+    """World rotations of a limb's first two joints that turn its bones into the directions `wanted`."""
+    first, middle, _ = (JOINT[name] for name in limb.joints)
+    rest = [
+        _unit((world[:, j].transpose(1, 2) @ b[..., None])[..., 0]) for j, b in zip((first, middle), bones, strict=True)
+    ]
+    hinge = bones[0].new_tensor(limb.hinge).expand_as(bones[0])
+    normal, kept = torch.linalg.cross(*wanted), (world[:, first] @ hinge[..., None])[..., 0]
+    normal = torch.where(normal.norm(dim=1, keepdim=True) > _STRAIGHT, normal, kept)
+    turned = [_frame(w, normal) @ _frame(r, hinge).transpose(1, 2) for w, r in zip(wanted, rest, strict=True)]
+    # A forearm keeps its twist: the hand turns it, and no keypoint of the arm.
+    local = world[:, first].transpose(1, 2) @ world[:, middle]
+    return turned[0], turned[1] @ _twist(local, rest[1])
+
+
+def _other_end(start: Float[Tensor, "B 3"], end: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3"]:
+    """The other point on the ray of `end` that is as far from `start`."""
+    ray = _unit(end)
+    return end - 2 * ((end - start) * ray).sum(1, keepdim=True) * ray
+
+
+def _ends_on_ray(
+    start: Float[Tensor, "B 3"], ray: Float[Tensor, "B 3"], length: Float[Tensor, "B"]
+) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
+    """The nearer and the farther end of a bone on a ray; the nearest point of the ray where it is out of reach."""
+    foot = (start * ray).sum(1, keepdim=True)
+    off = (foot * ray - start).square().sum(1)
+    reach = (length.square() - off).clamp_min(0).sqrt()[:, None]
+    return (foot - reach) * ray, (foot + reach) * ray
+
+
+def _mirrored_hand(hand: Float[Tensor, "B 3 3"], ray: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3 3"]:
+    """World rotation of a flat hand that looks the same from the camera, with its fingers mirrored in depth."""
+    mirror = torch.eye(3, dtype=hand.dtype, device=hand.device) - 2 * ray[:, :, None] * ray[:, None]
+    return mirror @ hand @ torch.diag(hand.new_tensor(_PALM))
+
+
+def _frame(along: Float[Tensor, "*b 3"], normal: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 3"]:
+    """Rotation with columns: `along`, `normal` made perpendicular to it, and their cross product."""
+    normal = _unit(normal - (normal * along).sum(-1, keepdim=True) * along)
+    return torch.stack([along, normal, torch.linalg.cross(along, normal)], -1)
+
+
+def _twist(rotation: Float[Tensor, "B 3 3"], axis: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3 3"]:
+    """The part of rotations about an axis: swing-twist decomposition of quaternions."""
+    turn = rotations.log(rotation)
+    half = 0.5 * turn.norm(dim=1)
+    along = (turn * axis).sum(1) / (2 * half).clamp_min(1e-12) * half.sin()
+    return rotations.exp(2 * torch.atan2(along, half.cos())[:, None] * axis)
+
+
+def _unit(v: Tensor) -> Tensor:
+    return v / v.norm(dim=-1, keepdim=True).clamp_min(1e-12)

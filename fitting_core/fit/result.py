@@ -1,0 +1,50 @@
+"""What a fit returns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.config.schema import FitConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseResult:
+    """Parameters and figures of one finished phase."""
+
+    phase: int
+    params: BodyParams
+    """All frames. Phase 2: phase 1's poses with the shared betas."""
+    objective: dict[str, float]
+    """Mean over the phase's frames of the last stage's cost, by term, and their sum as "total"."""
+    frame_cost: Float[np.ndarray, "T"]
+    """E_o of each frame with the last stage's weights."""
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitResult:
+    """All finished phases of a fit."""
+
+    phases: tuple[PhaseResult, ...]
+    camera: Camera
+    config: FitConfig
+    observed: Bool[np.ndarray, "T 55"]
+    """Joints that a confident keypoint hangs on: where False, the joint's rotation comes from prior and neighbours."""
+    warnings: tuple[str, ...] = ()
+    sharpness: float | None = None
+    """Factor of the data term (see phases/sharpening.py); None: not noted, to be found from the residual."""
+    pose_prior: str = ""
+    """Its title; of a latent one with the hash of its weights."""
+
+    @property
+    def last(self) -> PhaseResult:
+        """The result of the last finished phase."""
+        return self.phases[-1]
+
+    def phase(self, number: int) -> PhaseResult | None:
+        """The result of a phase, if it finished."""
+        return next((p for p in self.phases if p.phase == number), None)

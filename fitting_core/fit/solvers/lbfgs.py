@@ -1,0 +1,250 @@
+"""L-BFGS with strong Wolfe line search on a batch of independent problems."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core.fit.solvers.curvature import CurvatureHistory
+from fitting_core.fit.solvers.line_search import LineSearches
+
+CostFunction = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+"""function(x (m, n), rows (m,)) -> cost (m,), gradient (m, n): some rows of the batch, by their index in it."""
+
+
+class Reason(IntEnum):
+    """Why the minimisation of a row ended."""
+
+    CONVERGED = 0
+    """The cost fell by less than the relative tolerance over a round, or can fall by no more than rounding."""
+    GRADIENT = 1
+    """No component of the gradient is larger than the gradient tolerance."""
+    ROUNDS = 2
+    """All rounds are used up."""
+    LINE_SEARCH = 3
+    """No lower point was found along the steepest descent: the cost is at its rounding error, or the gradient wrong."""
+    START_NOT_FINITE = 4
+    """Cost or gradient of the start are not finite; the row is returned as it came."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """The end of a minimisation, by row."""
+
+    x: Float[Tensor, "b n"]
+    """The point of lowest cost among all that were evaluated."""
+    cost: Float[Tensor, " b"]
+    """Cost at x; +inf where the start was not finite."""
+    evaluations: Int[Tensor, " b"]
+    """Calls of the function that this row took part in."""
+    iterations: Int[Tensor, " b"]
+    """Accepted steps."""
+    rounds: Int[Tensor, " b"]
+    """Rounds that were ended."""
+    reasons: tuple[Reason, ...]
+    """Why each row ended."""
+
+
+def minimise_lbfgs(
+    function: CostFunction,
+    x0: Float[Tensor, "b n"],
+    *,
+    rounds: int = 30,
+    iterations: int = 30,
+    history: int = 100,
+    line_evaluations: int = 25,
+    relative_tolerance: float = 1e-9,
+    gradient_tolerance: float = 1e-9,
+    change_tolerance: float = 1e-12,
+) -> Result:
+    """Minimise the cost of each row; rows share nothing but the calls of the function.
+
+    Every row has its own history, line search and end, and leaves the batch when it ended. Each call of the function
+    evaluates one trial point of every row that goes on, wherever in its line search it is. The schedule is the field's:
+    rounds of iterations, unit first trials but min(1, 1 / |g|_1) without history. A trial with a cost or gradient that
+    is not finite counts as too long a step.
+
+    Args:
+        function: Costs and gradients of some rows. It may build graphs; nothing is differentiated through here.
+        x0: Starts. Dtype and device are kept, the tensor is not changed.
+        rounds: Rounds at the most; the history outlives a round.
+        iterations: Steps of a round at the most.
+        history: Curvature pairs that are remembered.
+        line_evaluations: Evaluations of a line search at the most.
+        relative_tolerance: A row ends when a round lowers its cost by no more than this, relative to the larger of the
+            cost and one.
+        gradient_tolerance: A row ends when no component of its gradient is larger.
+        change_tolerance: A round ends when a step changes the cost, or every variable, by no more than this.
+    """
+    limits = Limits(
+        rounds=rounds,
+        iterations=iterations,
+        history=history,
+        line_evaluations=line_evaluations,
+        relative_tolerance=relative_tolerance,
+        gradient_tolerance=gradient_tolerance,
+        change_tolerance=change_tolerance,
+    )
+    steps = lbfgs_steps(function, x0, limits)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """When a row ends, and what it remembers; each as `minimise_lbfgs` explains."""
+
+    rounds: int = 30
+    iterations: int = 30
+    history: int = 100
+    line_evaluations: int = 25
+    relative_tolerance: float = 1e-9
+    gradient_tolerance: float = 1e-9
+    change_tolerance: float = 1e-12
+
+
+class Standing(NamedTuple):
+    """How a minimisation stands between two calls of its function."""
+
+    cost: Float[Tensor, " b"]
+    """Lowest so far; +inf where the start was not finite."""
+    iterations: int
+    """Accepted steps of the row that took most."""
+    running: int
+    """Rows that have not ended."""
+    x: Float[Tensor, "b n"]
+    """Where the cost is `cost`; the minimiser's own, to be read before it goes on."""
+
+
+def lbfgs_steps(function: CostFunction, x0: Float[Tensor, "b n"], limits: Limits) -> Generator[Standing, None, Result]:
+    """`minimise_lbfgs` as a generator: it yields after each call of the function, and closing it cancels."""
+    minimiser = _Minimiser(function, x0.detach().clone(), limits)
+    minimiser.start()
+    while len(rows := minimiser.running()):
+        minimiser.evaluate_trials(rows)
+        yield minimiser.standing()
+    return minimiser.result()
+
+
+class _Minimiser:
+    """State of all rows. Methods take the indices of the rows that they move on."""
+
+    RUNNING = -1
+
+    def __init__(self, function: CostFunction, x0: Tensor, limits: Limits) -> None:
+        self.function, self.limits = function, limits
+        self.curvature = CurvatureHistory(x0, size=min(limits.history, limits.rounds * limits.iterations))
+        self.lines = LineSearches(x0, evaluations=limits.line_evaluations, smallest_move=limits.change_tolerance)
+        self.x, self.gradient, self.direction = x0, torch.zeros_like(x0), torch.zeros_like(x0)
+        self.cost = x0.new_full((len(x0),), torch.inf)
+        self.round_cost = self.cost.clone()
+        self.best_x, self.best_cost = x0.clone(), self.cost.clone()
+        self.evaluations = torch.zeros_like(self.cost, dtype=torch.long)
+        self.iterations, self.rounds = torch.zeros_like(self.evaluations), torch.zeros_like(self.evaluations)
+        self.round_iterations = torch.zeros_like(self.evaluations)
+        self.reason = torch.full_like(self.evaluations, self.RUNNING)
+
+    def running(self) -> Tensor:
+        return (self.reason == self.RUNNING).nonzero()[:, 0]
+
+    def start(self) -> None:
+        rows = self.running()
+        if not len(rows):
+            return
+        self.cost, self.gradient = self.evaluate(self.x, rows)
+        self.round_cost = self.cost.clone()
+        self.end(rows[self.cost.isinf()], Reason.START_NOT_FINITE)
+        self.end_where_flat(self.running())
+        self.begin_lines(self.running())
+
+    def evaluate(self, x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Costs and gradients; +inf and zero where one of them is not finite. Remembers the best points."""
+        cost, gradient = (value.detach() for value in self.function(x, rows))
+        assert cost.shape == rows.shape and gradient.shape == x.shape, (cost.shape, gradient.shape, x.shape)
+        usable = cost.isfinite() & gradient.isfinite().all(-1)
+        cost, gradient = torch.where(usable, cost, torch.inf), torch.where(usable[:, None], gradient, 0)
+        self.evaluations[rows] += 1
+        better = cost < self.best_cost[rows]
+        self.best_cost[rows[better]], self.best_x[rows[better]] = cost[better], x[better]
+        return cost, gradient
+
+    def evaluate_trials(self, rows: Tensor) -> None:
+        """One evaluation of each row: some find their point and take the step, some fail, the others search on."""
+        direction = self.direction[rows]
+        cost, gradient = self.evaluate(self.x[rows] + self.lines.step[rows, None] * direction, rows)
+        slope = (gradient * direction).sum(-1)
+        found, failed = self.lines.advance(rows, cost=cost, gradient=gradient, slope=slope)
+        self.take_steps(rows[found])
+        self.restart(rows[failed])
+        moved = rows[found | failed]
+        self.begin_lines(moved[self.reason[moved] == self.RUNNING])
+
+    def take_steps(self, rows: Tensor) -> None:
+        step, cost, _ = self.lines.low[rows].unbind(-1)
+        move, gradient = step[:, None] * self.direction[rows], self.lines.low_gradient[rows]
+        self.curvature.add(rows, move, gradient - self.gradient[rows])
+        tolerance = self.limits.change_tolerance
+        tiny = (move.abs().amax(-1) <= tolerance) | (self.cost[rows] - cost <= tolerance)
+        self.x[rows] += move
+        self.cost[rows], self.gradient[rows] = cost, gradient
+        self.iterations[rows] += 1
+        self.round_iterations[rows] += 1
+        self.end_where_flat(rows)
+        self.end_rounds(rows[tiny | (self.round_iterations[rows] >= self.limits.iterations)])
+
+    def end_rounds(self, rows: Tensor) -> None:
+        rows = rows[self.reason[rows] == self.RUNNING]
+        last, cost = self.round_cost[rows], self.cost[rows]
+        size = torch.maximum(last.abs(), cost.abs()).clamp(min=1)
+        self.rounds[rows] += 1
+        self.round_iterations[rows] = 0
+        self.round_cost[rows] = cost
+        self.end(rows[self.rounds[rows] >= self.limits.rounds], Reason.ROUNDS)
+        self.end(rows[last - cost <= self.limits.relative_tolerance * size], Reason.CONVERGED)
+
+    def restart(self, rows: Tensor) -> None:
+        """After a failed line search: once more by steepest descent, unless that is what failed."""
+        self.end(rows[self.curvature.count[rows] == 0], Reason.LINE_SEARCH)
+        self.curvature.forget(rows)
+
+    def begin_lines(self, rows: Tensor) -> None:
+        if not len(rows):
+            return
+        gradient, cost = self.gradient[rows], self.cost[rows]
+        direction = self.curvature.direction(rows, gradient)
+        slope = (gradient * direction).sum(-1)
+        descends = (slope < 0) & direction.isfinite().all(-1)
+        self.curvature.forget(rows[~descends])
+        direction = torch.where(descends[:, None], direction, -gradient)
+        fresh = self.curvature.count[rows] == 0
+        step = torch.where(fresh, 1 / gradient.abs().sum(-1), 1).clamp(max=1)
+        self.direction[rows] = direction
+        self.lines.begin(rows, step=step, cost=cost, gradient=gradient, direction=direction)
+        # A quasi-Newton step that promises less than the rounding of the cost: a line search would measure noise.
+        self.end(rows[~fresh & (-slope <= torch.finfo(cost.dtype).eps * cost.abs())], Reason.CONVERGED)
+
+    def end_where_flat(self, rows: Tensor) -> None:
+        self.end(rows[self.gradient[rows].abs().amax(-1) <= self.limits.gradient_tolerance], Reason.GRADIENT)
+
+    def end(self, rows: Tensor, reason: Reason) -> None:
+        self.reason[rows] = int(reason)
+
+    def standing(self) -> Standing:
+        return Standing(self.best_cost.clone(), int(self.iterations.max()), len(self.running()), self.best_x)
+
+    def result(self) -> Result:
+        return Result(
+            x=self.best_x,
+            cost=self.best_cost,
+            evaluations=self.evaluations,
+            iterations=self.iterations,
+            rounds=self.rounds,
+            reasons=tuple(Reason(reason) for reason in self.reason.tolist()),
+        )

@@ -1,0 +1,205 @@
+"""What a solver solves: costs and damped steps of one of three structures, behind one interface."""
+
+from copy import copy
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from fitting_core.body.model import N_BETAS
+from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.variables.state import State
+
+DIAGONAL_FLOOR = 1e-9
+"""Share of the largest diagonal entry that keeps parameters regular which no residual sees."""
+
+
+class Problem(Protocol):
+    """A least squares problem over the frames of a State, in groups that are independent of each other."""
+
+    objective: FrameObjective
+    groups: int
+    coupled_in_time: bool
+    cold: bool
+    """Whether the start is far from the solution, as in a row of stages, or near it."""
+    unknowns: int
+    """Numbers that move a group, without repetition: one that several rows share counts once."""
+
+    def rows(self, groups: Int[Tensor, "g"]) -> Int[Tensor, "r"]:
+        """Rows of the state that belong to these groups, in order."""
+        ...
+
+    def spread(self, x: Float[Tensor, "g unknowns"]) -> Float[Tensor, "r total"]:
+        """The groups' unknowns as a step of their rows, for `State.moved`."""
+        ...
+
+    def cost(self, state: State, groups: Int[Tensor, "g"]) -> Float[Tensor, "g"]:
+        """Cost of each group; `state` holds the groups' rows only. Infinite for invalid states."""
+        ...
+
+    def normal(self, state: State, groups: Int[Tensor, "g"]) -> tuple[Tensor, ...]:
+        """Cost (g,) and whatever `solve` needs, every tensor with the groups first."""
+        ...
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Float[Tensor, "g"]) -> "Step":
+        """The damped Gauss-Newton step of each group."""
+        ...
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Mean cost of a frame by term, see `mean_costs`; `state` holds the rows of all groups."""
+        ...
+
+    def softened(self) -> "Problem | None":
+        """A problem that is easier to descend, with its minima in about the same places; None where there is none."""
+        ...
+
+
+class OnFrames:
+    """What the problems on a FrameObjective share."""
+
+    objective: FrameObjective
+    cold: bool = False
+
+    def softened(self) -> Self | None:
+        """The same problem on a gentler objective (see FrameObjective.softened); None where that is the same."""
+        objective = self.objective.softened(cold=self.cold)
+        if objective is None:
+            return None
+        other = copy(self)
+        other.objective = objective
+        return other
+
+
+def mean_costs(costs: dict[str, Float[Tensor, "B"]]) -> dict[str, float]:
+    """Of each term over the frames where it is finite; infinite where it is so nowhere."""
+    finite = {name: cost[cost.isfinite()] for name, cost in costs.items()}
+    return {name: float(cost.mean()) if len(cost) else float("inf") for name, cost in finite.items()}
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the state's rows, what it promises, and whether its matrix was positive definite."""
+
+    move: Float[Tensor, "r total"]
+    predicted: Float[Tensor, "g"]
+    solved: Bool[Tensor, "g"]
+
+
+def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g"]) -> Float[Tensor, "*g d"]:
+    """What is added to the diagonal: damping x its mean.
+
+    Not damping x the diagonal itself, which crept along single hand components: E 10438 against 8913.
+    """
+    floor = DIAGONAL_FLOOR * diagonal.amax(-1, keepdim=True)
+    return (damping[..., None] * diagonal.mean(-1, keepdim=True) + floor).expand_as(diagonal)
+
+
+class IndependentFrames(OnFrames):
+    """Every frame for itself: phase 1."""
+
+    coupled_in_time = False
+
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], *, cold: bool = False) -> None:
+        self.objective, self.frames, self.groups, self.cold = objective, frames, len(frames), cold
+        self.unknowns = len(objective.index)
+
+    def rows(self, groups: Tensor) -> Tensor:
+        """A group is a frame."""
+        return groups
+
+    def spread(self, x: Tensor) -> Tensor:
+        """A frame's free columns."""
+        return self.objective.step(x)
+
+    def cost(self, state: State, groups: Tensor) -> Tensor:
+        """E_o of each frame."""
+        return self.objective.cost(state, self.frames[groups])
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Of E_o."""
+        return mean_costs(self.objective.costs(state, self.frames))
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        """Cost, gradient (g,d), matrix (g,d,d)."""
+        n = self.objective.normal(state, self.frames[groups])
+        return n.cost, n.gradient, n.matrix
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
+        """One dense Cholesky factorisation for each frame."""
+        _, gradient, matrix = normal
+        extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping)
+        damped = matrix.clone()
+        damped.diagonal(dim1=1, dim2=2).add_(extra)
+        factor, info = torch.linalg.cholesky_ex(damped)
+        move = -torch.cholesky_solve(gradient[..., None], factor)[..., 0]
+        predicted = -(gradient * move).sum(1) + (extra * move * move).sum(1)
+        return Step(self.objective.step(move), predicted, info == 0)
+
+
+class SharedShape(OnFrames):
+    """Mean of E_o over some frames that share their betas, plus the prior on these: phase 2.
+
+    The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's
+    betas must be free. Its own shape term counts too, so the betas are held twice, as the paper's formula has it read
+    literally: E_beta' + mean of E_o, and E_o holds E_beta.
+    """
+
+    groups = 1
+    coupled_in_time = False
+
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
+        assert objective.free.betas
+        self.objective, self.frames, self.shape_weight = objective, frames, shape_weight
+        self.betas = objective.view.parametrisation.columns.betas
+        self.own = len(objective.index) - N_BETAS
+        self.unknowns = len(frames) * self.own + N_BETAS
+
+    def rows(self, groups: Tensor) -> Tensor:
+        """All frames."""
+        return torch.arange(len(self.frames), device=groups.device)
+
+    def spread(self, x: Tensor) -> Tensor:
+        """Frame after frame their own free columns, then the betas that move all frames alike."""
+        count = len(self.frames)
+        own, betas = x[0, :-N_BETAS].view(count, self.own), x[0, -N_BETAS:]
+        return self.objective.step(torch.cat([own, betas.expand(count, N_BETAS)], 1))
+
+    def cost(self, state: State, groups: Tensor) -> Tensor:
+        """E_beta' + mean of E_o."""
+        shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
+        return (self.objective.cost(state, self.frames).mean() + shape)[None]
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Of E_o, and E_beta' as "shared_shape"."""
+        shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
+        return {**mean_costs(self.objective.costs(state, self.frames)), "shared_shape": float(shape)}
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        """Cost, frames' gradients and matrices (with the betas' share), and the betas' own prior."""
+        n, share = self.objective.normal(state, self.frames), 1 / len(self.frames)
+        prior = self.shape_weight**2 * state.vector[0, self.betas]
+        cost = self.cost(state, groups)
+        return cost, share * n.gradient[None], share * n.matrix[None], prior[None]
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
+        """Eliminates every frame's own columns, solves for the betas, and substitutes back."""
+        _, gradient, matrix, prior = (a[0] for a in normal)
+        count = len(gradient)
+        own = self.own
+        extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping.expand(count))
+        damped = matrix.clone()
+        damped.diagonal(dim1=1, dim2=2).add_(extra)
+        factor, info = torch.linalg.cholesky_ex(damped[:, :own, :own])
+        coupling = damped[:, :own, own:]
+        eliminated = torch.cholesky_solve(torch.cat([coupling, gradient[:, :own, None]], 2), factor)
+        schur = damped[:, own:, own:].sum(0) - (coupling.transpose(1, 2) @ eliminated[..., :10]).sum(0)
+        schur.diagonal().add_(self.shape_weight**2)
+        right = gradient[:, own:].sum(0) + prior - (coupling.transpose(1, 2) @ eliminated[..., 10:])[..., 0].sum(0)
+        schur_factor, schur_info = torch.linalg.cholesky_ex(schur)
+        betas = -torch.cholesky_solve(right[:, None], schur_factor)[:, 0]
+        move = torch.cat([-eliminated[..., 10] - eliminated[..., :10] @ betas, betas.expand(count, 10)], 1)
+        predicted = -(gradient * move).sum() - (prior * betas).sum() + (extra * move * move).sum()
+        solved = (info == 0).all() & (schur_info == 0)
+        return Step(self.objective.step(move), predicted[None], solved[None])

@@ -1,0 +1,33 @@
+"""What every solver reports and returns."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.fit.variables.state import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """After one iteration."""
+
+    iteration: int
+    cost: Float[Tensor, "g"]
+    running: int
+    """Groups that have not ended."""
+    terms: Callable[[], dict[str, float]]
+    """Evaluates `Problem.terms` where the minimisation stands; to be called before it goes on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """Where a minimisation ended."""
+
+    state: State
+    cost: Float[Tensor, "g"]
+    reason: tuple[str, ...]
+    """Of each group: "converged", "iterations" (the limit was reached) or "failed" (no finite cost)."""
+    evaluations: int
+    """Cost evaluations, summed over groups."""

@@ -1,0 +1,137 @@
+"""Find the pairs of triangles of a mesh that intersect each other."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from fitting_core.body.model import BodyModel
+from fitting_core.fit.terms.collision.broad_phase import BoundingTree, build_tree, overlapping_triangles
+from fitting_core.fit.terms.collision.intersection import triangles_intersect
+from fitting_core.fit.terms.collision.parts import body_parts, neighbouring_parts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CollisionFinder:
+    """What is known of a mesh before its vertices move: make it once, then call `find` for every frame."""
+
+    faces: Int[np.ndarray, "F 3"]
+    part_pairs: Int[np.ndarray, "R 2"]
+    """Pairs of parts whose triangles count as colliding, parts renumbered without gaps; (p, p): within a part."""
+    part_vertices: Int[np.ndarray, "M"]
+    """Vertices of part 0, then of part 1, ...; one on a border belongs to every part that it touches."""
+    part_starts: Int[np.ndarray, "Q"]
+    """Where each part starts in `part_vertices`; every part has one."""
+    tree: BoundingTree
+    """Boxes over the triangles, one tree per part."""
+    resting: Int[np.ndarray, "K"]
+    """Pairs that intersect in the rest pose and never count, as s F + t, ascending."""
+
+    def find(self, vertices: Float[np.ndarray, "V 3"]) -> Int[np.ndarray, "P 2"]:
+        """Pairs (s, t), s < t, of triangles that intersect, in ascending order.
+
+        Triangles that share a vertex never count, nor does a triangle without area. Touching counts.
+
+        Args:
+            vertices: Metres; finite.
+        """
+        assert np.isfinite(vertices).all(), "collisions of vertices that are not finite"
+        vertices = np.asarray(vertices, dtype=np.float64)
+        pairs = overlapping_triangles(self.tree, vertices, self.faces, self._near_parts(vertices))
+        pairs = pairs[~self._share_vertex(pairs)]
+        corners = vertices[self.faces[pairs]]
+        pairs = pairs[triangles_intersect(corners[:, 0], corners[:, 1])]
+        keys = np.sort(self._keys(pairs))
+        keys = keys[~np.isin(keys, self.resting, assume_unique=True)]
+        return np.stack([keys // len(self.faces), keys % len(self.faces)], axis=1)
+
+    def without_resting(self, vertices: Float[np.ndarray, "V 3"]) -> "CollisionFinder":
+        """A finder for which the pairs that intersect in this rest pose, too, do not count.
+
+        Args:
+            vertices: The mesh at rest, of any shape.
+        """
+        return replace(self, resting=np.union1d(self.resting, self._keys(self.find(vertices))))
+
+    def _keys(self, pairs: Int[np.ndarray, "P 2"]) -> Int[np.ndarray, "P"]:
+        return pairs[:, 0] * len(self.faces) + pairs[:, 1]
+
+    def _near_parts(self, vertices: Float[np.ndarray, "V 3"]) -> Int[np.ndarray, "R 2"]:
+        """The pairs of parts whose bounding boxes overlap: in most poses few."""
+        points = vertices[self.part_vertices]
+        low, high = np.minimum.reduceat(points, self.part_starts), np.maximum.reduceat(points, self.part_starts)
+        a, b = self.part_pairs.T
+        return self.part_pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
+
+    def _share_vertex(self, pairs: Int[np.ndarray, "P 2"]) -> Bool[np.ndarray, "P"]:
+        first, second = self.faces[pairs[:, 0]], self.faces[pairs[:, 1]]
+        shared = np.zeros(len(pairs), dtype=bool)
+        for i in range(3):
+            for j in range(3):
+                shared |= first[:, i] == second[:, j]
+        return shared
+
+
+def collision_finder(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    *,
+    parts: Int[np.ndarray, "F"] | None = None,
+    ignored: Bool[np.ndarray, "Q Q"] | None = None,
+) -> CollisionFinder:
+    """A finder for any mesh.
+
+    Args:
+        vertices: The mesh in a typical pose: it shapes the search tree, and has no influence on what is found.
+        faces: Corners of every triangle.
+        parts: Part of each triangle, 0 or more; None makes the whole mesh one part.
+        ignored: Symmetric: pairs of parts whose triangles may intersect; None ignores none.
+    """
+    faces = np.asarray(faces, dtype=np.int64)
+    parts = np.zeros(len(faces), dtype=np.int64) if parts is None else np.asarray(parts)
+    present, groups = np.unique(parts, return_inverse=True)
+    counted = np.ones((len(present),) * 2, dtype=bool) if ignored is None else ~ignored[np.ix_(present, present)]
+    part_of_vertex, part_vertices = np.divmod(np.unique(groups[:, None] * len(vertices) + faces), max(len(vertices), 1))
+    return CollisionFinder(
+        faces=faces,
+        part_pairs=np.argwhere(np.triu(counted)),
+        part_vertices=part_vertices,
+        part_starts=np.searchsorted(part_of_vertex, np.arange(len(present))),
+        tree=build_tree(np.asarray(vertices, dtype=np.float64)[faces].mean(axis=1), groups=groups),
+        resting=np.zeros(0, dtype=np.int64),
+    )
+
+
+def body_collision_finder(model: BodyModel) -> CollisionFinder:
+    """A finder for self-collision of a body.
+
+    Triangles of the same or neighbouring parts do not count, nor do pairs that already intersect in the template.
+
+    Args:
+        model: The body.
+    """
+    parts = body_parts(model)
+    ignored = neighbouring_parts(model.parents, parts, model.faces)
+    finder = collision_finder(model.template, model.faces, parts=parts, ignored=ignored)
+    return finder.without_resting(model.template)
+
+
+def find_collisions(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    *,
+    parts: Int[np.ndarray, "F"] | None = None,
+    ignored: Bool[np.ndarray, "Q Q"] | None = None,
+) -> Int[np.ndarray, "P 2"]:
+    """Pairs of intersecting triangles of one mesh; for many poses of it, keep a `collision_finder`.
+
+    Args:
+        vertices: Metres; finite.
+        faces: Corners of every triangle.
+        parts: Part of each triangle, 0 or more; None makes the whole mesh one part.
+        ignored: Symmetric: pairs of parts whose triangles may intersect; None ignores none.
+
+    Returns:
+        As `CollisionFinder.find`.
+    """
+    return collision_finder(vertices, faces, parts=parts, ignored=ignored).find(vertices)

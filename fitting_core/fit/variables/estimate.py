@@ -1,0 +1,78 @@
+"""What every term looks at: a state of some frames, evaluated."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core.body.points.points import BodyPoints, Posed
+from fitting_core.fit.variables.state import Columns, Parametrisation, State
+
+NEAREST = 0.1
+"""Metres: points nearer to the camera, or behind it, make a state invalid."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What stays the same over a stage: the points looked at, their camera, and the head's yaw tables."""
+
+    parametrisation: Parametrisation
+    points: BodyPoints
+    focal: Float[Tensor, "2"]
+    center: Float[Tensor, "2"]
+    contour_bin: Int[Tensor, "T"] | None = None
+    """Of every frame of the clip, held through a stage: the tables jump by millimetres from one to the next."""
+
+    @property
+    def pose_columns(self) -> Columns:
+        """Columns of derivatives by the axis-angle pose, whatever the prior's own space."""
+        return Columns(63, self.parametrisation.columns.hand)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Frames `frames` of a clip in a given state."""
+
+    view: View
+    state: State
+    frames: Int[Tensor, "B"]
+
+    @cached_property
+    def body_pose(self) -> Float[Tensor, "B 63"]:
+        """Axis-angle of the body joints, decoded by the pose prior."""
+        return self.view.parametrisation.body_pose(self.state)
+
+    @cached_property
+    def posed(self) -> Posed:
+        """The points, without camera translation."""
+        p, view = self.view.parametrisation, self.view
+        bins = None if view.contour_bin is None else view.contour_bin[self.frames]
+        pose = p.pose(self.state, self.body_pose)
+        return view.points.forward(self.state.orient, pose, p.coefficients(self.state), bins)
+
+    @cached_property
+    def in_camera(self) -> Float[Tensor, "B N 3"]:
+        """The points in camera space."""
+        translation = self.state.vector[:, self.view.parametrisation.columns.translation]
+        return self.posed.points + translation[:, None]
+
+    @cached_property
+    def pixels(self) -> Float[Tensor, "B N 2"]:
+        """The points' projections."""
+        return self.view.focal * self.in_camera[..., :2] / self.in_camera[..., 2:] + self.view.center
+
+    @cached_property
+    def projection(self) -> Float[Tensor, "B N 2 3"]:
+        """d pixels / d point."""
+        x, y, z = self.in_camera.unbind(-1)
+        fx, fy = self.view.focal
+        zero = torch.zeros_like(z)
+        rows = [fx / z, zero, -fx * x / z**2, zero, fy / z, -fy * y / z**2]
+        return torch.stack(rows, -1).view(*z.shape, 2, 3)
+
+    @cached_property
+    def valid(self) -> Tensor:
+        """Frames of which every point lies before the camera, (B,) bool."""
+        return (self.in_camera[..., 2] > NEAREST).all(1)

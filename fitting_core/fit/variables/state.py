@@ -1,0 +1,240 @@
+"""The solver's variables of some frames, their columns, and the way to and from BodyParams."""
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core import rotations
+from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, BodyModel
+from fitting_core.body.params import BodyParams, hand_basis
+from fitting_core.body.points.points import whole_pose
+from fitting_core.priors.pose import PosePrior
+
+_HALF_FIST = [[(0, 0, -55), (0, 0, -66), (0, 0, -42)]] * 4 + [[(21, 17, -8), (8, 18, -7), (7, 23, -8)]]
+"""Axis-angle in degrees of the left hand's finger joints in SMPL-X's order, the thumb last."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where each group stands in the tangent vector of one frame, for a pose of `pose` and hands of `hand` numbers."""
+
+    pose: int
+    hand: int
+
+    @property
+    def orient(self) -> slice:
+        """The root's turn."""
+        return slice(0, 3)
+
+    @property
+    def body(self) -> slice:
+        """The pose prior's numbers."""
+        return slice(3, 3 + self.pose)
+
+    @property
+    def hands(self) -> slice:
+        """Left hand, then right."""
+        return slice(self.body.stop, self.body.stop + 2 * self.hand)
+
+    @property
+    def jaw(self) -> slice:
+        """Axis-angle."""
+        return slice(self.hands.stop, self.hands.stop + 3)
+
+    @property
+    def expression(self) -> slice:
+        """Its coefficients."""
+        return slice(self.jaw.stop, self.jaw.stop + N_EXPRESSION)
+
+    @property
+    def translation(self) -> slice:
+        """From the body's origin into camera space, metres."""
+        return slice(self.expression.stop, self.expression.stop + 3)
+
+    @property
+    def frame(self) -> int:
+        """Numbers that belong to one frame alone."""
+        return self.translation.stop
+
+    @property
+    def betas(self) -> slice:
+        """The shape."""
+        return slice(self.frame, self.frame + N_BETAS)
+
+    @property
+    def total(self) -> int:
+        """Length of the whole vector."""
+        return self.betas.stop
+
+
+@dataclass(frozen=True)
+class Free:
+    """Which groups a solver moves besides the orientation; the others rest where they are."""
+
+    body: bool = True
+    hands: bool = True
+    face: bool = True
+    betas: bool = True
+    translation: bool = True
+
+    def columns(self, c: Columns) -> list[slice]:
+        """Slices of the tangent vector that move, in order."""
+        groups = [
+            (True, c.orient),
+            (self.body, c.body),
+            (self.hands, c.hands),
+            (self.face, slice(c.jaw.start, c.expression.stop)),
+        ]
+        groups += [(self.translation, c.translation), (self.betas, c.betas)]
+        return [columns for free, columns in groups if free]
+
+    def index(self, c: Columns) -> Tensor:
+        """The same as one index vector."""
+        return torch.cat([torch.arange(s.start, s.stop) for s in self.columns(c)])
+
+
+@dataclass(frozen=True)
+class State:
+    """Variables of B frames. The root's rotation is a matrix: an additive axis-angle wandered to |v| = 69."""
+
+    orient: Float[Tensor, "B 3 3"]
+    vector: Float[Tensor, "B total"]
+    """Tangent columns (see Columns); those of the orientation stay zero."""
+
+    def __len__(self) -> int:
+        return len(self.vector)
+
+    def __getitem__(self, frames: slice | Tensor) -> "State":
+        return State(self.orient[frames], self.vector[frames])
+
+    def moved(self, step: Float[Tensor, "B total"]) -> "State":
+        """The retraction: orientation turned by the step about world axes, everything else added."""
+        turn = step.clone()
+        turn[:, 3:] = 0
+        return State(rotations.exp(step[:, :3]) @ self.orient, self.vector + (step - turn))
+
+    def put(self, frames: Tensor, other: "State") -> "State":
+        """A copy in which `frames` (indices or a mask) take the values of `other`."""
+        orient, vector = self.orient.clone(), self.vector.clone()
+        orient[frames], vector[frames] = other.orient, other.vector
+        return State(orient, vector)
+
+    def with_columns(self, columns: slice, values: Tensor) -> "State":
+        """A copy with these columns of every frame replaced."""
+        vector = self.vector.clone()
+        vector[:, columns] = values
+        return replace(self, vector=vector)
+
+    @staticmethod
+    def cat(states: list["State"]) -> "State":
+        """The frames of all of them, in order."""
+        return State(torch.cat([s.orient for s in states]), torch.cat([s.vector for s in states]))
+
+
+class Parametrisation:
+    """How a State's numbers become the pose of one body: the pose prior's decoder and the hand space."""
+
+    def __init__(
+        self,
+        body: BodyModel,
+        prior: PosePrior,
+        *,
+        hand_components: int,
+        dtype: torch.dtype,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        self.prior = prior
+        self.dtype, self.device = dtype, torch.device(device)
+        self.columns = Columns(prior.size, hand_components)
+        like = torch.zeros(0, dtype=dtype, device=device)
+        self.hand_basis, self.hand_mean = hand_basis(body, hand_components, like)
+
+    def with_prior(self, prior: PosePrior) -> "Parametrisation":
+        """The same body and hands, with another pose prior."""
+        other = copy(self)
+        other.prior = prior.to(dtype=self.dtype, device=self.device)
+        other.columns = Columns(prior.size, self.columns.hand)
+        return other
+
+    def received(self, state: State) -> State:
+        """A state of the parametrisation that this one came from by `with_prior`: what the prior has beyond is 0."""
+        body = slice(3, state.vector.shape[1] - (self.columns.total - self.columns.body.stop))
+        beyond = self.columns.body.stop - body.stop
+        rest = state.vector[:, body.stop :]
+        vector = [state.vector[:, : body.stop], state.vector.new_zeros(len(state), beyond), rest]
+        return State(state.orient, torch.cat(vector, 1))
+
+    def neutral(self, frames: int) -> State:
+        """The prior's neutral pose, mean hands and shape, unit orientation, at the origin."""
+        vector = torch.zeros(frames, self.columns.total, dtype=self.dtype, device=self.device)
+        vector[:, self.columns.body] = self.prior.neutral.to(vector)
+        return State(torch.eye(3, dtype=self.dtype, device=self.device).expand(frames, 3, 3).clone(), vector)
+
+    def body_pose(self, state: State) -> Float[Tensor, "B 63"]:
+        """Axis-angle of the 21 body joints."""
+        return self.prior.decode(state.vector[:, self.columns.body])
+
+    def with_seat(self, state: State) -> State:
+        """The same states with the legs of somebody who sits: thighs forward, shanks down."""
+        pose = self.body_pose(state).clone()
+        for side in ("left", "right"):
+            pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4
+            pose[:, 3 * (JOINT[f"{side}_knee"] - 1)] = 1.4
+        return state.with_columns(self.columns.body, self.prior.encode(pose))
+
+    def with_half_fists(self, state: State) -> State:
+        """The same states with both hands halfway to a fist, as near as the hand space comes to it."""
+        left = torch.tensor(_HALF_FIST).to(self.hand_mean).deg2rad()
+        both = torch.stack([left, left * left.new_tensor([1.0, -1.0, -1.0])])
+        offset = both.view(2, 45) - self.hand_mean
+        values = (self.hand_basis.transpose(1, 2) @ offset[..., None]).flatten()
+        return state.with_columns(self.columns.hands, values.expand(len(state), -1))
+
+    def hands(self, state: State) -> Float[Tensor, "B 90"]:
+        """Axis-angle of the 15 + 15 finger joints."""
+        half = self.columns.hand
+        values = state.vector[:, self.columns.hands]
+        left = self.hand_mean[0] + values[:, :half] @ self.hand_basis[0].T
+        return torch.cat([left, self.hand_mean[1] + values[:, half:] @ self.hand_basis[1].T], 1)
+
+    def pose(self, state: State, body_pose: Tensor) -> Float[Tensor, "B 54 3"]:
+        """Axis-angle of every joint but the root."""
+        return whole_pose(body_pose, state.vector[:, self.columns.jaw], self.hands(state))
+
+    def coefficients(self, state: State) -> Float[Tensor, "B 20"]:
+        """Betas, then expression."""
+        return torch.cat([state.vector[:, self.columns.betas], state.vector[:, self.columns.expression]], 1)
+
+    def to_params(self, state: State) -> BodyParams:
+        """The user's form: detached, on the CPU, float64."""
+        c, v, half = self.columns, state.vector, self.columns.hand
+        params = BodyParams(
+            betas=v[:, c.betas],
+            global_orient=rotations.log(state.orient),
+            body_pose=self.body_pose(state),
+            left_hand_pose=v[:, c.hands][:, :half],
+            right_hand_pose=v[:, c.hands][:, half:],
+            jaw_pose=v[:, c.jaw],
+            leye_pose=torch.zeros_like(v[:, c.jaw]),
+            reye_pose=torch.zeros_like(v[:, c.jaw]),
+            expression=v[:, c.expression],
+            camera_translation=v[:, c.translation],
+        )
+        return BodyParams(**{n: t.detach().cpu().double().clone() for n, t in vars(params).items()})
+
+    def from_params(self, params: BodyParams) -> State:
+        """The state that decodes to `params`; a latent prior encodes, which may lose what it cannot express."""
+        params = params.to(dtype=self.dtype, device=self.device)
+        body = self.prior.encode(params.body_pose)
+        parts = [
+            torch.zeros_like(params.global_orient),
+            body,
+            params.left_hand_pose,
+            params.right_hand_pose,
+            params.jaw_pose,
+        ]
+        parts += [params.expression, params.camera_translation, params.betas]
+        return State(rotations.exp(params.global_orient), torch.cat(parts, 1))

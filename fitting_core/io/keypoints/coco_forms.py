@@ -1,0 +1,129 @@
+"""The three forms of COCO-WholeBody JSON: which entries stand for which frame, before their numbers are looked at."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from fitting_core.errors import InputError
+from fitting_core.io.keypoints.json_points import kind, short
+from fitting_core.video.frame_names import natural_key
+
+
+@dataclass(frozen=True, kw_only=True)
+class CocoFrame:
+    """A picture, and what was found in it."""
+
+    stem: str
+    people: tuple[tuple[str, dict[str, Any]], ...]
+    """Where each stands in the file, for messages; and its entry."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CocoContent:
+    """All frames of a file."""
+
+    frames: tuple[CocoFrame, ...]
+    size: tuple[int, int] | None = None
+    frame_rate: float | None = None
+
+
+def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
+    images = [_image(path, k, entry) for k, entry in enumerate(content["images"])]
+    if not images:
+        raise InputError(f"{path}: its list 'images' is empty; expected an image for each frame.")
+    people: dict[Any, list[tuple[str, dict[str, Any]]]] = {number: [] for number, _, _ in images}
+    if len(people) < len(images):
+        raise InputError(f"{path}: several of its {len(images)} images have the same id; expected one id for each.")
+    for k, (where, entry) in enumerate(_entries(path, "annotation", content["annotations"])):
+        number = entry.get("image_id")
+        if type(number) not in (int, str) or number not in people:
+            raise InputError(f"{path}: annotation {k} is of the image {short(number)}, which 'images' does not have.")
+        people[number].append((where, entry))
+    images.sort(key=lambda image: natural_key(image[1]))
+    _forbid_same_name(path, [stem for _, stem, _ in images])
+    sizes = {size for _, _, size in images}
+    info = content.get("info")
+    rate: Any = info.get("frame_rate") if isinstance(info, dict) else None
+    return CocoContent(
+        frames=tuple(CocoFrame(stem=stem, people=tuple(people[number])) for number, stem, _ in images),
+        size=sizes.pop() if len(sizes) == 1 else None,
+        frame_rate=float(rate) if type(rate) in (int, float) and 0 < rate <= 2000 else None,
+    )
+
+
+def _image(path: Path, k: int, entry: Any) -> tuple[Any, str, tuple[int, int] | None]:
+    """Id, stem of the name, and size."""
+    if not isinstance(entry, dict) or type(entry.get("id")) not in (int, str):
+        raise InputError(f"{path}: image {k} has no id; expected an object with 'id' and 'file_name'.")
+    name = entry.get("file_name")
+    if not isinstance(name, str) or not name:
+        raise InputError(f"{path}: image {k} has the file_name {short(name)}; expected a text.")
+    sides: Any = (entry.get("width"), entry.get("height"))
+    size = sides if all(type(side) is int and 1 <= side <= 100_000 for side in sides) else None
+    return entry["id"], _stem(name), size
+
+
+def _result_list(path: Path, content: list[Any]) -> CocoContent:
+    people: dict[int | str, list[tuple[str, dict[str, Any]]]] = {}
+    for k, (where, entry) in enumerate(_entries(path, "result", content)):
+        number: Any = entry.get("image_id")
+        if type(number) not in (int, str) or (type(number) is int and not 0 <= number < 10**15):
+            raise InputError(f"{path}: result {k} has the image_id {short(number)}; expected a number or a name.")
+        people.setdefault(number, []).append((where, entry))
+    if len({type(number) for number in people}) > 1:
+        raise InputError(f"{path}: some image_ids are numbers and some are names; expected the results of one run.")
+    stems = {number: f"image_{number:012d}" if isinstance(number, int) else _stem(number) for number in people}
+    _forbid_same_name(path, list(stems.values()))
+    order = sorted(people, key=lambda number: natural_key(stems[number]))
+    return CocoContent(frames=tuple(CocoFrame(stem=stems[number], people=tuple(people[number])) for number in order))
+
+
+def _predictions(path: Path, content: dict[str, Any]) -> CocoContent:
+    frames: dict[int, CocoFrame] = {}
+    for k, (_, entry) in enumerate(_entries(path, "frame", content["instance_info"])):
+        number = entry.get("frame_id", k)
+        if type(number) is not int or not 0 <= number < 10**15 or number in frames:
+            raise InputError(f"{path}: frame {k} has the frame_id {short(number)}; expected numbers, each once.")
+        people = tuple(_entries(path, f"frame {number}, person", entry.get("instances")))
+        frames[number] = CocoFrame(stem=f"frame_{number:012d}", people=people)
+    # mmpose counts frames from 1.
+    first = min(frames, default=0)
+    ordered = [frames[number] for number in sorted(frames)]
+    if first == 1:
+        ordered = [
+            CocoFrame(stem=f"frame_{number - 1:012d}", people=frame.people) for number, frame in sorted(frames.items())
+        ]
+    return CocoContent(frames=tuple(ordered))
+
+
+FORMS: tuple[tuple[Callable[[Any], bool], Callable[[Path, Any], CocoContent]], ...] = (
+    (
+        lambda c: isinstance(c, dict) and all(isinstance(c.get(key), list) for key in ("images", "annotations")),
+        _annotation_file,
+    ),
+    (lambda c: isinstance(c, list), _result_list),
+    (lambda c: isinstance(c, dict) and isinstance(c.get("instance_info"), list), _predictions),
+)
+"""What tells a form by the file's content -> what reads it."""
+
+
+def _entries(path: Path, what: str, entries: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    if not isinstance(entries, list):
+        raise InputError(f"{path}, {what}: found {kind(entries)}; expected a list of objects.")
+    for k, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise InputError(f"{path}: {what} {k} is {kind(entry)}; expected an object with 'keypoints'.")
+        yield f"{path}: {what} {k}", entry
+
+
+def _stem(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).stem
+
+
+def _forbid_same_name(path: Path, stems: list[str]) -> None:
+    seen: set[str] = set()
+    for stem in stems:
+        if stem in seen:
+            raise InputError(f"{path}: two images are called {short(stem)}; expected the frames of one clip.")
+        seen.add(stem)

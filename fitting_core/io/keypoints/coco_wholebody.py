@@ -1,0 +1,210 @@
+"""COCO-WholeBody JSON: annotation files, result lists as mmpose and DWPose write them, and mmpose's predictions."""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from jaxtyping import Float
+
+import fitting_core.io.keypoints.coco_wholebody_layout as layout
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.io.keypoints.coco_forms import FORMS
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json
+from fitting_core.keypoints import Keypoints
+
+PARTS: dict[str, tuple[slice, str]] = {
+    "foot_kpts": (layout.FEET, "foot_valid"),
+    "face_kpts": (layout.FACE_68, "face_valid"),
+    "lefthand_kpts": (layout.LEFT_HAND_21, "lefthand_valid"),
+    "righthand_kpts": (layout.RIGHT_HAND_21, "righthand_valid"),
+}
+"""Lists beside `keypoints` by key: their places among the 133, and the flag that says whether they count."""
+_KEYPOINTS: dict[int, slice] = {133: slice(0, 133), 17: layout.BODY_17}
+"""What `keypoints` can hold, by its number of points."""
+_NAMES = layout.WHOLEBODY_NAMES
+_ADVICE = "export it again"
+_MAX_SCORE = 20.0
+"""Detectors with SimCC heads give peaks of logits as scores; a percentage is none."""
+
+
+def holds_coco(start: bytes) -> bool:
+    """Whether a JSON file that starts so is one of those that `read_coco_wholebody` reads."""
+    inside = start.lstrip(b"\xef\xbb\xbf \t\r\n")
+    if inside.startswith(b"["):
+        return b'"image_id"' in start
+    return any(key in start for key in (b'"annotations"', b'"images"', b'"instance_info"'))
+
+
+def read_coco_wholebody(path: Path) -> Detections:
+    """Read an annotation file (images and annotations), a result list, or what mmpose's inferencer predicts.
+
+    Frames come in the order of the images' names, or of the ids of pictures where names are not told. A person has
+    `keypoints` of all 133 points, or of the 17 of the body beside `foot_kpts`, `face_kpts`, `lefthand_kpts` and
+    `righthand_kpts`, any of which can be absent. Neck and mid-hip are made of shoulders and hips. A file whose third
+    numbers are 0, 1 and 2 has COCO's visibilities, which become confidences of 0, 0.5 and 1.
+
+    Raises:
+        InputError: The file is damaged, of another format, or holds values that cannot be; it names the person.
+    """
+    content = read_json(path, advice=_ADVICE)
+    form = next((form for fits, form in FORMS if fits(content)), None)
+    if form is None:
+        found = f"an object with {', '.join(list(content)[:8]) or 'nothing'}" if isinstance(content, dict) else ""
+        raise InputError(
+            f"{path} is no COCO-WholeBody JSON: found {found or kind(content)}; expected 'images' and 'annotations', "
+            "a list of results with 'image_id' and 'keypoints', or 'instance_info'."
+        )
+    known = form(path, content)
+    raw = [[_raw_points(where, entry) for where, entry in frame.people] for frame in known.frames]
+    scores = np.concatenate([points[:, 2] for people in raw for points in people] or [np.zeros(0)])
+    visibilities = bool(np.isin(scores, (0, 1, 2)).all() and (scores == 2).any())
+    most = 2.0 if visibilities else _MAX_SCORE
+    notes = _notes(scores, visibilities)
+    frames = []
+    for frame, people in zip(known.frames, raw, strict=True):
+        found = [_checked(frame.people[k][0], points, most, halved=visibilities) for k, points in enumerate(people)]
+        frames.append(layout.from_wholebody(np.stack(found)) if found else np.zeros((0, 137, 3)))
+    return Detections(
+        frames=tuple(frames),
+        stems=tuple(frame.stem for frame in known.frames),
+        source=path,
+        size=known.size,
+        frame_rate=known.frame_rate,
+        notes=notes,
+    )
+
+
+def write_coco_wholebody(
+    file: Path,
+    keypoints: Keypoints,
+    *,
+    name: str,
+    size: tuple[int, int],
+    frame_rate: float,
+    first_frame: int = 0,
+    image_names: Sequence[str] | None = None,
+) -> None:
+    """Write one person's keypoints as an annotation file; the third numbers are confidences.
+
+    Neck, mid-hip and pupils have no place in it. Reading gives the others exactly as they were, and the first two as
+    means. A frame in which none of the 133 is detected has an image and no annotation.
+
+    Args:
+        file: Replaced at once if it exists.
+        keypoints: Pixels and confidences.
+        name: What the images' names start with.
+        size: Image width and height in pixels.
+        frame_rate: Frames per second, kept under "info".
+        first_frame: Number of the first image.
+        image_names: The images' own names, if they are files.
+    """
+    names = image_names or [f"{name}_{first_frame + t:012d}.jpg" for t in range(len(keypoints))]
+    assert len(names) == len(keypoints)
+    points = layout.to_wholebody(np.concatenate([keypoints.xy, keypoints.confidence[..., None]], -1))
+    images = [
+        {"id": t, "file_name": image, "width": size[0], "height": size[1], "frame_id": first_frame + t}
+        for t, image in enumerate(names)
+    ]
+    content = {
+        "info": {
+            "description": f"{name}: keypoints in pixels, x right, y down; the third number is a confidence, 0 to 1",
+            "frame_rate": frame_rate,
+            "first_frame": first_frame,
+        },
+        "images": images,
+        "annotations": [_annotation(t, frame) for t, frame in enumerate(points) if frame.any()],
+        "categories": [{"id": 1, "name": "person", "keypoints": list(layout.COCO_17), "skeleton": []}],
+    }
+    with replacing(file) as draft:
+        draft.write_bytes(msgspec.json.encode(content))
+
+
+def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any]:
+    seen = points[points[:, 2] > 0, :2]
+    corner, extent = seen.min(0), np.ptp(seen, axis=0)
+    lists = {key: points[part].ravel().tolist() for key, (part, _) in PARTS.items()}
+    flags = {flag: bool(points[part, 2].any()) for part, flag in PARTS.values()}
+    return {
+        "id": image,
+        "image_id": image,
+        "category_id": 1,
+        "iscrowd": 0,
+        "bbox": [*corner.tolist(), *extent.tolist()],
+        "area": float(extent.prod()),
+        "num_keypoints": int((points[layout.BODY_17, 2] > 0).sum()),
+        "keypoints": points[layout.BODY_17].ravel().tolist(),
+        **lists,
+        **flags,
+    }
+
+
+def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]:
+    """Positions and scores as they stand there."""
+    points = np.zeros((layout.WHOLEBODY_COUNT, 3))
+    if "keypoints" not in entry:
+        raise InputError(f"{where} has no 'keypoints' (it has {', '.join(list(entry)[:8]) or 'nothing'}).")
+    values = _triples(where, "keypoints", entry)
+    if len(values) not in _KEYPOINTS:
+        raise InputError(
+            f"{where}, keypoints: found {len(values)} points; expected 133, or the 17 of COCO beside foot_kpts, "
+            "face_kpts, lefthand_kpts and righthand_kpts. Detect with a whole-body model."
+        )
+    points[_KEYPOINTS[len(values)]] = values
+    for key, (part, flag) in PARTS.items():
+        if entry.get(key) and entry.get(flag, True):
+            values = _triples(where, key, entry, first=part.start)
+            if len(values) != part.stop - part.start:
+                count = part.stop - part.start
+                raise InputError(f"{where}, {key}: found {len(values)} points; expected {count}, or an empty list.")
+            points[part] = values
+    return points
+
+
+@cache
+def _labels(key: str, first: int) -> list[str]:
+    """Names of a list's points, for messages."""
+    return [f"{name} ({key})" for name in _NAMES[first:]]
+
+
+def _triples(where: str, key: str, entry: dict[str, Any], *, first: int = 0) -> Float[np.ndarray, "K 3"]:
+    """x, y and score: one flat list, a list for each point, or with the scores in a list of their own."""
+    values, scores = entry[key], entry.get("keypoint_scores") if key == "keypoints" else None
+    if not isinstance(values, list):
+        raise InputError(f"{where}, {key}: found {kind(values)}; expected a list of numbers x, y, confidence, ...")
+    each = 3 if scores is None else 2
+    if values and all(isinstance(value, list) for value in values):
+        if wrong := [k for k, value in enumerate(values) if len(value) != each]:
+            found = len(values[wrong[0]])
+            raise InputError(f"{where}, {key}: point {wrong[0]} has {found} values; expected {each} for each.")
+        values = [number for value in values for number in value]
+    if len(values) % each or len(values) // each > layout.WHOLEBODY_COUNT - first:
+        raise InputError(f"{where}, {key}: found {len(values)} values; expected {each} for each of 133 points.")
+    names = _labels(key, first)
+    xy = numbers(where, values, names, each=each).reshape(-1, each)
+    if scores is None:
+        return xy
+    if not isinstance(scores, list) or len(scores) != len(xy):
+        found = f"{len(scores)} values" if isinstance(scores, list) else kind(scores)
+        raise InputError(f"{where}, keypoint_scores: found {found}; expected one for each of {len(xy)} keypoints.")
+    return np.column_stack([xy, numbers(where, scores, names, each=1)])
+
+
+def _checked(where: str, points: np.ndarray, most: float, *, halved: bool) -> Float[np.ndarray, "133 3"]:
+    if halved:
+        points = points * [1, 1, 0.5]
+    return checked_points(where, points, _NAMES, most=most)
+
+
+def _notes(scores: Float[np.ndarray, "n"], visibilities: bool) -> tuple[str, ...]:
+    if visibilities:
+        return ("The keypoints have visibilities instead of confidences: 2 counts as confidence 1, and 1 as 0.5.",)
+    most = float(scores.max(initial=0))
+    if 1.25 < most <= _MAX_SCORE and math.isfinite(most):
+        return (f"The keypoints' scores reach {most:.3g}; those above 1 count as confidence 1.",)
+    return ()

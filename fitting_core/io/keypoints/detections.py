@@ -1,0 +1,119 @@
+"""What a keypoint reader returns: every person that a detector saw, frame by frame, before one of them is chosen."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
+from fitting_core.video.frame_names import split_number
+
+PIXELS, UNIT, SIGNED = "pixels", "0..1", "-1..1"
+SCALES: dict[str, tuple[float, float]] = {UNIT: (0.0, 1.0), SIGNED: (-1.0, 1.0)}
+"""Normalised coordinates: the values of the first and of the last pixel's centre, along x and y."""
+
+# Keypoints can lie outside the image by some of its size, and nobody's clip shows a person of 2 pixels.
+_NORMALISED_LIMIT = 2.0
+_SIGNED_LIMIT = -0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detections:
+    """All people in all frames of a clip, in the order of fitting_core.keypoints.NAMES.
+
+    A keypoint that was not detected is (0, 0, 0). What follows in the pipeline never sees NaN.
+    """
+
+    frames: tuple[Float[np.ndarray, "P 137 3"], ...]
+    """Per frame, its people (possibly none): x, y and confidence (0 to 1)."""
+    stems: tuple[str, ...]
+    """Per frame, the name that its file gives it, such as ``walk_000000000012``."""
+    source: Path
+    """The file or folder that was read."""
+    scale: str = PIXELS
+    """"pixels", "0..1", "-1..1", or "auto" where the file does not say it."""
+    size: tuple[int, int] | None = None
+    """Image width and height in pixels, where the file tells them."""
+    frame_rate: float | None = None
+    """Frames per second, where the file tells them."""
+    notes: tuple[str, ...] = ()
+    """What a user should know of how it was read."""
+
+    def __post_init__(self) -> None:
+        assert len(self.frames) == len(self.stems) and all(f.shape[1:] == (137, 3) for f in self.frames)
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @property
+    def most_people(self) -> int:
+        """The largest number of people in one frame."""
+        return max((len(people) for people in self.frames), default=0)
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """The different names before the frame numbers; more than one where files of several clips are mixed."""
+        return tuple(sorted({split_number(stem)[0] for stem in self.stems}))
+
+    @property
+    def numbers(self) -> tuple[int, ...] | None:
+        """The frame numbers in the files' names; None unless every name ends in one and only the numbers differ."""
+        numbers = [split_number(stem)[1] for stem in self.stems]
+        if len(self.prefixes) > 1 or None in numbers:
+            return None
+        return tuple(n for n in numbers if n is not None)
+
+    def detected_points(self) -> Float[np.ndarray, "N 2"]:
+        """Positions of everything that was detected, of all people in all frames."""
+        rows = np.concatenate([people.reshape(-1, 3) for people in self.frames] or [np.zeros((0, 3))])
+        return rows[rows[:, 2] > 0, :2]
+
+
+def guess_scale(points: Float[np.ndarray, "N 2"]) -> str:
+    """ "pixels", "0..1" or "-1..1", by the range of all positions of a clip."""
+    if not len(points) or np.abs(points).max() > _NORMALISED_LIMIT:
+        return PIXELS
+    return SIGNED if points.min() < _SIGNED_LIMIT else UNIT
+
+
+def to_pixels(
+    detections: Detections, size: tuple[int, int] | None, *, keypoint_scale: str = "auto"
+) -> tuple[Detections, tuple[str, ...]]:
+    """Detections in pixels, and a note on the scale where they were not.
+
+    Normalised coordinates are OpenPose's: 0..1 (its ``--keypoint_scale 3``) and -1..1 (``4``) run from the centre of
+    the first pixel to that of the last, so a step of 1 or 2 is the image's width (or height) less one.
+
+    Args:
+        detections: What a reader returned.
+        size: Image width and height; only normalised coordinates need it.
+        keypoint_scale: "pixels", "0..1", "-1..1", or "auto" to tell by the range of the whole clip.
+
+    Raises:
+        InputError: An unknown scale, or normalised coordinates of an image whose size is not known.
+    """
+    known = ("auto", PIXELS, *SCALES)
+    if keypoint_scale not in known:
+        raise InputError(f"keypoint_scale is {keypoint_scale!r}; expected one of {', '.join(known)}.")
+    scale = detections.scale if keypoint_scale == "auto" else keypoint_scale
+    how = "by the option keypoint_scale"
+    if scale == "auto":
+        scale, how = guess_scale(detections.detected_points()), "judged by their range"
+    if scale == PIXELS:
+        return replace(detections, scale=PIXELS), ()
+    if size is None:
+        raise InputError(
+            f"The keypoints in {detections.source} are normalised to {scale} ({how}), so the image size is needed to "
+            "turn them into pixels. Give the video, or image_size=(width, height)."
+        )
+    low, high = SCALES[scale]
+    step = (np.array(size) - 1) / (high - low)
+    frames = tuple(_scaled(people, low, step) for people in detections.frames)
+    note = f"The keypoints are normalised to {scale} ({how}); turned into pixels of {size[0]} x {size[1]}."
+    return replace(detections, frames=frames, scale=PIXELS), (note,)
+
+
+def _scaled(people: Float[np.ndarray, "P 137 3"], low: float, step: Float[np.ndarray, "2"]) -> np.ndarray:
+    xy = np.where(people[..., 2:] > 0, (people[..., :2] - low) * step, 0.0)
+    return np.concatenate([xy, people[..., 2:]], axis=-1)

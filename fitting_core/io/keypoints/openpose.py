@@ -1,0 +1,212 @@
+"""OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json
+from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.video.frame_names import natural_key, split_number
+
+SUFFIX = "_keypoints.json"
+
+_COCO_18 = [name for name in BODY_25[:19] if name != "mid_hip"]
+"""The order of OpenPose's COCO model: BODY_25 without mid-hip and feet."""
+_HIPS = [INDEX["right_hip"], INDEX["left_hip"]]
+
+
+def _indices(part: slice) -> list[int]:
+    return list(range(COUNT)[part])
+
+
+_COCO_PLACES = [INDEX[name] for name in _COCO_18]
+
+PARTS: dict[str, dict[int, list[int]]] = {
+    "pose_keypoints": {25: _indices(BODY), 18: _COCO_PLACES},
+    "hand_left_keypoints": {21: _indices(LEFT_HAND)},
+    "hand_right_keypoints": {21: _indices(RIGHT_HAND)},
+    "face_keypoints": {70: _indices(FACE)},
+}
+"""By the list's key (with or without "_2d"): the layouts it can have, as number of points -> places among the 137."""
+
+_WRITTEN = {
+    "pose_keypoints": BODY,
+    "face_keypoints": FACE,
+    "hand_left_keypoints": LEFT_HAND,
+    "hand_right_keypoints": RIGHT_HAND,
+}
+"""The lists in OpenPose's own order."""
+
+_ADVICE = "run the detector again, or remove the file so that its frame counts as not detected"
+
+
+def read_openpose(path: Path) -> Detections:
+    """Read a folder of ``<name>_<number>_keypoints.json`` files, or one such file.
+
+    Frames come in the order of their numbers. Body lists can be BODY_25 or COCO-18 (feet are then not detected, and
+    mid-hip is the mean of the hips); any list can be empty or absent; ``person_id`` and 3D lists are not used.
+    Positions stay as in the files, pixels or normalised. Confidences slightly above 1 are set to 1.
+
+    Raises:
+        InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
+    """
+    files = _json_files(path) if path.is_dir() else [path]
+    _forbid_same_number(files)
+    raw = [(file, _read_people(file)) for file in files]
+    frames = tuple(_frame(file, people) for file, people in raw)
+    _forbid_mixed_layouts(raw)
+    return Detections(frames=frames, stems=tuple(_stem(file) for file in files), source=path, scale="auto")
+
+
+def write_openpose(
+    folder: Path, keypoints: Keypoints, *, name: str, first_frame: int = 0, image_stems: Sequence[str] = ()
+) -> list[Path]:
+    """Write one person's keypoints as BODY_25 JSON, ``<name>_<12 digits>_keypoints.json`` per frame; return the paths.
+
+    A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off; a
+    frame without any detection has no people. Reading gives exactly the same positions and confidences back.
+
+    Args:
+        folder: Made if it does not exist. Files of the same names are replaced, each at once.
+        keypoints: Pixels and confidences.
+        name: What the files' names start with.
+        first_frame: Number of the first file.
+        image_stems: The images' own names without suffixes, if they are files: the keypoints' files are named after
+            them, as OpenPose does.
+
+    Raises:
+        InputError: The folder holds other keypoint files, which a reader would take for frames of this clip.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    stems = image_stems or [f"{name}_{first_frame + t:012d}" for t in range(len(keypoints))]
+    paths = [folder / f"{stem}{SUFFIX}" for stem in stems]
+    assert len(paths) == len(keypoints)
+    others = sorted({file.name for file in folder.glob(f"*{SUFFIX}")} - {path.name for path in paths})
+    if others:
+        raise InputError(
+            f"{folder} already holds {len(others)} other keypoint files, such as {others[0]}. Together with the "
+            f"{len(paths)} new ones they would read as one clip; choose an empty folder."
+        )
+    detected = keypoints.confidence > 0
+    points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1) * detected[..., None]
+    parts = {key: part for key, part in _WRITTEN.items() if detected[:, part].any()}
+    for path, frame in zip(paths, points, strict=True):
+        _replace_text(path, json.dumps({"version": 1.3, "people": [_entry(frame, parts)] if frame.any() else []}))
+    return paths
+
+
+def _entry(frame: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[str, list]:
+    lists = {f"{key}_2d": frame[parts[key]].ravel().tolist() if key in parts else [] for key in _WRITTEN}
+    return {"person_id": [-1], **lists}
+
+
+def _replace_text(path: Path, text: str) -> None:
+    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _stem(file: Path) -> str:
+    return file.name.removesuffix(SUFFIX).removesuffix(".json")
+
+
+def _json_files(folder: Path) -> list[Path]:
+    # Names that start with a dot are what macOS and network drives leave beside the real files.
+    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    files = [entry for entry in entries if entry.name.endswith(SUFFIX)]
+    if not files:
+        names = sorted(entry.name for entry in entries)
+        found = f"{len(names)} other files, such as {names[0]}" if names else "an empty folder"
+        raise InputError(
+            f"No keypoint files in {folder}: found {found}; expected one file per frame named "
+            f"<name>_000000000000{SUFFIX}, as OpenPose's --write_json makes them."
+        )
+    return sorted(files, key=lambda file: natural_key(_stem(file)))
+
+
+def _forbid_same_number(files: Sequence[Path]) -> None:
+    seen: dict[tuple[str, int], Path] = {}
+    for file in files:
+        prefix, number = split_number(_stem(file))
+        if number is None:
+            continue
+        if other := seen.get((prefix, number)):
+            raise InputError(
+                f"Frame {number} is there twice in {file.parent}: {other.name} and {file.name}. Remove one of them."
+            )
+        seen[prefix, number] = file
+
+
+def _read_people(file: Path) -> list[Any]:
+    content = read_json(file, advice=_ADVICE)
+    people = content.get("people") if isinstance(content, dict) else None
+    if not isinstance(people, list):
+        found = f"an object with {', '.join(content) or 'nothing'}" if isinstance(content, dict) else kind(content)
+        raise InputError(f"{file} is not OpenPose JSON: found {found}; expected an object with a list 'people'.")
+    return people
+
+
+def _frame(file: Path, people: list[Any]) -> Float[np.ndarray, "P 137 3"]:
+    frame = np.zeros((len(people), COUNT, 3))
+    for k, entry in enumerate(people):
+        where = f"{file}: person {k}"
+        if not isinstance(entry, dict):
+            raise InputError(f"{where} is {kind(entry)}; expected an object with the list 'pose_keypoints_2d'.")
+        if not any(_list(entry, key) is not None for key in PARTS):
+            keys = ", ".join(f"{key}_2d" for key in PARTS)
+            raise InputError(f"{where} has no list of keypoints; expected at least one of {keys}.")
+        for key, layouts in PARTS.items():
+            values = _list(entry, key)
+            if values not in (None, []):
+                places = _places(where, key, values, layouts)
+                frame[k, places] = _points(where, key, values, places)
+                if places is _COCO_PLACES:
+                    frame[k, INDEX["mid_hip"]] = _mid_hip(frame[k, _HIPS])
+    return frame
+
+
+def _list(entry: dict[str, Any], key: str) -> Any:
+    return entry.get(f"{key}_2d", entry.get(key))
+
+
+def _places(where: str, key: str, values: Any, layouts: dict[int, list[int]]) -> list[int]:
+    if not isinstance(values, list):
+        raise InputError(f"{where}, {key}: found {kind(values)}; expected a list of numbers x, y, confidence, ...")
+    if len(values) % 3 or len(values) // 3 not in layouts:
+        expected = " or ".join(f"{3 * count} ({count} points)" for count in layouts)
+        raise InputError(f"{where}, {key}: found {len(values)} values; expected {expected}, or an empty list.")
+    return layouts[len(values) // 3]
+
+
+def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float[np.ndarray, "K 3"]:
+    names = [f"{NAMES[place]} ({key})" for place in places]
+    return checked_points(where, numbers(where, values, names).reshape(-1, 3), names)
+
+
+def _mid_hip(hips: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "3"]:
+    both = (hips[:, 2] > 0).all()
+    return np.array([*hips[:, :2].mean(0), hips[:, 2].min()]) if both else np.zeros(3)
+
+
+def _forbid_mixed_layouts(raw: Sequence[tuple[Path, list[Any]]]) -> None:
+    first: dict[int, Path] = {}
+    for file, people in raw:
+        for entry in people:
+            if values := _list(entry, "pose_keypoints"):
+                first.setdefault(len(values) // 3, file)
+    if len(first) > 1:
+        (count, file), (other_count, other) = list(first.items())[:2]
+        raise InputError(
+            f"Different body layouts in one clip: {file.name} has {count} points, {other.name} has {other_count}. "
+            "Keep the files of one detector run only."
+        )

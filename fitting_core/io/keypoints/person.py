@@ -1,0 +1,223 @@
+"""Choose one person over a clip: follow everybody from frame to frame, and keep the most prominent track."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linear_sum_assignment
+
+from fitting_core.errors import InputError
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.keypoints import BODY, COUNT, Keypoints
+from fitting_core.video.frame_names import spans
+
+# Distances are in units of a person's size, the weighted root mean square distance of the keypoints from their centre:
+# about a quarter of the body height for somebody upright.
+_REACH = 1.0
+"""How far the same person's keypoints can lie from one frame to the next, on average."""
+_REACH_GROWTH = 0.1
+"""What every frame without a detection adds to it."""
+_MOST_REACH = 2.5
+_COMMON_POINTS = 3
+"""With fewer keypoints in common, centres are compared instead."""
+_VELOCITY_FRAMES = 5
+"""A person who is not seen is taken to move on for so many frames, then to stand still."""
+_UNMATCHABLE = 1e6
+_RIVAL = 0.7
+"""Share of the chosen track's score from which another person is worth a warning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonChoice:
+    """One person's keypoints, and how they were chosen."""
+
+    keypoints: Keypoints
+    """Of every frame; where the person was not found, everything has confidence 0."""
+    entries: tuple[int | None, ...]
+    """Per frame, the person's place in the frame's list of people; None where the person was not found."""
+    note: str
+    """The choice in words for the user; empty where there was none to make."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """A detection, with its centre and size."""
+
+    body: Float[np.ndarray, "25 3"]
+    centre: Float[np.ndarray, "2"]
+    size: float
+    confidence: float
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "137 3"]) -> "_Seen":
+        # The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body.
+        used = points[BODY] if (points[BODY, 2] > 0).any() else points
+        centre = np.average(used[:, :2], axis=0, weights=used[:, 2])
+        squares = ((used[:, :2] - centre) ** 2).sum(1)
+        size = float(np.sqrt(np.average(squares, weights=used[:, 2])))
+        return cls(body=points[BODY], centre=centre, size=size, confidence=float(used[:, 2].mean()))
+
+
+@dataclass(eq=False)
+class _Track:
+    """One person as followed so far."""
+
+    frame: int
+    seen: _Seen
+    velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
+    entries: dict[int, int] = field(default_factory=dict)
+    score: float = 0.0
+
+    def shift(self, frame: int) -> Float[np.ndarray, "2"]:
+        """How far the person should have moved by then, moving on as before."""
+        return self.velocity * min(frame - self.frame, _VELOCITY_FRAMES)
+
+    def reach(self, frame: int) -> float:
+        """How far from there, in sizes, a detection still is the same person."""
+        return min(_REACH + _REACH_GROWTH * (frame - self.frame - 1), _MOST_REACH)
+
+    def add(self, frame: int, entry: int, seen: _Seen) -> None:
+        """Take a frame's detection as this person's."""
+        if self.entries:
+            self.velocity = 0.5 * (self.velocity + _offset(self.seen, seen) / (frame - self.frame))
+        self.frame, self.seen = frame, seen
+        self.entries[frame] = entry
+        self.score += seen.size * seen.confidence
+
+
+def choose_person(detections: Detections, *, person: int | None = None, first_frame: int = 0) -> PersonChoice:
+    """Choose one person over the clip.
+
+    Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
+    person's size (one-to-one assignment of least total distance), also through frames without a detection; the track
+    with the largest sum of size times mean confidence is taken. Nobody else fills its gaps.
+
+    Args:
+        detections: In pixels.
+        person: Take the one who has this place (from 0) in the list of people of the first frame that has such a place,
+            instead. Detectors do not keep their order, so that others can have this place in other frames.
+        first_frame: Number of the first frame, for the note.
+
+    Raises:
+        InputError: No detection in the whole clip, or no frame with so many people.
+    """
+    if not len(detections.detected_points()):
+        raise InputError(
+            f"No keypoint is detected in any of the {len(detections)} frames of {detections.source}. "
+            "Check that the detector ran on the right video, and lower its threshold if it did."
+        )
+    tracks = sorted(_follow(detections), key=lambda track: track.score, reverse=True)
+    if person is not None:
+        chosen, start = _asked(detections, tracks, person)
+        note = _describe_asked(chosen, len(detections), first_frame, person, start)
+    else:
+        chosen, note = tracks[0], _describe(tracks, detections, first_frame)
+    entries = tuple(chosen.entries.get(t) for t in range(len(detections)))
+    return PersonChoice(keypoints=_keypoints(detections, entries), entries=entries, note=note)
+
+
+def _asked(detections: Detections, tracks: list[_Track], person: int) -> tuple[_Track, int]:
+    """The track that an option means, and the frame that tells."""
+    if not 0 <= person < detections.most_people:
+        raise InputError(
+            f"person={person}, but no frame of {detections.source} has more than {detections.most_people} people; "
+            f"expected 0 to {detections.most_people - 1}. Leave the option out to have the person followed."
+        )
+    start = _first_with(detections, person)
+    if start is None:
+        raise InputError(f"person={person} has no detected keypoint in any frame of {detections.source}.")
+    return next(track for track in tracks if track.entries.get(start) == person), start
+
+
+def _first_with(detections: Detections, place: int) -> int | None:
+    """The first frame of whose list this place is somebody."""
+    frames = enumerate(detections.frames)
+    return next((t for t, people in frames if place < len(people) and (people[place, :, 2] > 0).any()), None)
+
+
+def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypoints:
+    points = np.zeros((len(entries), COUNT, 3))
+    for t, entry in enumerate(entries):
+        if entry is not None:
+            points[t] = detections.frames[t][entry]
+    return Keypoints(xy=points[..., :2], confidence=points[..., 2])
+
+
+def _follow(detections: Detections) -> list[_Track]:
+    tracks: list[_Track] = []
+    for t, people in enumerate(detections.frames):
+        seen = {entry: _Seen.of(points) for entry, points in enumerate(people) if (points[:, 2] > 0).any()}
+        matches = _match(tracks, list(seen.values()), t)
+        for k, (entry, one) in enumerate(seen.items()):
+            if k not in matches:
+                tracks.append(_Track(frame=t, seen=one))
+            (tracks[matches[k]] if k in matches else tracks[-1]).add(t, entry, one)
+    return tracks
+
+
+def _match(tracks: list[_Track], people: list[_Seen], frame: int) -> dict[int, int]:
+    """By the place in people: the place in tracks of the same person."""
+    if not tracks or not people:
+        return {}
+    distances = _distances(people, tracks, frame)
+    possible = distances <= np.array([track.reach(frame) for track in tracks])
+    rows, columns = linear_sum_assignment(np.where(possible, distances, _UNMATCHABLE))
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if possible[i, j]}
+
+
+def _distances(people: list[_Seen], tracks: list[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+    """Mean distance of common body points, or else of the centres, in sizes of the larger of the two."""
+    shifts = np.array([track.shift(frame) for track in tracks])
+    a = np.array([one.body for one in people])[:, None]
+    b = np.array([track.seen.body for track in tracks])[None]
+    weights = np.sqrt(a[..., 2] * b[..., 2])
+    apart = np.linalg.norm(a[..., :2] - b[..., :2] - shifts[:, None], axis=-1)
+    of_points = (weights * apart).sum(-1) / np.maximum(weights.sum(-1), 1e-9)
+    centres = np.array([one.centre for one in people])[:, None] - [track.seen.centre for track in tracks]
+    of_centres = np.linalg.norm(centres - shifts, axis=-1)
+    sizes = np.maximum.outer([one.size for one in people], [track.seen.size for track in tracks])
+    enough = (weights > 0).sum(-1) >= _COMMON_POINTS
+    return np.where(enough, of_points, of_centres) / np.maximum(sizes, 1e-9)
+
+
+def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
+    """Mean motion of common body points; (0, 0) where they are too few to say."""
+    weights = np.sqrt(before.body[:, 2] * after.body[:, 2])
+    if (weights > 0).sum() < _COMMON_POINTS:
+        return np.zeros(2)
+    return np.average(after.body[:, :2] - before.body[:, :2], axis=0, weights=weights)
+
+
+def _found(track: _Track, count: int, first_frame: int) -> str:
+    missing = [first_frame + t for t in range(count) if t not in track.entries]
+    found = f"found in {len(track.entries)} of {count} frames"
+    return f"{found}, not in frames {spans(missing)}." if missing else f"{found}."
+
+
+def _describe_asked(track: _Track, count: int, first_frame: int, person: int, start: int) -> str:
+    asked = f"Person: whoever is at place {person} of the list of frame {first_frame + start}, as asked"
+    elsewhere = sorted(first_frame + t for t, entry in track.entries.items() if entry != person)
+    moved = f" In frames {spans(elsewhere)} the same person has another place." if elsewhere else ""
+    return f"{asked}; {_found(track, count, first_frame)}{moved}"
+
+
+def _describe(tracks: list[_Track], detections: Detections, first_frame: int) -> str:
+    chosen, others, count = tracks[0], tracks[1:], len(detections)
+    if not others and len(chosen.entries) == count:
+        return ""
+    sentences = [f"Person: {_found(chosen, count, first_frame)}"]
+    if others:
+        frames = sorted({first_frame + t for track in others for t in track.entries})
+        sentences.append(
+            f"The largest and surest of {len(tracks)} people (or false detections) was taken; the others appear in "
+            f"frames {spans(frames)}."
+        )
+    if others and others[0].score > _RIVAL * chosen.score:
+        start, place = next(iter(others[0].entries.items()))
+        # Where somebody else had that place before, the clip must begin later for it to mean this one.
+        cut = "" if _first_with(detections, place) == start else f"first_frame={first_frame + start} and "
+        sentences.append(
+            f"Another person is nearly as prominent, in frame {first_frame + start} at place {place} of the list: use "
+            f"{cut}person={place} if that is who you want."
+        )
+    return " ".join(sentences)

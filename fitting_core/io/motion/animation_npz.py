@@ -1,0 +1,68 @@
+"""A motion as the npz of SMPL-X animations that AMASS has and the Blender add-ons read.
+
+| key | shape | |
+|---|---|---|
+| poses | (N, 165) | axis-angle: root, 21 of the body, jaw, eyes, left and right hand with their mean pose |
+| root_orient, pose_body, pose_jaw, pose_eye, pose_hand | (N, 3), (N, 63), (N, 3), (N, 6), (N, 90) | its parts |
+| trans, expressions | (N, 3), (N, 10) | |
+| betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
+| gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
+| axes, camera_to_world, camera_focal, camera_center, image_size, first_frame, \
+body_kind, body_hash, betas_source, generator | | tcfit's own |
+
+Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
+add-on's format "AMASS"; its format "SMPL-X" has y up.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitting_core.body.model import N_BETAS
+from fitting_core.files.atomic import replacing
+from fitting_core.io.motion.motion import AXES, Motion, stated
+
+_BETAS = 16
+_PARTS = {
+    "root_orient": slice(0, 3),
+    "pose_body": slice(3, 66),
+    "pose_jaw": slice(66, 69),
+    "pose_eye": slice(69, 75),
+    "pose_hand": slice(75, 165),
+}
+
+
+def write_animation_npz(path: Path, motion: Motion) -> None:
+    """Write a motion with one shape; it reads with np.load(allow_pickle=False).
+
+    Raises:
+        OSError: The file cannot be written; nothing is left of it.
+    """
+    with replacing(path) as draft:
+        np.savez_compressed(draft, allow_pickle=False, **animation_arrays(motion))
+
+
+def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
+    """The arrays of the table above, by name."""
+    shaped = motion.one_shape
+    poses = shaped.pose.flatten(1).numpy()
+    facts, camera = stated(motion), motion.camera
+    arrays: dict[str, Any] = {
+        "surface_model_type": "smplx",
+        "gender": motion.body.gender,
+        "mocap_frame_rate": motion.frame_rate,
+        "mocap_framerate": motion.frame_rate,
+        "betas": np.pad(shaped.params.betas[:1].double().numpy().reshape(-1)[:N_BETAS], (0, _BETAS - N_BETAS)),
+        "trans": shaped.params.camera_translation.double().numpy(),
+        "expressions": shaped.params.expression.double().numpy(),
+        "poses": poses,
+        **{name: poses[:, part] for name, part in _PARTS.items()},
+        "axes": f"{motion.axes}: {facts['axes_text']}",
+        "camera_to_world": np.array(AXES[motion.axes].from_camera, float),
+        "camera_focal": camera.focal,
+        "camera_center": camera.center,
+        "image_size": camera.size,
+        **{name: facts[name] for name in ("first_frame", "body_kind", "body_hash", "betas_source", "generator")},
+    }
+    return {name: np.asarray(value) for name, value in arrays.items()}

@@ -1,0 +1,219 @@
+"""A body's motion as another program's file has it, and how it comes into a clip: its space, its hands, its frames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from fitting_core import rotations
+from fitting_core.body.model import N_EXPRESSION, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.io.motion.motion import Motion
+from fitting_core.video.frame_names import image_numbers, spans
+from fitting_core.video.frame_rates import frames_for_one
+
+_NEAREST = 0.5
+"""Metres: a body of which something is nearer to the camera is not in front of it."""
+_IN_VIEW = 1.2
+"""Where a body's place is not known: metres from the pelvis up and down that are to be in the picture."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedMotion:
+    """T frames of a body, with what the file says about them."""
+
+    source: Path
+    format: str
+    """What it was read as, in words."""
+    kind: str
+    """"smplx" or "smplh": of the body that it belongs to."""
+    gender: str
+    """"neutral", "male" or "female"."""
+    body_hash: str = ""
+    """SHA-256 of the body's file, where the motion tells it."""
+    params: BodyParams
+    """In the file's own space, but for `camera_translation`, which is added after `turn`."""
+    whole_hands: bool
+    """Whether hands are the axis-angle of 15 joints with the mean pose in it; else they are over that mean."""
+    turn: Float[Tensor, "T 3 3"]
+    """Rotation of the file's space into camera space (x right, y down, z away)."""
+    placed: bool = True
+    """Whether the motion was seen by a camera; else it is put where the clip's camera sees it."""
+    numbers: tuple[int, ...]
+    """Of the frames, ascending."""
+    numbered: bool
+    """Whether the file tells these numbers; else they count from 0."""
+    stems: tuple[str, ...] = ()
+    """Of the frames' images, where the file tells their names."""
+    frame_rate: float | None = None
+    """Frames per second."""
+    camera: Camera | None = None
+    focal: tuple[float, str] | None = None
+    """Where the camera is not told: the focal length in pixels that the program takes, and these words for it."""
+    notes: tuple[str, ...] = field(default=())
+    """What a user should know of how it was read."""
+
+    def __post_init__(self) -> None:
+        assert len(self.numbers) == len(self.params) == len(self.turn)
+
+    def __len__(self) -> int:
+        return len(self.params)
+
+    def on(self, body: BodyModel, camera: Camera) -> BodyParams:
+        """The parameters in camera space, for this body.
+
+        The root turns about the pelvis, which lies off the body's origin: t' = t + R p - p with p the pelvis at rest.
+
+        Args:
+            body: Of the motion's kind; its mean hand is the one that whole hands are taken against.
+            camera: Which sees the motion; only used where `placed` is not.
+        """
+        params = self._over_mean_hands(body)
+        if (self.turn != torch.eye(3, dtype=self.turn.dtype)).any():
+            params = _turned(body, params, self.turn)
+        return params if self.placed else _in_view(body, params, camera)
+
+    def in_own_space(self, body: BodyModel) -> BodyParams:
+        """The parameters in the file's own space, for this body."""
+        params = self._over_mean_hands(body)
+        return replace(params, camera_translation=(params.camera_translation[:, None] @ self.turn)[:, 0])
+
+    def pelvis(self, body: BodyModel) -> Float[Tensor, "T 3"]:
+        """The root joint at rest."""
+        return _pelvis(body, self.params)
+
+    def _over_mean_hands(self, body: BodyModel) -> BodyParams:
+        """Hands as BodyParams has them."""
+        params = self.params
+        if not self.whole_hands:
+            return params
+        left, right = (torch.as_tensor(mean).to(params.body_pose) for mean in body.hand_mean)
+        return replace(
+            params, left_hand_pose=params.left_hand_pose - left, right_hand_pose=params.right_hand_pose - right
+        )
+
+
+def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -> BodyParams:
+    pelvis = _pelvis(body, params)
+    orient = rotations.log(turn @ rotations.exp(params.global_orient))
+    moved = (turn @ pelvis[..., None])[..., 0] - pelvis
+    return replace(params, global_orient=orient, camera_translation=params.camera_translation + moved)
+
+
+def _pelvis(body: BodyModel, params: BodyParams) -> Float[Tensor, "T 3"]:
+    """The root joint at rest."""
+    anywhere = Camera(focal=(1.0, 1.0), center=(0.0, 0.0), size=(1, 1))
+    return Motion(body=body, params=params, camera=anywhere, frame_rate=1.0, name="").rest_joints[:, 0]
+
+
+def _in_view(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParams:
+    """The same motion moved as a whole: its middle before the camera, and so far away that a standing body is seen."""
+    at = _pelvis(body, params) + params.camera_translation
+    reach = at.amax(0) - at.amin(0)
+    half = (torch.as_tensor(camera.size, dtype=at.dtype) / 2 / torch.as_tensor(camera.focal, dtype=at.dtype)).tolist()
+    depth = max((float(reach[0]) / 2 + _IN_VIEW) / half[0], (float(reach[1]) / 2 + _IN_VIEW) / half[1])
+    middle = (at.amax(0) + at.amin(0)) / 2
+    target = at.new_tensor([0.0, 0.0, depth + _NEAREST + float(reach[2]) / 2])
+    return replace(params, camera_translation=params.camera_translation + target - middle)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoveredFrames:
+    """Which of a motion's frames stand for the frames of a clip."""
+
+    places: Int[np.ndarray, "T"]
+    """Of each frame of the clip, the motion's."""
+    there: Bool[np.ndarray, "T"]
+    """Whether the motion has this very frame; else it is the nearest."""
+    notes: tuple[str, ...]
+
+
+def cover(
+    motion: ImportedMotion,
+    frames: int,
+    *,
+    clip_first: int,
+    clip_rate: float,
+    images: Sequence[str] = (),
+    first_frame: int | None = None,
+) -> CoveredFrames:
+    """Find a motion's frame for each of a clip.
+
+    Where the file tells the names of the clip's images, they tell. Else a motion with as many frames as the clip has
+    these. Else the frames' numbers tell, those in the images' names before places, or `first_frame`; and the moment,
+    where the file says another frame rate. Frames without a result between others take the nearest.
+
+    Args:
+        motion: Any.
+        frames: Of the clip.
+        clip_first: Number of the clip's first frame in its video.
+        clip_rate: Frames per second of the clip.
+        images: Names without suffixes of the images that the clip is a part of, in order.
+        first_frame: Number in the video of the motion's first frame.
+
+    Raises:
+        InputError: The motion does not reach over the clip; the message says which frames were found and expected.
+    """
+    named = set(motion.stems) <= set(images) and bool(motion.stems) and first_frame is None
+    whole = motion.numbers[-1] - motion.numbers[0] + 1 == len(motion)
+    if first_frame is None and len(motion) == frames and whole and not named:
+        return CoveredFrames(places=np.arange(frames), there=np.ones(frames, bool), notes=())
+    ratio = 1.0 if named else frames_for_one(motion.frame_rate or clip_rate, clip_rate)
+    numbers = np.array(_places(motion, images) if first_frame is None else motion.numbers, float) / ratio
+    start = float(first_frame) if first_frame is not None else numbers[0] if motion.numbered else float(clip_first)
+    numbers += start - numbers[0]
+    wanted = clip_first + np.arange(frames)
+    if wanted[0] < numbers[0] - 0.5 or wanted[-1] > numbers[-1] + 0.5:
+        raise InputError(_not_covered(motion, frames, clip_first, clip_rate, int(start), numbers[-1]))
+    places = np.abs(numbers[None] - wanted[:, None]).argmin(1)
+    there = np.abs(numbers[places] - wanted) <= 0.5 + 1e-9
+    notes = []
+    if ratio != 1:
+        notes.append(
+            f"{motion.source.name} has {motion.frame_rate:g} frames per second and the clip {clip_rate:g}: each frame "
+            "of the clip shows the nearest of its frames."
+        )
+    if not there.all():
+        missing = [int(n) for n in wanted[~there]]
+        notes.append(
+            f"{motion.source.name} has no result for {len(missing)} frames ({spans(missing)}); these show the nearest."
+        )
+    return CoveredFrames(places=places, there=there, notes=tuple(notes))
+
+
+def _places(motion: ImportedMotion, images: Sequence[str]) -> Sequence[int]:
+    """Of the motion's frames among the images, by their names or by the numbers in these; else its own numbers."""
+    by_name = {stem: place for place, stem in enumerate(images)}
+    if motion.stems and all(stem in by_name for stem in motion.stems):
+        return [by_name[stem] for stem in motion.stems]
+    by_number = image_numbers(images)
+    if motion.stems and motion.numbered and all(number in by_number for number in motion.numbers):
+        return [by_number[number] for number in motion.numbers]
+    return motion.numbers
+
+
+def _not_covered(
+    motion: ImportedMotion, frames: int, clip_first: int, clip_rate: float, start: int, last: float
+) -> str:
+    rate = f" at {motion.frame_rate:g} per second" if motion.frame_rate else ""
+    return (
+        f"{motion.source}: has {len(motion)} frames{rate}, for the video's frames {start} to {int(last)}; expected all "
+        f"of the clip's {frames} frames, {clip_first} to {clip_first + frames - 1} at {clip_rate:g} per second. Say "
+        "with --first-frame which frame of the video its first one is, or import the result of this clip."
+    )
+
+
+def body_params(arrays: dict[str, np.ndarray], hands: int) -> BodyParams:
+    """BodyParams of arrays in its names; what is absent (expression, eyes, jaw) is zero."""
+    frames = len(next(iter(arrays.values())))
+    neutral = vars(BodyParams.neutral(frames, hand_components=hands))
+    assert arrays.keys() <= neutral.keys() and neutral["expression"].shape[1] == N_EXPRESSION
+    found = {name: torch.as_tensor(np.array(array, dtype=np.float64)) for name, array in arrays.items()}
+    assert all(found[name].shape == neutral[name].shape for name in found)
+    return BodyParams(**{**neutral, **found})

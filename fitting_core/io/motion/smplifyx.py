@@ -1,0 +1,255 @@
+"""Results of SMPLify-X: a pickle for each person in each frame, `results/<stem>/000.pkl`.
+
+| key | shape | |
+|---|---|---|
+| camera_rotation, camera_translation | (1, 3, 3), (1, 3) | from the body's space into that of the camera |
+| betas, expression | (1, 10) | |
+| global_orient, jaw_pose, leye_pose, reye_pose | (1, 3) | axis-angle |
+| left_hand_pose, right_hand_pose | (1, 12) | components over the mean hand, or (1, 45) axis-angle over it |
+| body_pose | (1, 32) or (1, 63) | numbers of the VPoser that it was fitted with, or axis-angle |
+| pose_embedding | (1, 32) | as tcfit writes it beside axis-angle: numbers of the pose prior |
+| camera_focal, camera_center, image_size | (1, 2) | as tcfit writes them; SMPLify-X keeps no camera |
+
+tcfit writes results/about.json beside them: body, frame rate, axes, which are read if they are there.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.files.archives import Member, open_members
+from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
+from fitting_core.io.motion.motion import AXES
+from fitting_core.io.motion.smplifyx_pickle import CAMERA, LATENT, WIDTHS, ResultFrame, pickled, read_result
+from fitting_core.video.frame_names import natural_key, split_number
+
+FOCAL = 5000.0
+"""Pixels: what SMPLify-X takes where nobody tells it the focal length, and its results do not say."""
+RESULTS, ABOUT = "results", "about.json"
+Decode = Callable[[Float[Tensor, "T 32"]], Float[Tensor, "T 63"]]
+"""From a pose prior's numbers to axis-angle."""
+_MAX_ABOUT = 2**16
+_NUMBERED = re.compile(r"\d+\.pkl")
+
+
+class About(msgspec.Struct, frozen=True, kw_only=True):
+    """What about.json says."""
+
+    generator: str = ""
+    axes: str = ""
+    gender: Literal["neutral", "male", "female"] | None = None
+    body_kind: Literal["smplx", "smplh", "smpl"] = "smplx"
+    body_hash: str = ""
+    frame_rate: Annotated[float, msgspec.Meta(gt=0, le=2000)] | None = None
+    focal_px: tuple[float, float] | None = None
+    center_px: tuple[float, float] | None = None
+    image_size_px: tuple[int, int] | None = None
+    note: str = ""
+
+
+def read_smplifyx(
+    path: Path, *, person: int = 0, gender: str | None = None, decode: Decode | None = None
+) -> ImportedMotion:
+    """Read a folder of results, an archive of one, or a single pickle.
+
+    Frames are the folders around the pickles, in the order of their numbers.
+
+    Args:
+        path: SMPLify-X's output folder, `results` in it, one frame's folder, one pickle, or a zip or tar of them.
+        person: Number of the pickle in each frame: 0 is 000.pkl.
+        gender: Of the body that it was fitted with, not told by SMPLify-X; None: as about.json says, or neutral.
+        decode: Of the VPoser that it was fitted with; None: there is none here.
+
+    Raises:
+        InputError: There are no results, one is damaged or holds what cannot be, or the pose needs a VPoser.
+    """
+    with open_members(path) as members:
+        pickles = [member for member in members if _NUMBERED.fullmatch(member.path.name)]
+        if path.is_file() and len(members) == 1 and not pickles:
+            pickles, chosen = members, members
+        else:
+            chosen = [member for member in pickles if int(member.path.stem) == person]
+        if not chosen:
+            raise InputError(_nothing(path, pickles, members, person))
+        frames = [read_result(path, member) for member in chosen]
+        about = next((_about(path, member) for member in members if member.path.name == ABOUT), About())
+    frames.sort(key=lambda frame: natural_key(frame.stem))
+    _forbid_mixed(path, frames)
+    others = len({member.path.stem for member in pickles}) - 1
+    notes = (f"Of {others + 1} people in its frames the one in {person:03d}.pkl was taken.",) if others else ()
+    numbers, numbered = _numbers([frame.stem for frame in frames])
+    camera = _camera(path, frames)
+    return ImportedMotion(
+        source=path,
+        format="SMPLify-X results",
+        kind=about.body_kind,
+        gender=gender or about.gender or "neutral",
+        body_hash=about.body_hash if gender in (None, about.gender) else "",
+        frame_rate=about.frame_rate,
+        params=_params(path, frames, decode),
+        whole_hands=False,
+        turn=torch.as_tensor(np.stack([frame.rotation for frame in frames])),
+        numbers=numbers,
+        numbered=numbered,
+        stems=tuple(frame.stem for frame in frames),
+        camera=camera,
+        focal=None if camera else (FOCAL, "SMPLify-X's default, as its results tell none"),
+        notes=notes,
+    )
+
+
+def write_smplifyx(
+    folder: Path,
+    params: BodyParams,
+    *,
+    stems: Sequence[str],
+    camera: Camera,
+    body: BodyModel,
+    frame_rate: float,
+    embedding: Float[Tensor, "T 32"] | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> None:
+    """Write `results/<stem>/000.pkl` for each frame, and about.json with what pickles have no place for.
+
+    Pickles hold float32 arrays alone, which numpy 1 and 2 read, and so do SMPLify-X's own scripts.
+
+    Args:
+        folder: Where `results` comes; made if it does not exist.
+        params: T frames in camera space. Hands stay as they are: components, or 45 numbers over the mean.
+        stems: Of the frames' images.
+        camera: Which sees them.
+        body: Whose parameters these are.
+        frame_rate: Frames per second.
+        embedding: The poses in numbers of the pose prior; None: it has none.
+        progress: Takes the share that is done; what it raises ends the writing.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    assert len(stems) == len(set(stems)) == len(params)
+    (folder / RESULTS).mkdir(parents=True, exist_ok=True)
+    for t, stem in enumerate(stems):
+        arrays = {f.name: getattr(params, f.name)[t : t + 1].detach().cpu().numpy() for f in fields(BodyParams)}
+        arrays |= {"camera_rotation": np.eye(3)[None], "pose_embedding": np.zeros((1, 0))}
+        arrays |= {name: np.array(value)[None] for name, value in zip(CAMERA, _intrinsics(camera), strict=True)}
+        if embedding is None:
+            del arrays["pose_embedding"]
+        else:
+            arrays["pose_embedding"] = embedding[t : t + 1].detach().cpu().numpy()
+        target = folder / RESULTS / stem / "000.pkl"
+        target.parent.mkdir(exist_ok=True)
+        with replacing(target) as draft:
+            draft.write_bytes(pickled(arrays))
+        progress((t + 1) / len(stems))
+    about = About(
+        generator="tcfit",
+        axes=f"camera: {AXES['camera'].text}; metres; axis-angle in radians; camera_translation is added to the body",
+        gender=body.gender,  # pyright: ignore[reportArgumentType]
+        body_kind=body.kind,  # pyright: ignore[reportArgumentType]
+        body_hash=body.hash,
+        frame_rate=frame_rate,
+        focal_px=camera.focal,
+        center_px=camera.center,
+        image_size_px=camera.size,
+        note="body_pose is axis-angle (1, 63); pose_embedding has the pose prior's numbers, where it has some",
+    )
+    with replacing(folder / RESULTS / ABOUT) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=2) + b"\n")
+
+
+def _intrinsics(camera: Camera) -> tuple[tuple[float, float], tuple[float, float], tuple[int, int]]:
+    return camera.focal, camera.center, camera.size
+
+
+def _about(path: Path, member: Member) -> About:
+    with member.open() as stream:
+        content = stream.read(_MAX_ABOUT)
+    try:
+        return msgspec.json.decode(content, type=About)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: its {ABOUT} is none that tcfit wrote ({error}). Remove it, or write the results again."
+        ) from error
+
+
+def _nothing(path: Path, pickles: list[Member], members: list[Member], person: int) -> str:
+    if pickles:
+        people = sorted({member.path.name for member in pickles})
+        return f"{path}: has no person {person} ({person:03d}.pkl), only {', '.join(people[:5])}. Choose one of these."
+    found = ", ".join(member.path.name for member in members[:5]) or "nothing"
+    return (
+        f"{path}: holds no results of SMPLify-X (found {found}); expected results/<name of the image>/000.pkl. Give "
+        "its output folder."
+    )
+
+
+def _forbid_mixed(path: Path, frames: list[ResultFrame]) -> None:
+    seen: set[str] = set()
+    for frame in frames:
+        if frame.stem in seen:
+            raise InputError(f"{path}: has two results of the frame {frame.stem}; expected those of one clip.")
+        seen.add(frame.stem)
+        for key in ("body_pose", "left_hand_pose", "right_hand_pose"):
+            if frame.values[key].shape != frames[0].values[key].shape:
+                found, first = len(frame.values[key]), len(frames[0].values[key])
+                raise InputError(
+                    f"{path}: '{key}' has {found} numbers in {frame.stem} and {first} in {frames[0].stem}; expected "
+                    "the results of one run."
+                )
+
+
+def _numbers(stems: list[str]) -> tuple[tuple[int, ...], bool]:
+    """Frame numbers, and whether the names tell them."""
+    split = [split_number(stem) for stem in stems]
+    numbers = tuple(number for _, number in split if number is not None)
+    told = len({prefix for prefix, _ in split}) == 1 and len(set(numbers)) == len(stems)
+    return (numbers, True) if told else (tuple(range(len(stems))), False)
+
+
+def _params(path: Path, frames: list[ResultFrame], decode: Decode | None) -> BodyParams:
+    arrays = {key: np.stack([frame.values[key] for frame in frames]) for key in WIDTHS}
+    if arrays["body_pose"].shape[1] == LATENT:
+        arrays["body_pose"] = _decoded(path, arrays["body_pose"], decode)
+    arrays["betas"] = arrays["betas"][:, :N_BETAS]
+    arrays["expression"] = arrays["expression"][:, :N_EXPRESSION]
+    # Of the forks, some move the body before the camera does.
+    moves = np.stack([frame.rotation @ frame.values.get("transl", np.zeros(3)) for frame in frames])
+    arrays["camera_translation"] = arrays["camera_translation"] + moves
+    hands = {arrays[f"{side}_hand_pose"].shape[1] for side in ("left", "right")}
+    if len(hands) > 1:
+        raise InputError(f"{path}: the left hand has other numbers of components than the right; expected the same.")
+    return body_params(arrays, hands.pop())
+
+
+def _decoded(path: Path, latent: np.ndarray, decode: Decode | None) -> np.ndarray:
+    if decode is None:
+        raise InputError(
+            f"{path}: its body_pose has {LATENT} numbers of a VPoser instead of angles, and none was added here. Get "
+            "the VPoser that it was fitted with (SMPLify-X: version 1) from its official site, and run `tcfit models "
+            "add` with the download."
+        )
+    with torch.no_grad():
+        return decode(torch.as_tensor(latent)).cpu().numpy()
+
+
+def _camera(path: Path, frames: list[ResultFrame]) -> Camera | None:
+    if not all(key in frame.values for key in CAMERA for frame in frames):
+        return None
+    (fx, fy), (cx, cy), (width, height) = (frames[0].values[key].tolist() for key in CAMERA)
+    if not (min(fx, fy) > 0 and min(width, height) >= 1):
+        raise InputError(f"{path}: has a focal length of {fx:g} x {fy:g} for {width:g} x {height:g} pixels.")
+    size = (int(width), int(height))
+    return Camera(focal=(fx, fy), center=(cx, cy), size=size, source="told by the results")

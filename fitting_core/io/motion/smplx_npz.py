@@ -1,0 +1,223 @@
+"""SMPL-X animations as npz: AMASS (SMPL-X and SMPL-H), the Blender add-ons', and tcfit's own fit.npz and exports.
+
+| key | shape | |
+|---|---|---|
+| poses | (N, 165) or (N, 156) | axis-angle of all joints of SMPL-X or SMPL-H, hands with their mean pose |
+| root_orient, pose_body, pose_hand, pose_jaw, pose_eye | (N, 3), (N, 63), (N, 90), (N, 3), (N, 6) | instead of poses |
+| trans | (N, 3) | |
+| betas | (10 or more) or (N, 10 or more) | the first ten count |
+| expressions | (N, 10) | optional |
+| gender, mocap_frame_rate or mocap_framerate | () | |
+| axes, camera_to_world | (), (3, 3) | tcfit's: the world of poses and trans. Without them, AMASS's: z up |
+| camera_focal, camera_center, image_size, camera_source, first_frame, body_kind, body_hash | | tcfit's, optional |
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from fitting_core.body.model import N_BETAS, N_EXPRESSION
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz
+from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
+from fitting_core.io.motion.motion import AXES
+
+_ADVICE = "Expected an npz of AMASS, of the SMPL-X Blender add-on or of tcfit, with 'poses' and 'trans'"
+_PARTS = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
+_GIVEN = ("root_orient", "pose_body")
+"""Of these parts, those that must be there; the others are zero where they are absent."""
+_LAYOUTS: dict[int, tuple[str, dict[str, slice]]] = {
+    165: (
+        "smplx",
+        {
+            "global_orient": slice(0, 3),
+            "body_pose": slice(3, 66),
+            "jaw_pose": slice(66, 69),
+            "leye_pose": slice(69, 72),
+            "reye_pose": slice(72, 75),
+            "left_hand_pose": slice(75, 120),
+            "right_hand_pose": slice(120, 165),
+        },
+    ),
+    156: (
+        "smplh",
+        {
+            "global_orient": slice(0, 3),
+            "body_pose": slice(3, 66),
+            "left_hand_pose": slice(66, 111),
+            "right_hand_pose": slice(111, 156),
+        },
+    ),
+}
+"""By the width of `poses`: the body's kind, and the columns of each parameter."""
+_NAMES = {"smplx": "SMPL-X", "smplh": "SMPL-H"}
+_GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "unknown": "neutral"}
+_MAX_ANGLE, _MAX_LENGTH = 1e3, 1e6
+_KEYS = (
+    "poses trans betas expressions gender surface_model_type mocap_frame_rate mocap_framerate axes camera_to_world "
+    "camera_focal camera_center image_size camera_source first_frame body_kind body_hash"
+).split()
+
+
+def read_smplx_npz(path: Path) -> ImportedMotion:
+    """Read an animation.
+
+    Raises:
+        InputError: It is damaged, no SMPL-X or SMPL-H animation, or holds values that cannot be.
+    """
+    try:
+        arrays = read_npz(path, (*_KEYS, *_PARTS))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}). {_ADVICE}.") from error
+    except ValueError as error:
+        raise InputError(f"{path}: {error}. {_ADVICE}.") from error
+    try:
+        return _motion(path, arrays)
+    except _Wrong as error:
+        raise InputError(f"{path}: {error}. {_ADVICE}.") from error
+
+
+class _Wrong(ValueError):
+    """What is wrong, in words."""
+
+
+def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
+    poses = _poses(arrays)
+    if poses.shape[1] not in _LAYOUTS:
+        smpl = " (SMPL's 24 joints: it has no hands)" if poses.shape[1] == 72 else ""
+        raise _Wrong(f"'poses' has {poses.shape[1]} columns{smpl}, expected 165 (SMPL-X) or 156 (SMPL-H)")
+    kind, columns = _LAYOUTS[poses.shape[1]]
+    frames = len(poses)
+    turn, placed = _turn_into_camera(arrays)
+    trans = _numbers(arrays, "trans", (frames, 3), _MAX_LENGTH)
+    betas, notes = _betas(arrays, frames)
+    found = {name: poses[:, part] for name, part in columns.items()}
+    found |= {"betas": betas, "camera_translation": trans @ turn.T}
+    if "expressions" in arrays:
+        found["expression"] = _numbers(arrays, "expressions", (frames, N_EXPRESSION), _MAX_LENGTH)
+    first = _first_frame(arrays)
+    own = "camera_focal" in arrays
+    return ImportedMotion(
+        source=path,
+        format=f"tcfit {_NAMES[kind]} npz" if own else f"{_NAMES[kind]} npz",
+        kind=_text(arrays, "body_kind", kind),
+        gender=_gender(arrays),
+        body_hash=_text(arrays, "body_hash", ""),
+        params=body_params(found, 45),
+        whole_hands=True,
+        turn=torch.as_tensor(turn).expand(frames, 3, 3),
+        placed=placed,
+        numbers=tuple(range(first or 0, (first or 0) + frames)),
+        numbered=first is not None,
+        frame_rate=_frame_rate(arrays),
+        camera=_camera(arrays),
+        notes=notes,
+    )
+
+
+def _poses(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "N J"]:
+    """All joints in one array, in SMPL-X's order where the parts had to be put together."""
+    if "poses" in arrays:
+        frames = arrays["poses"].shape[0] if arrays["poses"].ndim == 2 else 0
+        return _numbers(arrays, "poses", (frames, None), _MAX_ANGLE)
+    if missing := [name for name in (*_GIVEN, "trans") if name not in arrays]:
+        has = ", ".join(sorted(arrays)[:10]) or "none of the keys of an animation"
+        raise _Wrong(f"has neither 'poses' nor {', '.join(map(repr, missing))} (it has {has})")
+    frames = len(arrays["trans"]) if arrays["trans"].ndim else 0
+    zeros = {name: np.zeros((frames, width)) for name, width in _PARTS.items()}
+    there = {n: _numbers(arrays, n, (frames, width), _MAX_ANGLE) for n, width in _PARTS.items() if n in arrays}
+    return np.concatenate([(zeros | there)[name] for name in _PARTS], 1)
+
+
+def _numbers(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...], most: float) -> np.ndarray:
+    if name not in arrays:
+        raise _Wrong(f"has no '{name}' (it has {', '.join(sorted(arrays)[:10])})")
+    array = arrays[name]
+    if array.dtype.kind not in "fiu":
+        raise _Wrong(f"'{name}' holds {array.dtype} values, expected numbers")
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+        expected = " x ".join("any" if n is None else str(n) for n in shape)
+        raise _Wrong(f"'{name}' has the shape {array.shape}, expected {expected}")
+    if array.size == 0:
+        raise _Wrong(f"'{name}' is empty: there is no frame")
+    array = array.astype(np.float64)
+    if not (np.abs(array) <= most).all():
+        bad = array[~(np.abs(array) <= most)][0]
+        raise _Wrong(f"'{name}' holds {bad:g}, expected finite numbers up to {most:g}")
+    return array
+
+
+def _betas(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray, "N 10"], tuple[str, ...]]:
+    array = arrays.get("betas")
+    if array is None:
+        return np.zeros((frames, N_BETAS)), ("It tells no shape: the mean shape is shown.",)
+    betas = _numbers(arrays, "betas", (None,) * array.ndim, _MAX_LENGTH)
+    betas = betas[None] if betas.ndim == 1 else betas
+    if betas.ndim != 2 or len(betas) not in (1, frames) or betas.shape[1] < N_BETAS:
+        raise _Wrong(f"'betas' has the shape {array.shape}, expected {N_BETAS} or more, for all frames or for each")
+    more = np.abs(betas[:, N_BETAS:]).max(initial=0)
+    notes = (f"Of its {betas.shape[1]} shape parameters the first {N_BETAS} are used.",) if more > 0 else ()
+    return np.broadcast_to(betas[:, :N_BETAS], (frames, N_BETAS)), notes
+
+
+def _turn_into_camera(arrays: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, "3 3"], bool]:
+    """Rotation of an animation's world into camera space, and whether it stands before a camera."""
+    if "camera_to_world" in arrays:
+        matrix = _numbers(arrays, "camera_to_world", (3, 3), 2.0)
+        if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix) < 0:
+            raise _Wrong("'camera_to_world' is no rotation")
+        return matrix.T, True
+    # fit.npz stands in camera space and has no matrix to say it.
+    if _text(arrays, "axes", "").lower().startswith("camera"):
+        return np.eye(3), True
+    return np.array(AXES["z-up"].from_camera, float).T, False
+
+
+def _frame_rate(arrays: dict[str, np.ndarray]) -> float | None:
+    for name in ("mocap_frame_rate", "mocap_framerate"):
+        if name in arrays and arrays[name].size == 1 and arrays[name].dtype.kind in "fiu":
+            rate = float(arrays[name].reshape(()))
+            if not 0 < rate <= 2000:
+                raise _Wrong(f"'{name}' is {rate:g}, expected frames per second, above 0 and up to 2000")
+            return rate
+    return None
+
+
+def _first_frame(arrays: dict[str, np.ndarray]) -> int | None:
+    if "first_frame" not in arrays:
+        return None
+    first = _numbers(arrays, "first_frame", (), 1e12)
+    if first < 0 or first != int(first):
+        raise _Wrong(f"'first_frame' is {float(first):g}, expected a whole number from 0")
+    return int(first)
+
+
+def _gender(arrays: dict[str, np.ndarray]) -> str:
+    word = _text(arrays, "gender", "neutral").strip().lower()
+    if word not in _GENDERS:
+        raise _Wrong(f"'gender' is {word!r:.20}, expected neutral, male or female")
+    return _GENDERS[word]
+
+
+def _text(arrays: dict[str, np.ndarray], name: str, default: str) -> str:
+    """A text, which Python 2 wrote as bytes."""
+    array = arrays.get(name)
+    if array is None or array.size != 1:
+        return default
+    value: Any = array.reshape(())[()]
+    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def _camera(arrays: dict[str, np.ndarray]) -> Camera | None:
+    names = ("camera_focal", "camera_center", "image_size")
+    if not all(name in arrays for name in names):
+        return None
+    (fx, fy), (cx, cy), (width, height) = (_numbers(arrays, name, (2,), _MAX_LENGTH).tolist() for name in names)
+    if not (min(fx, fy) > 0 and min(width, height) >= 1):
+        raise _Wrong(f"the camera has a focal length of {fx:g} x {fy:g} and an image of {width:g} x {height:g} pixels")
+    source = _text(arrays, "camera_source", "told by the file")
+    return Camera(focal=(fx, fy), center=(cx, cy), size=(int(width), int(height)), source=source)

@@ -1,0 +1,121 @@
+"""Everything measured of a fit: curves over the frames, and figures."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.model import BodyModel
+from fitting_core.measure.curves import CURVES
+from fitting_core.measure.figures import FIGURES
+from fitting_core.measure.mesh.errors import MeshErrors, PosedBody, mesh_errors
+from fitting_core.measure.pairing import Estimate, Pair
+from fitting_core.measure.reference.reference import Reference
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Everything measured of a fit."""
+
+    first_frame: int
+    curves: dict[str, list[float | None]]
+    """By name in CURVES, a number for each frame; None where there is none."""
+    figures: dict[str, float | None]
+    """By name: of CURVES with the statistic behind it (`vertex_to_surface_mean`), and of FIGURES."""
+    compared_frames: int | None = None
+    """In how many frames the reference's form was known; None without a reference."""
+
+
+def figure_titles() -> dict[str, tuple[str, str, str]]:
+    """Title, unit and which is better, of every figure by its name."""
+    words = {"mean": "", "std": ", standard deviation"}
+    means = {
+        f"{name}_{statistic}": (kind.title + words[statistic], kind.unit, kind.better)
+        for name, kind in CURVES.items()
+        for statistic in kind.statistics
+    }
+    return means | {name: (kind.title, kind.unit, kind.better) for name, kind in FIGURES.items()}
+
+
+def statistic_of(values: Float[np.ndarray, "n"], statistic: str) -> float | None:
+    """The mean or standard deviation of what is finite; None if nothing is."""
+    finite = values[np.isfinite(values)]
+    return float(getattr(finite, statistic)()) if len(finite) else None
+
+
+def compare(
+    estimate: Estimate,
+    reference: Reference | None,
+    *,
+    truth_body: BodyModel | None = None,
+    meshes: bool = True,
+    every: int = 1,
+    done: Callable[[int], object] | None = None,
+) -> Comparison:
+    """Measure a fit.
+
+    Args:
+        estimate: The fit.
+        reference: What it is compared with; None: only what needs no reference is measured.
+        truth_body: The body of a reference that is a body (`reference_bodies.body_of`).
+        meshes: Whether to measure surfaces, which takes some 0.4 s a frame.
+        every: Surfaces are measured in every so many frames.
+        done: Called with the number of frames whose surfaces have just been measured.
+
+    Raises:
+        InputError: The reference has no moment in common with the fit.
+    """
+    pair = _paired(estimate, reference, truth_body)
+    if pair.true_volumes is not None and meshes:
+        pair = _with_surfaces(pair, every, done)
+    found = {name: kind.values(pair) for name, kind in CURVES.items()}
+    curves = {name: values for name, values in found.items() if values is not None}
+    figures = {
+        f"{name}_{statistic}": statistic_of(curves[name], statistic) if name in curves else None
+        for name, kind in CURVES.items()
+        for statistic in kind.statistics
+    }
+    return Comparison(
+        first_frame=estimate.first_frame,
+        curves={name: [_plain(v) for v in values] for name, values in curves.items()},
+        figures=figures | {name: kind.value(pair) for name, kind in FIGURES.items()},
+        compared_frames=None if reference is None else int(np.isfinite(curves.get("pa_mpjpe", np.empty(0))).sum()),
+    )
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _paired(estimate: Estimate, reference: Reference | None, truth_body: BodyModel | None) -> Pair:
+    volumes = PosedBody(body=estimate.body, params=estimate.params).volumes()
+    pair = Pair(
+        estimate=estimate,
+        reference=reference,
+        truth_body=truth_body,
+        meshes=None,
+        volumes=volumes,
+        true_volumes=None,
+    )
+    if reference is None or reference.params is None or truth_body is None:
+        return pair
+    true = PosedBody(body=truth_body, params=reference.params).volumes()
+    return replace(pair, true_volumes=pair.matched(true))
+
+
+def _with_surfaces(pair: Pair, every: int, done: Callable[[int], object] | None) -> Pair:
+    assert pair.reference is not None and pair.reference.params is not None and pair.truth_body is not None
+    there = np.flatnonzero(pair.frames >= 0)
+    estimate = PosedBody(body=pair.estimate.body, params=pair.estimate.params[there.tolist()])
+    truth = PosedBody(body=pair.truth_body, params=pair.reference.params[pair.frames[there].tolist()])
+    found = mesh_errors(estimate, truth, every=every, done=done)
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        whole = np.full(len(pair.frames), np.nan)
+        whole[there] = values
+        return whole
+
+    per_vertex = None if found.per_vertex is None else spread(found.per_vertex)
+    meshes = MeshErrors(vertex_to_surface=spread(found.vertex_to_surface), per_vertex=per_vertex)
+    return replace(pair, meshes=meshes)

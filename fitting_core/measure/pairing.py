@@ -1,0 +1,115 @@
+"""A fit beside its reference, frame by frame: what everything is measured on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.camera import Camera, project
+from fitting_core.clip import Clip
+from fitting_core.measure.mesh.errors import MeshErrors
+from fitting_core.measure.reference.reference import Reference
+
+_NEAR = 0.01
+"""Metres: points nearer to the camera's plane, or behind it, are in no image."""
+BODY_JOINTS = list(range(JOINT["right_wrist"] + 1))
+"""The 22 joints of trunk and limbs."""
+_HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """T frames of a fit."""
+
+    body: BodyModel
+    params: BodyParams
+    camera: Camera
+    frame_rate: float
+    first_frame: int = 0
+    """Number of its first frame in the video."""
+    clip: Clip | None = None
+    """With the detections, where they are at hand."""
+
+    @cached_property
+    def joints(self) -> Float[np.ndarray, "T 55 3"]:
+        """Camera space, metres."""
+        return joints_in_space(self.body, self.params)
+
+    @cached_property
+    def keypoints(self) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
+        """In camera space, metres, and which of them the body has."""
+        return keypoints_in_space(self.body, self.params)
+
+    @cached_property
+    def pixels(self) -> Float[np.ndarray, "T 137 2"]:
+        """Projected keypoints; NaN for those that the body lacks, and behind the camera."""
+        points, exists = self.keypoints
+        return pixels_of(self.camera, np.where(exists[:, None], points, np.nan))
+
+
+def pixels_of(camera: Camera, points: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K 2"]:
+    """Projected points; NaN for those that are not known, and behind the camera."""
+    shown = points[..., 2] > _NEAR
+    there = np.where(shown[..., None], points, 1.0)
+    return np.where(shown[..., None], project(camera, torch.as_tensor(there)).numpy(), np.nan)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pair:
+    """A fit and, where there is one, its reference; positions are evaluated when asked for."""
+
+    estimate: Estimate
+    reference: Reference | None
+    truth_body: BodyModel | None
+    """Of the reference, if that is a body."""
+    meshes: MeshErrors | None
+    volumes: Float[np.ndarray, "T"]
+    true_volumes: Float[np.ndarray, "T"] | None
+
+    @cached_property
+    def frames(self) -> Int[np.ndarray, "T"]:
+        """The reference's frame for each of the fit's, -1 where there is none."""
+        fit = self.estimate
+        count = len(fit.params)
+        if self.reference is None:
+            return np.full(count, -1)
+        return self.reference.frames_of(count, fit.first_frame, fit.frame_rate)
+
+    @cached_property
+    def points(self) -> tuple[np.ndarray, np.ndarray, list[int]] | None:
+        """Estimated and true points (T, K, 3), NaN where none are known, and which of them are the root."""
+        if self.reference is None:
+            return None
+        if self.reference.joints is not None:
+            return (
+                self.estimate.joints[:, BODY_JOINTS],
+                self.matched(self.reference.joints[:, BODY_JOINTS]),
+                [JOINT["pelvis"]],
+            )
+        points, exists = self.estimate.keypoints
+        known = np.isfinite(self.reference.points).all(-1).any(0) & exists
+        chosen = [i for i in kp.LIMBS if known[i]]
+        roots = [chosen.index(i) for i in _HIPS if i in chosen] or list(range(len(chosen)))
+        return points[:, chosen], self.matched(self.reference.points[:, chosen]), roots
+
+    def matched(self, values: np.ndarray) -> np.ndarray:
+        """The reference's values at the fit's frames; NaN where there are none."""
+        found = values[self.frames].astype(np.float64)
+        found[self.frames < 0] = np.nan
+        return found
+
+    @property
+    def even(self) -> bool:
+        """Whether the reference's values at the fit's frames may be differentiated over time (`Reference.is_even`)."""
+        return self.reference is not None and self.reference.is_even(self.estimate.frame_rate)
+
+    @property
+    def in_camera(self) -> bool:
+        """Whether the reference stands where the fit should stand."""
+        return self.reference is not None and self.reference.in_camera

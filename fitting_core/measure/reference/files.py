@@ -1,0 +1,130 @@
+"""Reading a reference, of whatever form: the form is told by what is in the file."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.files.npz import npz_names, read_npz
+from fitting_core.io.result_files import FIT_NAME
+from fitting_core.measure.reference import bodies as reference_bodies
+from fitting_core.measure.reference import points as reference_points
+from fitting_core.measure.reference import reference
+from fitting_core.measure.reference.reference import Reference
+from fitting_core.synthetic.studio.world_camera import WorldCamera, read_world_camera
+
+TRUTH_NAME = "truth.npz"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What a reader gets."""
+
+    path: Path
+    camera: WorldCamera | None
+    search: Path | None
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of the file's. Raises InputError if one is no plain array."""
+        try:
+            return read_npz(self.path)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{self.path}: {error}. Expected an npz archive of plain arrays: save it again with numpy.savez, "
+                "without objects in it."
+            ) from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceForm:
+    """One form of npz."""
+
+    keys: tuple[str, ...]
+    """Arrays by which it is known."""
+    title: str
+    read: Callable[[Source], Reference]
+
+
+FORMS = (
+    ReferenceForm(
+        keys=("format", "name", "points", "in_camera"),
+        title="a reference stored by tcfit",
+        read=lambda s: reference.read_stored(s.path, s.arrays),
+    ),
+    ReferenceForm(
+        keys=("joints", "keypoints", "visible", "body_hash"),
+        title="a truth of a generated clip (keypoints, visible, body_hash)",
+        read=lambda s: reference_bodies.read_generated(s.path, search=s.search),
+    ),
+    ReferenceForm(
+        keys=("format", "phase1_body_pose"),
+        title="a fit.npz",
+        read=lambda s: reference_bodies.read_other_fit(s.path, search=s.search),
+    ),
+    ReferenceForm(
+        keys=("points", "names"),
+        title="3D points (points, names)",
+        read=lambda s: reference_points.read_points(s.path, s.arrays, s.camera),
+    ),
+    *(
+        ReferenceForm(
+            keys=keys,
+            title=f"an AMASS-style npz ({', '.join(keys)})",
+            read=lambda s: reference_bodies.read_amass(s.path, s.camera, s.search),
+        )
+        for keys in (("poses", "trans"), ("root_orient", "pose_body", "trans"))
+    ),
+)
+"""Tried in this order. TRC, which is text, stands beside."""
+
+
+def read_reference(path: Path, *, camera: Path | None = None, search: Path | None = None) -> Reference:
+    """Read what a fit is to be compared with.
+
+    Args:
+        path: A file of one of FORMS, a .trc file, or a folder with a truth.npz or fit.npz.
+        camera: npz with R and t of the clip's camera in the reference's world, where that is not the camera's space.
+        search: A body model file or a folder that alone is searched for the reference's body.
+
+    Raises:
+        InputError: It cannot be read as any of these, or its body model is not there.
+    """
+    file = _file(path)
+    world = None if camera is None else read_world_camera(camera)
+    if file.suffix.lower() == ".trc":
+        return reference_points.read_trc(file, world)
+    names = _names(file)
+    for form in FORMS:
+        if all(key in names for key in form.keys):
+            try:
+                return form.read(Source(path=file, camera=world, search=search))
+            except (KeyError, IndexError, TypeError) as error:
+                raise InputError(f"{file}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
+            except ValueError as error:
+                if isinstance(error, InputError):
+                    raise
+                raise InputError(f"{file}: is {form.title}, but damaged ({error}). Take it from a backup.") from error
+    found = ", ".join(names[:8]) or "nothing"
+    known = "; ".join(form.title for form in FORMS)
+    raise InputError(f"{file}: holds {found}; expected {known}; or a .trc file.")
+
+
+def _file(path: Path) -> Path:
+    if not path.exists():
+        raise InputError(f"{path}: does not exist; expected a reference. Correct --reference.")
+    if not path.is_dir():
+        return path
+    for name in (TRUTH_NAME, FIT_NAME):
+        if (path / name).is_file():
+            return path / name
+    raise InputError(f"{path}: is a folder without {TRUTH_NAME} and {FIT_NAME}; name a file in it.")
+
+
+def _names(file: Path) -> tuple[str, ...]:
+    try:
+        return npz_names(file)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: is no npz archive ({error}); expected one, or a .trc file.") from error

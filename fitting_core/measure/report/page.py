@@ -1,0 +1,79 @@
+"""The whole page."""
+
+from collections.abc import Sequence
+
+from fitting_core.measure.records import Evaluation, sequences
+from fitting_core.measure.report.ablations import Ablation, ablation_plots
+from fitting_core.measure.report.markup import Markup, joined, tag
+from fitting_core.measure.report.sections import (
+    WorstFrame,
+    all_figures,
+    bars,
+    over_time,
+    provenance,
+    section,
+    together,
+    worst_frames,
+)
+from fitting_core.measure.report.style import CSS
+from fitting_core.measure.report.summary import SURFACE, VOLUME, paper_table, verdict
+
+_TABLE = (
+    "The paper's table: mean and standard deviation over all frames. Vertex to surface: the fitted mesh is aligned "
+    "rigidly (ICP), then the distances of its vertices from the closest points of the true surface are averaged. "
+    "Volume error: mean absolute difference of the closed meshes' volumes."
+)
+_OVER_TIME = (
+    (SURFACE, "", "Error over the frames"),
+    ("volume", "true_volume", "Volume over time"),
+    ("pa_mpjpe", "", "PA-MPJPE over the frames"),
+    ("joint_error", "", "Joint error in the camera over the frames"),
+    ("reprojection", "", "Reprojection error over the frames"),
+)
+_HEAD = '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+_VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+
+
+def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), ablations: Sequence[Ablation] = ()) -> str:
+    """HTML that shows itself without a network.
+
+    Args:
+        evaluation: What was measured; with no records only the ablations are shown.
+        worst: Pictures.
+        ablations: Settings varied one at a time.
+    """
+    parts = [tag("h1", evaluation.title)]
+    parts += [tag("p", note, class_="dim") for note in evaluation.notes]
+    if evaluation.records:
+        parts += [
+            verdict(evaluation.records),
+            section("Errors", paper_table(evaluation.records), note=_TABLE),
+        ]
+        parts += _plots(evaluation)
+    if worst:
+        parts.append(section("Worst frames", worst_frames(worst), note=_WORST))
+    if ablations:
+        parts.append(section("Settings varied one at a time", ablation_plots(ablations)))
+    if evaluation.records:
+        parts.append(section("All figures", all_figures(evaluation), note="Over all frames of a motion."))
+    parts.append(section("How this was measured", provenance(evaluation)))
+    head = joined([Markup(_HEAD), Markup(_VIEWPORT), tag("title", evaluation.title), Markup(f"<style>{CSS}</style>")])
+    return f"{head}</head><body>{tag('main', *parts)}</body></html>\n"
+
+
+_WORST = (
+    "The frames with the largest errors, one of each sequence. Above as the clip's camera sees them, below from the "
+    "side, pelvis on pelvis: what is wrong in depth shows there alone."
+)
+
+
+def _plots(evaluation: Evaluation) -> list[Markup]:
+    shown = [
+        (title, bars(evaluation, curve))
+        for curve, title in ((SURFACE, "Error by sequence"), (VOLUME, "Volume error by sequence"))
+    ]
+    if len(sequences(evaluation.records)) == 1:
+        shown.append(("Over the frames", together(evaluation, [(curve, truth) for curve, truth, _ in _OVER_TIME])))
+    else:
+        shown += [(title, over_time(evaluation, curve, truth=truth)) for curve, truth, title in _OVER_TIME]
+    return [section(title, content) for title, content in shown if content]

@@ -1,0 +1,221 @@
+"""Contact sheets: many posed bodies in one picture, for looking at poses, hands and the worst of a set.
+
+Everything is drawn from a `View`, so that other things (a source's skeleton, target points) can stand beside a body as
+seen from the same place.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.render.renderer import DEFAULT_COLOR, Renderer
+
+Image = UInt8[np.ndarray, "H W 3"]
+
+_DISTANCE = 8.0  # times the extent: nearly parallel, so that limbs keep their lengths wherever they point
+_MARGIN = 1.1
+_GAP = 6
+_CAPTION_HEIGHT = 18
+_FONT, _FONT_SCALE, _INK = cv2.FONT_HERSHEY_SIMPLEX, 0.4, (40, 40, 40)
+_SUBPIXEL_BITS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cell:
+    """One place in a sheet."""
+
+    picture: Image
+    """RGB; all cells of a sheet may differ in size."""
+    caption: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A place to look from, in the body's own world: x to the body's left, y up, z forward, metres."""
+
+    center: tuple[float, float, float]
+    """What is in the middle of the picture."""
+    extent: float = 2.1
+    """How many metres the shorter side of the picture shows there."""
+    degrees: float = 0.0
+    """0 sees the front of a body that faces +z, 90 its left side, 180 its back."""
+    above: float = 0.0
+    """Degrees by which the eye stands higher than the middle."""
+    size: tuple[int, int] = (240, 320)
+    """Width and height in pixels."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that belongs to `camera_space`."""
+        focal = min(self.size) * _DISTANCE
+        return Camera(focal=(focal, focal), center=(self.size[0] / 2, self.size[1] / 2), size=self.size)
+
+    def camera_space(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+        """Points in the camera's space: x right, y down, z away."""
+        a, b = math.radians(self.degrees), math.radians(self.above)
+        around = np.array([[math.cos(a), 0, -math.sin(a)], [0, 1, 0], [math.sin(a), 0, math.cos(a)]])
+        over = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
+        seen = (np.asarray(points, float) - self.center) @ (over @ around).T
+        return seen * [1, -1, -1] + [0, 0, _DISTANCE * self.extent]
+
+    def pixels(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 2"]:
+        """Where points appear."""
+        seen, camera = self.camera_space(points), self.camera
+        return seen[:, :2] / seen[:, 2:] * camera.focal + camera.center
+
+
+def fitted_views(
+    points: Float[np.ndarray, "N 3"],
+    degrees: Sequence[float],
+    *,
+    above: float = 0.0,
+    size: tuple[int, int] = (240, 320),
+    extent: float | None = None,
+) -> list[View]:
+    """Views from several sides in one scale, with the points in the middle.
+
+    Args:
+        points: What must be seen.
+        degrees: One for each view; see View, as for `above` and `size`.
+        extent: Metres of the shorter side; by default as few as show all points in all views.
+    """
+    center = (points.min(axis=0) + points.max(axis=0)) / 2
+    views = [View(center=tuple(center), extent=1.0, degrees=angle, above=above, size=size) for angle in degrees]
+    if extent is None:
+        aspect = np.array(size) / min(size)
+        spread = max(float((abs(view.camera_space(points)[:, :2]) / aspect).max()) for view in views)
+        extent = _MARGIN * 2 * spread
+    return [replace(view, extent=extent) for view in views]
+
+
+def body_picture(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    view: View,
+    *,
+    color: tuple[float, float, float] = DEFAULT_COLOR,
+) -> Image:
+    """A mesh (the body's world, metres) over white."""
+    return Renderer(view.camera).render(view.camera_space(vertices), faces, color=color)
+
+
+def skeleton_picture(
+    positions: Float[np.ndarray, "J 3"],
+    parents: Int[np.ndarray, "J"],
+    view: View,
+    *,
+    colors: Sequence[tuple[int, int, int]] | None = None,
+    width: float = 0.035,
+    background: Image | None = None,
+) -> Image:
+    """Bones as thick lines, the near over the far.
+
+    Args:
+        positions: Joints in the body's world, metres.
+        parents: Parent of each joint; -1 where no bone ends.
+        view: Where to look from.
+        colors: sRGB of the bone that ends at each joint.
+        width: Metres.
+        background: What to draw on; white by default.
+    """
+    picture = np.full((view.size[1], view.size[0], 3), 255, np.uint8) if background is None else background.copy()
+    at = np.round(view.pixels(positions) * 2**_SUBPIXEL_BITS).astype(int)
+    depth = view.camera_space(positions)[:, 2]
+    bones = [joint for joint, parent in enumerate(parents) if parent >= 0]
+    thick = max(1, round(width / view.extent * min(view.size)))
+    for joint in sorted(bones, key=lambda j: -(depth[j] + depth[parents[j]])):
+        ends = tuple(map(int, at[parents[joint]])), tuple(map(int, at[joint]))
+        cv2.line(picture, *ends, (255, 255, 255), thick + 2, cv2.LINE_AA, _SUBPIXEL_BITS)
+        color = (90, 90, 90) if colors is None else colors[joint]
+        cv2.line(picture, *ends, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
+    return picture
+
+
+def pose_cells(
+    mesh: Mesh,
+    params: BodyParams,
+    captions: Sequence[str],
+    *,
+    degrees: Sequence[float] = (0.0, 90.0),
+    size: tuple[int, int] = (240, 320),
+    extent: float | None = None,
+    color: tuple[float, float, float] = DEFAULT_COLOR,
+) -> list[Cell]:
+    """One cell for each pose, with the body as seen from each of `degrees` side by side.
+
+    Args:
+        mesh: The body.
+        params: The poses. Their "camera space" is the body's world here: y up, facing +z without orientation.
+        captions: One for each pose.
+        degrees: See View.
+        size: Pixels of one view.
+        extent: Metres of every view's shorter side; by default each body is as large as its views show it whole.
+        color: Linear RGB of the body.
+    """
+    assert len(captions) == len(params)
+    cells = []
+    for vertices, caption in zip(mesh(params).double().cpu().numpy(), captions, strict=True):
+        views = fitted_views(vertices, degrees, size=size, extent=extent)
+        pictures = [body_picture(vertices, mesh.body.faces, view, color=color) for view in views]
+        cells.append(Cell(picture=beside(pictures), caption=caption))
+    return cells
+
+
+def beside(pictures: Sequence[Image]) -> Image:
+    """Pictures in a row, on white where they are not equally high."""
+    height = max(len(picture) for picture in pictures)
+    return np.concatenate([_padded(p, height, p.shape[1]) for p in pictures], 1)
+
+
+def sheet(cells: Sequence[Cell], columns: int) -> Image:
+    """Cells row by row with their captions below; rows are as high, and columns as wide, as the largest cell."""
+    assert cells and columns > 0
+    height = max(len(cell.picture) for cell in cells)
+    width = max(cell.picture.shape[1] for cell in cells)
+    captioned = [_captioned(_padded(cell.picture, height, width), cell.caption) for cell in cells]
+    blank = np.full_like(captioned[0], 255)
+    captioned += [blank] * (-len(captioned) % columns)
+    rows = [np.concatenate(captioned[i : i + columns], 1) for i in range(0, len(captioned), columns)]
+    return np.concatenate(rows, 0)
+
+
+def write_sheet(path: Path, cells: Sequence[Cell], columns: int) -> None:
+    """Write a sheet as an image file (PNG by its name's ending).
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    try:
+        with replacing(path) as draft:
+            written = cv2.imwrite(str(draft), sheet(cells, columns)[..., ::-1])
+    except (OSError, cv2.error) as error:
+        raise InputError(f"{path}: cannot be written as a picture ({error}). Give a name such as sheet.png.") from error
+    if not written:
+        raise InputError(f"{path}: cannot be written. Give a name such as sheet.png in a folder that exists.")
+
+
+def _padded(picture: Image, height: int, width: int) -> Image:
+    """The picture in the middle of a white one."""
+    below, right = height - picture.shape[0], width - picture.shape[1]
+    sides = ((below // 2, below - below // 2), (right // 2, right - right // 2), (0, 0))
+    return np.pad(picture, sides, constant_values=255)
+
+
+def _captioned(picture: Image, caption: str) -> Image:
+    """The picture with a caption below it and a gap around both; a long caption is cut."""
+    sides = ((_GAP // 2, _CAPTION_HEIGHT + _GAP // 2), (_GAP // 2, _GAP // 2), (0, 0))
+    framed = np.pad(picture, sides, constant_values=255)
+    while caption and cv2.getTextSize(caption, _FONT, _FONT_SCALE, 1)[0][0] > picture.shape[1]:
+        caption = caption[:-1]
+    cv2.putText(framed, caption, (_GAP, len(framed) - _GAP), _FONT, _FONT_SCALE, _INK, 1, cv2.LINE_AA)
+    return framed

@@ -1,0 +1,68 @@
+"""What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; and its file (npz)."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz
+
+_PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
+_CAMERA = ("focal", "center", "size", "source")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """What really happens in a clip of T frames."""
+
+    params: BodyParams
+    """In camera space."""
+    joints: Float[np.ndarray, "T 55 3"]
+    """Camera space, metres."""
+    keypoints: Float[np.ndarray, "T 137 2"]
+    """Pixels, without noise; meaningless where the body has no such point (`exists`)."""
+    visible: Bool[np.ndarray, "T 137"]
+    """Whether nothing hides the keypoint."""
+    exists: Bool[np.ndarray, "137"]
+    camera: Camera
+    frame_rate: float
+    body_hash: str
+    """Of the body model's file."""
+
+
+def write_truth(path: Path, truth: Truth) -> None:
+    """Write a truth as npz.
+
+    Arrays stand under the names of Truth's fields; those of params under their own, those of camera with a prefix.
+    """
+    params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
+    camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
+    rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
+    np.savez_compressed(path, allow_pickle=False, **params, **camera, **rest)
+
+
+def read_truth(path: Path) -> Truth:
+    """Read what `write_truth` wrote.
+
+    Raises:
+        InputError: It is no such file.
+    """
+    try:
+        values = read_npz(path)
+        (fx, fy), (cx, cy), (width, height), source = (values[f"camera_{name}"].tolist() for name in _CAMERA)
+        return Truth(
+            params=BodyParams(**{f.name: torch.as_tensor(values[f.name]) for f in fields(BodyParams)}),
+            camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=source),
+            frame_rate=float(values["frame_rate"]),
+            body_hash=str(values["body_hash"]),
+            **{name: values[name] for name in ("joints", "keypoints", "visible", "exists")},
+        )
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(
+            f"{path} holds no truth of a generated clip ({error}): delete its folder and make it anew."
+        ) from error

@@ -1,0 +1,157 @@
+"""A video file: the frame that is asked for, whatever is read before it."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
+from fitting_core.video.container import ends_early, packet_times
+
+# Decoding on costs one frame each, a seek up to a whole group of pictures (often 12 to 250 frames).
+_SKIP = 12
+# The first tells how far ahead the packets are; of more, opening a 1088 x 1920 video of 100 frames (0.6 s) feels each.
+_PROBED = 3
+# The times of packets and of decoded frames come from the same numbers: they are equal or not each other's.
+_SAME_TIME_MS = 0.001
+
+
+class VideoFile:
+    """A video file, decoded on from the last frame or after a seek.
+
+    OpenCV takes frames for evenly spaced when it seeks, which phones' are not: it then lands next to the frame that was
+    asked for and says nothing. So the frame's time tells where it is, and the time of what was decoded after the seek
+    tells which frame that is. Times are compared at the start and with every frame that is decoded; once they
+    contradict the order of the frames there are no more seeks: going back starts again from the first frame.
+    """
+
+    stems: tuple[str, ...] | None = None
+
+    def __init__(self, path: Path) -> None:
+        """Open the file and count its frames.
+
+        Raises:
+            InputError: It is no video, or none of its frames can be decoded.
+        """
+        self._path = path
+        self._capture = cv2.VideoCapture(str(path))
+        if not self._capture.isOpened():
+            raise InputError(
+                f"{path} is not a video that OpenCV can open (found {path.stat().st_size} bytes). If it plays "
+                "elsewhere, re-encode it as H.264 in MP4; if not, it is damaged or was not fully copied."
+            )
+        self._last = -1
+        rate = self._capture.get(cv2.CAP_PROP_FPS)
+        self.declared_frame_rate: float | None = float(rate) if np.isfinite(rate) and rate > 0 else None
+        # What the header says is an estimate in many containers: length times rate (MKV), more than is shown (MP4).
+        header_count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        self._times = _times_of_frames(packet_times(path), self._first_times())
+        self.count = self._counted()
+        if self.count == 0:
+            raise InputError(
+                f"{path} has no frame that can be decoded (the file says it has {header_count}); re-encode it."
+            )
+        self.declared_count = max(self.count, header_count) if ends_early(path) else self.count
+        times = self._times[: self.count]
+        self.uneven = _uneven(times)
+        self.frame_rate = (
+            1000 * (len(times) - 1) / float(times[-1] - times[0]) if self.uneven else self.declared_frame_rate
+        )
+
+    def read(self, index: int) -> np.ndarray | None:
+        """Frame as BGR; None if it cannot be decoded."""
+        if index < self._last or (index - self._last > _SKIP and len(self._times)):
+            self._seek(index)
+        image = self._decode(index)
+        if image is None:
+            # Seeking can fail where decoding from the start does not: back in an AVI of one frame, for example.
+            self._reopen()
+            image = self._decode(index)
+        return image
+
+    def label(self, index: int) -> str:
+        """The frame in words."""
+        return f"Frame {index}"
+
+    def close(self) -> None:
+        """Release the file."""
+        self._capture.release()
+
+    def _first_times(self) -> list[float]:
+        """Milliseconds that the decoder says of the first frames."""
+        times = []
+        while len(times) < _PROBED and self._capture.grab():
+            times.append(self._capture.get(cv2.CAP_PROP_POS_MSEC))
+        self._last = len(times) - 1
+        return times
+
+    def _counted(self) -> int:
+        """Frames that decode: from near the end on if its place can be told, else all are counted."""
+        if len(self._times):
+            self._seek(len(self._times) - 1)
+        while self._advance():
+            pass
+        count = self._last + 1
+        self._last = count  # Past the end: whatever is read next is behind.
+        return count
+
+    def _decode(self, index: int) -> np.ndarray | None:
+        while self._last < index:
+            if not self._advance():
+                return None
+        ok, image = self._capture.retrieve()
+        return image if ok else None
+
+    def _advance(self) -> bool:
+        """One frame on; back to the start, for good without times, if its time is another frame's."""
+        if not self._capture.grab():
+            return False
+        self._last += 1
+        if self._last < len(self._times) and not self._at(self._last):
+            self._times = self._times[:0]
+            self._reopen()
+        return True
+
+    def _at(self, index: int) -> bool:
+        return abs(self._times[index] - self._capture.get(cv2.CAP_PROP_POS_MSEC)) < _SAME_TIME_MS
+
+    def _seek(self, index: int) -> None:
+        """Go to a frame or to one shortly before it; back to the start if its place cannot be told."""
+        place = min(index, len(self._times) - 1)
+        if place >= 0 and self.declared_frame_rate:
+            even = round((self._times[place] - self._times[0]) / 1000 * self.declared_frame_rate)
+            for margin in (0, _SKIP, 4 * _SKIP):
+                self._capture.set(cv2.CAP_PROP_POS_FRAMES, max(0, even - margin))
+                if self._capture.grab():
+                    self._last = int(np.abs(self._times - self._capture.get(cv2.CAP_PROP_POS_MSEC)).argmin())
+                    if self._last <= index and self._at(self._last):
+                        return
+        self._reopen()
+
+    def _reopen(self) -> None:
+        self._capture.release()
+        self._capture = cv2.VideoCapture(str(self._path))
+        self._last = -1
+
+
+def _times_of_frames(packets: Float[np.ndarray, "P"], first: list[float]) -> Float[np.ndarray, "T"]:
+    """The decoder's times of the frames, in milliseconds; none if the packets' do not tell them.
+
+    Where a container has no times of presentation (AVI), the decoder says of a frame the time of the packet that it
+    took last, which is some packets ahead: all but the last few frames then have the times of the packets from there.
+
+    Args:
+        packets: Of all packets, sorted.
+        first: What the decoder says of the first frames.
+    """
+    if not len(packets) or not first or (np.diff(packets) < 2 * _SAME_TIME_MS).any():
+        return packets[:0]
+    times = packets[np.abs(packets - first[0]).argmin() :]
+    said = np.array(first)[: len(times)]
+    return times if (np.abs(times[: len(said)] - said) < _SAME_TIME_MS).all() else packets[:0]
+
+
+def _uneven(times: Float[np.ndarray, "T"]) -> bool:
+    steps = np.diff(times)
+    return len(steps) > 0 and bool((np.abs(steps - np.median(steps)) > 0.5 * np.median(steps)).any())

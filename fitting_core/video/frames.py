@@ -1,0 +1,192 @@
+"""Frames of a video file or of a folder of images, one at a time, in any order."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from fitting_core.errors import InputError
+from fitting_core.video.decoding import VideoFile
+from fitting_core.video.frame_names import natural_key
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+
+
+class _Decoder(Protocol):
+    """What video files and image folders have in common."""
+
+    declared_count: int
+    """What the header says, if the file ends early; else count."""
+    count: int
+    """What can be decoded."""
+    declared_frame_rate: float | None
+    """What the header says."""
+    frame_rate: float | None
+    """What the frames' times say, where they are uneven; else the header's."""
+    uneven: bool
+    """Whether times between frames differ."""
+    stems: tuple[str, ...] | None
+
+    def read(self, index: int) -> np.ndarray | None:
+        """Frame as BGR; None if it cannot be decoded."""
+        ...
+
+    def label(self, index: int) -> str:
+        """The frame in words."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class FrameSource:
+    """A video file, an image, or a folder of images in natural order (``2.png`` before ``10.png``).
+
+    Frames come upright: OpenCV applies a video's rotation and a photo's EXIF orientation. A context manager; one
+    thread reads at a time, others wait.
+
+    Example:
+        >>> with FrameSource(Path("walk.mp4")) as frames:
+        ...     first = frames.frame(0)
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the path, decode its first frame, and find out how many there are.
+
+        Quick where the times of its frames can be trusted (MP4, MOV, MKV, WebM, TS, AVI); a file whose times cannot
+        (MPEG program streams, raw H.264) is decoded once from start to end.
+
+        Raises:
+            InputError: It does not exist, is no video, holds no image or no frame.
+        """
+        if not path.exists():
+            raise InputError(f"{path} does not exist; expected a video file or a folder of images.")
+        images = path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES
+        self.path = path
+        self._lock = threading.Lock()
+        self._decoder: _Decoder = _Images(path) if images else VideoFile(path)
+        first = self._decoder.read(0)
+        if first is None:
+            raise InputError(f"The first frame of {path} cannot be decoded; re-encode it.")
+        self.size: tuple[int, int] = (first.shape[1], first.shape[0])
+        """Width and height in pixels, of the upright image."""
+
+    @property
+    def count(self) -> int:
+        """Number of frames that can be decoded."""
+        return self._decoder.count
+
+    @property
+    def declared_count(self) -> int:
+        """Number of frames that a truncated file says it has; count for a whole one, whatever its header says."""
+        return self._decoder.declared_count
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Frames per second, on average where they are uneven; None for images and for files that do not say it."""
+        return self._decoder.frame_rate
+
+    @property
+    def declared_frame_rate(self) -> float | None:
+        """Frames per second that the file's header says: far off in some files of uneven frames."""
+        return self._decoder.declared_frame_rate
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the times between frames differ by more than half, as in many videos from phones."""
+        return self._decoder.uneven
+
+    @property
+    def stems(self) -> tuple[str, ...] | None:
+        """Per frame, the image's file name without its suffix; None for a video."""
+        return self._decoder.stems
+
+    def __len__(self) -> int:
+        return self.count
+
+    def frame(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
+        """Decode one frame as RGB.
+
+        Raises:
+            InputError: There is no such frame, it is broken, or its size differs from the first one's.
+        """
+        self._check_index(index)
+        with self._lock:
+            image = self._decoder.read(index)
+        where = f"{self._decoder.label(index)} of {self.path}"
+        if image is None:
+            raise InputError(
+                f"{where} cannot be decoded ({self.count} frames in all). The file is damaged: re-encode it."
+            )
+        if image.shape[1::-1] != self.size:
+            raise InputError(
+                f"{where} is {image.shape[1]} x {image.shape[0]} pixels, but {self._decoder.label(0)} is "
+                f"{self.size[0]} x {self.size[1]}; expected frames of one size. Rescale or remove it."
+            )
+        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+    def _check_index(self, index: int) -> None:
+        if 0 <= index < self.count:
+            return
+        if self.count <= index < self.declared_count:
+            raise InputError(
+                f"Frame {index} of {self.path} is missing: the file says it has {self.declared_count} frames, but only "
+                f"{self.count} can be decoded. It is truncated: copy or encode it again, or use the first {self.count}."
+            )
+        raise InputError(f"There is no frame {index} in {self.path}; it has frames 0 to {self.count - 1}.")
+
+    def __iter__(self) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
+        return (self.frame(index) for index in range(self.count))
+
+    def close(self) -> None:
+        """Release the file."""
+        with self._lock:
+            self._decoder.close()
+
+    def __enter__(self) -> "FrameSource":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def image_files(folder: Path | None) -> tuple[Path, ...]:
+    """A folder's images in natural order; none for a video or what is not there."""
+    if folder is None or not folder.is_dir():
+        return ()
+    visible = (file for file in folder.iterdir() if not file.name.startswith("."))
+    images = (file for file in visible if file.suffix.lower() in IMAGE_SUFFIXES)
+    return tuple(sorted(images, key=lambda file: natural_key(file.name)))
+
+
+class _Images:
+    """Image files, read when asked for."""
+
+    frame_rate: float | None = None
+    declared_frame_rate: float | None = None
+    uneven: bool = False
+
+    def __init__(self, path: Path) -> None:
+        self._files = image_files(path) if path.is_dir() else (path,)
+        if not self._files:
+            others = sorted(file.name for file in path.iterdir() if not file.name.startswith("."))
+            found = f"{len(others)} other files, such as {others[0]}" if others else "an empty folder"
+            raise InputError(f"No images in {path}: found {found}; expected files in {', '.join(IMAGE_SUFFIXES)}.")
+        self.count = self.declared_count = len(self._files)
+        self.stems: tuple[str, ...] | None = tuple(file.stem for file in self._files)
+        if self.read(0) is None:
+            raise InputError(f"{self._files[0]} is not an image that can be decoded; remove or replace it.")
+
+    def read(self, index: int) -> np.ndarray | None:
+        # Not cv2.imread, which cannot open paths with special characters on Windows.
+        content = np.fromfile(self._files[index], dtype=np.uint8)
+        return cv2.imdecode(content, cv2.IMREAD_COLOR) if len(content) else None
+
+    def label(self, index: int) -> str:
+        return f"Image {self._files[index].name}"
+
+    def close(self) -> None:
+        pass

@@ -1,0 +1,165 @@
+"""One fit beside the keypoints that it was to explain: where curves, review queue and tables of figures start."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import JOINT
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import project
+from fitting_core.clip import Clip
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.io.summary import counted_keypoints
+from fitting_core.measure.mesh.volume import Enclosed
+from fitting_core.metrics import reprojection_errors
+from tcfit_app.analysis.meshes import Meshes
+
+_NEAR = 0.01
+"""Metres: points nearer to the camera's plane, or behind it, are in no image."""
+_TOGETHER = 16
+"""Frames whose meshes are in memory at once."""
+GROUPS = {"body": kp.BODY, "hands": kp.HANDS, "face": kp.FACE}
+"""Keypoints whose errors are told apart: their sizes and their detectors differ."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedFit:
+    """The poses of a fit over a clip, or over consecutive frames of one. Positions are evaluated when asked for.
+
+    Thread-safe: two threads that ask at once evaluate twice and get the same.
+    """
+
+    clip: Clip
+    """With the keypoints as they stand, and the camera of the fit."""
+    params: BodyParams
+    meshes: Meshes
+    space: Literal["body", "camera"] = "camera"
+    """In which the fit's temporal term compares joints (`Temporal.space`)."""
+    tracked: Bool[np.ndarray, "137"]
+    """Keypoints that were detected in some frame of the whole clip."""
+    bad: Bool[np.ndarray, "T 137"]
+    """Keypoints that a person has marked as wrong (`Corrected.bad`); their confidence is 0."""
+    frame_cost: Float[np.ndarray, "T"] | None = None
+    """E_o of each frame, where the phase that gave the parameters has told it."""
+
+    @staticmethod
+    def of(
+        clip: Clip,
+        fit: FitResult,
+        meshes: Meshes,
+        *,
+        phase: PhaseResult | None = None,
+        bad: Bool[np.ndarray, "T 137"] | None = None,
+    ) -> "PosedFit":
+        """One phase of a run, by default its last.
+
+        Args:
+            clip: `Project.clip`: its keypoints with all corrections.
+            fit: The run; its camera counts.
+            meshes: Of the body that it was fitted with.
+            phase: One of the fit's.
+            bad: `Project.corrected.bad`; None: nothing is marked.
+        """
+        chosen = phase or fit.last
+        space = fit.config.temporal.space
+        seen = replace(clip, camera=fit.camera)
+        return PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
+
+    @staticmethod
+    def posed(
+        clip: Clip,
+        params: BodyParams,
+        meshes: Meshes,
+        *,
+        space: Literal["body", "camera"] = "camera",
+        bad: Bool[np.ndarray, "T 137"] | None = None,
+        frame_cost: Float[np.ndarray, "T"] | None = None,
+    ) -> "PosedFit":
+        """Any parameters over a whole clip, such as those of a window that has just been fitted."""
+        assert len(clip) == len(params)
+        tracked = np.asarray((clip.keypoints.confidence > 0).any(0))
+        marked = np.zeros(clip.keypoints.confidence.shape, bool) if bad is None else bad
+        return PosedFit(
+            clip=clip,
+            params=params,
+            meshes=meshes,
+            space=space,
+            tracked=tracked,
+            bad=marked,
+            frame_cost=frame_cost,
+        )
+
+    def __len__(self) -> int:
+        return len(self.params)
+
+    def __getitem__(self, frames: slice) -> "PosedFit":
+        """Consecutive frames, to be measured alone: nothing is evaluated outside of them."""
+        cost = None if self.frame_cost is None else self.frame_cost[frames]
+        clip = replace(self.clip, keypoints=self.clip.keypoints[frames])
+        return replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames], frame_cost=cost)
+
+    @cached_property
+    def joints(self) -> Float[np.ndarray, "T 55 3"]:
+        """The kinematic joints in camera space, metres."""
+        return self.meshes.joints(self.params)
+
+    @property
+    def joints_in_body(self) -> Float[np.ndarray, "T 55 3"]:
+        """The same without the camera's translation."""
+        return self.joints - self.params.camera_translation.numpy()[:, None]
+
+    @property
+    def compared_joints(self) -> Float[np.ndarray, "T 55 3"]:
+        """The joints as the fit's temporal term compares them."""
+        return self.joints if self.space == "camera" else self.joints_in_body
+
+    @cached_property
+    def projected(self) -> Float[np.ndarray, "T 137 2"]:
+        """Pixels of the body's keypoints; NaN for those that the body lacks and those behind the camera."""
+        points = self.meshes.keypoints(self.params)
+        hidden = ~(points[..., 2] >= _NEAR)
+        pixels = project(self.clip.camera, torch.as_tensor(np.where(hidden[..., None], 1.0, points))).numpy()
+        pixels[hidden] = np.nan
+        return pixels
+
+    @cached_property
+    def counted(self) -> Bool[np.ndarray, "T 137"]:
+        """Keypoints that errors are measured on: those of summary.json that the body has."""
+        return counted_keypoints(self.clip, self.meshes.body) & np.isfinite(self.projected).all(-1)
+
+    @cached_property
+    def errors(self) -> Float[np.ndarray, "T 137"]:
+        """Reprojection errors in pixels; NaN for keypoints that are not counted."""
+        errors = np.full(self.counted.shape, np.nan)
+        errors[self.counted] = reprojection_errors(self.projected, self.clip.keypoints.xy, self.counted)
+        return errors
+
+    @cached_property
+    def jumps(self) -> Float[np.ndarray, "T 55"]:
+        """Length of each joint's second difference in time, mm per frame^2, in camera space; NaN at both ends."""
+        return second_differences(self.joints)
+
+    @cached_property
+    def volumes(self) -> Float[np.ndarray, "T"]:
+        """Volume of the closed mesh, dm^3."""
+        enclosed = Enclosed.of(self.meshes.body)
+        parts = torch.arange(len(self)).split(_TOGETHER)
+        return np.concatenate([np.zeros(0), *(enclosed(self.meshes.batch(self.params[i])) for i in parts if len(i))])
+
+    @property
+    def root(self) -> Float[np.ndarray, "T 3"]:
+        """The pelvis in camera space, metres."""
+        return self.joints[:, JOINT["pelvis"]]
+
+
+def second_differences(points: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K"]:
+    """Length of 2 x_i - x_{i-1} - x_{i+1} in mm per frame^2 (points in metres); NaN for the first and last frame."""
+    lengths = np.full(points.shape[:2], np.nan)
+    if len(points) > 2:
+        lengths[1:-1] = 1e3 * np.linalg.norm(np.diff(points, 2, axis=0), axis=-1)
+    return lengths

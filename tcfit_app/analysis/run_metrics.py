@@ -1,0 +1,170 @@
+"""Figures of a run, and two runs side by side.
+
+Figures against a reference (3D joints, where a project has some) belong into METRICS as well, as functions that give
+None without one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core import keypoints as kp
+from fitting_core.fit.result import PhaseResult
+from fitting_core.metrics import jitter, torso_lean
+from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredRun:
+    """What figures are taken from."""
+
+    fit: PosedFit
+    phase: PhaseResult
+    seconds: float
+    """All phases together; 0 of a run that was not fitted here."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """A figure of a run."""
+
+    name: str
+    title: str
+    unit: str
+    value: float | None
+    """None where it cannot be measured."""
+    better: Literal["lower", "higher", ""]
+    """Empty: neither is better by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A figure of two runs."""
+
+    name: str
+    title: str
+    unit: str
+    a: float | None
+    b: float | None
+    difference: float | None
+    """b - a."""
+    better: Literal["a", "b", ""]
+    """Empty: as good, not known, or no question of better."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetricKind:
+    """How a figure is taken."""
+
+    title: str
+    unit: str
+    value: Callable[[MeasuredRun], float | None]
+    better: Literal["lower", "higher", ""] = "lower"
+
+
+_AS_GOOD = 0.01
+"""Runs that differ by less than this share of a figure are as good as each other."""
+COST = "cost_"
+"""Before the names of the objective's terms."""
+
+
+def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
+    """All figures of a run: METRICS, and the mean cost per frame by term of the phase that gave its parameters.
+
+    The mean volume needs whole meshes: a second for a thousand frames.
+    """
+    figures = [
+        Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
+        for name, kind in METRICS.items()
+    ]
+    return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
+
+
+def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[Comparison, ...]:
+    """Two runs' figures, row by row: all of the first one's, then those that only the second one has.
+
+    Costs are never "better": runs with other weights or other keypoints cannot be compared by them.
+    """
+    ones, others = {m.name: m for m in a}, {m.name: m for m in b}
+    return tuple(_row(ones.get(name), others.get(name)) for name in dict.fromkeys([*ones, *others]))
+
+
+def _row(a: Metric | None, b: Metric | None) -> Comparison:
+    like = a or b
+    assert like
+    one, other = a.value if a else None, b.value if b else None
+    difference = None if one is None or other is None else other - one
+    return Comparison(
+        name=like.name,
+        title=like.title,
+        unit=like.unit,
+        a=one,
+        b=other,
+        difference=difference,
+        better=_better(one, other, like.better),
+    )
+
+
+def _better(a: float | None, b: float | None, rule: Literal["lower", "higher", ""]) -> Literal["a", "b", ""]:
+    if a is None or b is None or not rule or abs(b - a) <= _AS_GOOD * max(abs(a), abs(b)):
+        return ""
+    return "a" if (a < b) == (rule == "lower") else "b"
+
+
+def _cost(term: str, value: float) -> Metric:
+    title = "Cost, total" if term == "total" else f"Cost: {term.replace('_', ' ')}"
+    return Metric(name=COST + term, title=title, unit="", value=value if np.isfinite(value) else None, better="")
+
+
+def _percentile(group: slice, percent: float) -> Callable[[MeasuredRun], float | None]:
+    def value(run: MeasuredRun) -> float | None:
+        errors = run.fit.errors[:, group]
+        errors = errors[np.isfinite(errors)]
+        return float(np.percentile(errors, percent)) if len(errors) else None
+
+    return value
+
+
+def _jitter(points: Callable[[PosedFit], Float[np.ndarray, "T 55 3"]]) -> Callable[[MeasuredRun], float | None]:
+    return lambda run: jitter(points(run.fit)) if len(run.fit) > 2 else None
+
+
+def _acceleration(run: MeasuredRun) -> float | None:
+    return jitter(run.fit.joints) / 1e3 * run.fit.clip.frame_rate**2 if len(run.fit) > 2 else None
+
+
+_GROUPS = {"": slice(0, kp.COUNT), **{f"_{name}": group for name, group in GROUPS.items()}}
+METRICS: dict[str, MetricKind] = {
+    **{
+        f"reprojection{name}_{short}": MetricKind(
+            title=f"Reprojection{name.replace('_', ', ')}, {words}", unit="px", value=_percentile(group, percent)
+        )
+        for name, group in _GROUPS.items()
+        for short, words, percent in (("median", "median", 50), ("p95", "95 %", 95))
+    },
+    "jitter": MetricKind(title="Jitter", unit="mm/frame²", value=_jitter(lambda fit: fit.joints)),
+    "jitter_in_body": MetricKind(
+        title="Jitter without translation", unit="mm/frame²", value=_jitter(lambda fit: fit.joints_in_body)
+    ),
+    "acceleration": MetricKind(title="Jitter", unit="m/s²", value=_acceleration),
+    "volume_mean": MetricKind(
+        title="Volume, mean", unit="dm³", value=lambda run: float(run.fit.volumes.mean()), better=""
+    ),
+    "volume_std": MetricKind(
+        title="Volume, standard deviation", unit="dm³", value=lambda run: float(run.fit.volumes.std())
+    ),
+    "betas_std": MetricKind(
+        title="Shape, standard deviation",
+        unit="",
+        value=lambda run: float(run.fit.params.betas.std(0, correction=0).mean()),
+    ),
+    "lean": MetricKind(
+        title="Lean of the torso, mean", unit="°", value=lambda run: float(torso_lean(run.fit.joints).mean()), better=""
+    ),
+    "seconds": MetricKind(title="Time to fit", unit="s", value=lambda run: run.seconds or None),
+}
+"""By name. Reprojection errors are over the keypoints that summary.json counts; jitter is the mean second difference of
+the 55 joints, in camera space where nothing else is said; the shape's deviation is over frames, mean of the betas."""

@@ -1,0 +1,119 @@
+"""The review queue: which frames of a fit to look at first, and why."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+from tcfit_app.analysis.body_regions import LIMB_OF
+from tcfit_app.analysis.findings import FINDINGS, Finding
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.project.edits.edit_log import LogEntry, frames_of
+from tcfit_app.project.storage.marks import Mark
+
+_GAP = 2
+"""Frames that are no farther apart than this, and about the same limb, are one entry."""
+
+
+_CAUSES = ("swap",)
+"""Kinds that explain others: swapped arms are far off and jump as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suspect:
+    """An entry of the review queue: a frame, or several about the same thing."""
+
+    frame: int
+    """The worst of them."""
+    frames: range
+    """From the first to the last of them."""
+    score: float
+    """Largest of the worst frame's findings; comparable between kinds, from 1 on."""
+    kind: str
+    """One of FINDINGS."""
+    reason: str
+    """A few words about the worst frame: "left wrist is 42 px off"."""
+    joints: tuple[int, ...]
+    """Keypoints that this is about, the worst first; empty if it is the pose as a whole."""
+    also: tuple[str, ...]
+    """What else is suspicious in that frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    kind: str
+    finding: Finding
+
+
+def review_queue(
+    fit: PosedFit, *, checked: Collection[int] = (), kinds: Collection[str] = tuple(FINDINGS)
+) -> tuple[Suspect, ...]:
+    """All suspicious frames, the worst first.
+
+    Args:
+        fit: A whole clip.
+        checked: Frames that a person found to be fine (see `still_checked`).
+        kinds: Which of FINDINGS to look for.
+    """
+    by_frame: dict[int, list[_Found]] = {}
+    for kind in (kind for kind in FINDINGS if kind in kinds):
+        for finding in FINDINGS[kind](fit):
+            if finding.frame not in checked:
+                by_frame.setdefault(finding.frame, []).append(_Found(kind=kind, finding=finding))
+    for found in by_frame.values():
+        found.sort(key=lambda f: (f.kind not in _CAUSES, -f.finding.score))
+    entries = [_entry(span, by_frame) for span in _spans(by_frame)]
+    return tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame)))
+
+
+def still_checked(
+    marks: Mapping[int, Mark], log: Iterable[LogEntry], *, refitted: Iterable[tuple[int, Iterable[int]]] = ()
+) -> frozenset[int]:
+    """Frames that were found to be fine and have not changed since, in the order of what was stored: clocks are set.
+
+    Args:
+        marks: `Marks.all()`.
+        log: `Project.log`.
+        refitted: `Run.moment` of fits, and which frames they fitted.
+    """
+    checked = {frame: mark for frame, mark in marks.items() if mark.state == "checked"}
+    edits, fits = {frame: m.last_edit for frame, m in checked.items()}, {f: m.last_moment for f, m in checked.items()}
+    return frozenset(checked) - _later(frames_of(log).items(), edits) - _later(refitted, fits)
+
+
+def _later(changes: Iterable[tuple[int, Iterable[int]]], known: Mapping[int, int]) -> frozenset[int]:
+    """Frames with a change of a higher number than the one that is known of them."""
+    return frozenset(f for number, frames in changes for f in frames if f in known and number > known[f])
+
+
+def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:
+    spans: list[list[int]] = []
+    for frame in sorted(by_frame):
+        near = spans and frame - spans[-1][-1] <= _GAP
+        if near and _same_limb(by_frame[frame][0].finding, by_frame[spans[-1][-1]][0].finding):
+            spans[-1].append(frame)
+        else:
+            spans.append([frame])
+    return spans
+
+
+def _same_limb(one: Finding, other: Finding) -> bool:
+    """Whether two findings can have one cause; what is about the whole pose goes with everything."""
+    limbs, others = ({LIMB_OF[joint] for joint in finding.joints} for finding in (one, other))
+    return not limbs or not others or bool(limbs & others)
+
+
+def _score(found: list[_Found]) -> float:
+    return max(f.finding.score for f in found)
+
+
+def _entry(span: list[int], by_frame: dict[int, list[_Found]]) -> Suspect:
+    worst = max(span, key=lambda frame: _score(by_frame[frame]))
+    first, *others = by_frame[worst]
+    return Suspect(
+        frame=worst,
+        frames=range(span[0], span[-1] + 1),
+        score=_score(by_frame[worst]),
+        kind=first.kind,
+        reason=first.finding.reason,
+        joints=first.finding.joints,
+        also=tuple(dict.fromkeys(other.finding.reason for other in others)),
+    )

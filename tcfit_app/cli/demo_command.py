@@ -1,0 +1,116 @@
+"""`tcfit demo`: review the demo clip, or fit it, of which the truth is known, and say how far off the fit is."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.body.model import JOINT
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space
+from fitting_core.errors import InputError
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.measure.reference.files import read_reference
+from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
+from fitting_core.synthetic.demo_clip import DemoClip, cached_demo
+from fitting_core.synthetic.truth import Truth, read_truth
+from tcfit_app.cli.fit_command import Outcome, run_fit
+from tcfit_app.options.fit import CameraOptions, DemoOptions, FitOptions, fit_config
+from tcfit_app.options.preparing import check_out, prepare_torch
+from tcfit_app.project.project import Project, check_free
+from tcfit_app.project.storage.database import is_project
+
+_PROJECT, _RESULT = Path("tcfit-demo.tcfit"), Path("tcfit-demo")
+_BODY = slice(0, JOINT["right_wrist"] + 1)
+_COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
+
+
+def review_demo(options: DemoOptions) -> None:
+    """Make the demo clip if it is not in the cache, a project of it if there is none, and review that until Ctrl-C.
+
+    Raises:
+        InputError: As `review`, or the cache or the project cannot be written.
+    """
+    from tcfit_app.cli.review_command import open_project, review  # viser, which a fit in the terminal does not need
+
+    config = fit_config(options.method)
+    folder = options.out or _PROJECT
+    if not is_project(folder):
+        check_free(folder)
+        demo = demo_clip()
+        given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
+        clip = dataclasses.replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
+        with Project.create(folder, clip, copy_media=True) as project:
+            project.set_reference(read_reference(demo.truth))
+    prepare_torch(config, options.threads)
+    with open_project(folder) as project:
+        review(project, options.server, fit=config)
+
+
+def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
+    """Make the demo clip if it is not in the cache, fit it, write the result, and print the errors against the truth.
+
+    Args:
+        options: The command line.
+        command: The same as text, for the record.
+
+    Raises:
+        InputError: As `run_fit`, or the cache cannot be written.
+    """
+    fit_config(options.method)  # Wrong options should not wait for the clip.
+    out = options.out or _RESULT
+    check_out(out, overwrite=options.overwrite)
+    clip = demo_clip()
+    truth = read_truth(clip.truth)
+    camera = CameraOptions(focal_length=clip.camera.focal[0], center=clip.camera.center)
+    fit_options = FitOptions(
+        video=clip.video,
+        keypoints=clip.keypoints,
+        out=out,
+        overwrite=options.overwrite,
+        overlay=options.overlay,
+        threads=options.threads,
+        camera=camera,
+        method=options.method,
+    )
+    outcome = run_fit(fit_options, command=command)
+    print("\n".join(truth_table(outcome, truth)))
+    return outcome
+
+
+def demo_clip() -> DemoClip:
+    """The demo clip, with a word to who waits for it. Raises InputError if the cache cannot be written."""
+    try:
+        return cached_demo(progress=sys.stderr.isatty(), making=_announce)
+    except OSError as error:
+        raise InputError(
+            f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
+        ) from error
+
+
+def _announce() -> None:
+    print("Making the demo clip (once, half a minute) ...", file=sys.stderr, flush=True)
+
+
+def truth_table(outcome: Outcome, truth: Truth) -> list[str]:
+    """Errors of the first and the last phase over the 22 joints of the body without hands and face, as lines.
+
+    "In the camera" is what a user gets, depth included; the others take off where the body stands, and its rotation
+    and size. The jitter of the truth itself stands below.
+    """
+    header = "".join(f"{column:>18}" for column in _COLUMNS)
+    lines = [f"Mean error of body joints against the truth, in mm, over {len(truth.joints)} frames", f"{'':9}{header}"]
+    phases = outcome.fit.phases
+    for phase in (*phases[:1], *phases[1:][-1:]):
+        numbers = "".join(f"{value:18.1f}" for value in joint_errors(outcome, phase.params, truth))
+        lines.append(f"phase {phase.phase:<3}{numbers}")
+    return [*lines, f"{'truth':9}{'':54}{jitter(truth.joints[:, _BODY]):18.1f}"]
+
+
+def joint_errors(outcome: Outcome, params: BodyParams, truth: Truth) -> tuple[float, float, float, float]:
+    """Mean joint error in mm in camera space, with the pelvis aligned, after Procrustes; and the jitter."""
+    joints, true = joints_in_space(outcome.body, params)[:, _BODY], truth.joints[:, _BODY]
+    absolute = 1e3 * np.linalg.norm(joints - true, axis=-1).mean()
+    aligned = mpjpe(joints, true, [JOINT["pelvis"]]).mean()
+    return float(absolute), float(aligned), float(pa_mpjpe(joints, true).mean()), jitter(joints)

@@ -1,0 +1,202 @@
+"""`tcfit doctor`: what works on this computer, and what to install for the rest."""
+
+import os
+import platform
+import re
+import shutil
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+import platformdirs
+
+from fitting_core.body.files.registry import find_body, list_bodies, user_folder
+from fitting_core.errors import InputError
+from fitting_core.render.off_screen import BACKENDS
+from tcfit_app.cli.probes import probe_codec, probe_rendering
+
+PYTHON = (3, 11)
+_NO_MODULE = re.compile(r"No module named '(\w+)")
+_PYPROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One line of the doctor's report."""
+
+    status: Literal["ok", "warning", "failed"]
+    """"failed" if `tcfit fit` cannot run so."""
+    found: str
+    advice: str = ""
+    """What to do; empty if nothing is needed."""
+
+
+def doctor() -> int:
+    """Print what works here and what to install for the rest.
+
+    Returns:
+        The process's exit code: 0 if all that `tcfit fit` needs works, 1 otherwise. Rendering, video and folders only
+        warn.
+    """
+    failed = 0
+    for title, check in CHECKS.items():
+        print(title, flush=True)
+        for line in check():
+            print(f"  {line.status:8}{line.found}")
+            if line.advice:
+                print(f"          -> {line.advice}")
+            failed += line.status == "failed"
+    print()
+    print("tcfit fit cannot run yet: see what failed above." if failed else "All that tcfit fit needs works here.")
+    return int(failed > 0)
+
+
+def check_python() -> Iterator[Check]:
+    """Python's version and those of the packages that tcfit depends on."""
+    wanted = ".".join(map(str, PYTHON))
+    version = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
+    if sys.version_info >= PYTHON:
+        yield Check(status="ok", found=version)
+    else:
+        yield Check(status="failed", found=version, advice=f"install Python {wanted} or later")
+    sound: list[str] = []
+    for requirement in _requirements():
+        name = re.split(r"[<>=!~ ]", requirement, maxsplit=1)[0]
+        try:
+            found = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            yield Check(status="failed", found=f"{name} is not installed", advice=f'pip install "{requirement}"')
+            continue
+        if _fits(found, requirement):
+            sound.append(f"{name} {found}")
+        else:
+            yield Check(status="failed", found=f"{name} {found}", advice=f'pip install "{requirement}"')
+    yield Check(status="ok", found=", ".join(sound) or "no package")
+
+
+def check_bodies() -> Iterator[Check]:
+    """Whether there is a body model to fit, and which there are."""
+    try:
+        bodies = list_bodies()
+        used = find_body()
+    except InputError as error:
+        yield Check(status="failed", found=str(error).replace("\n", "\n          "))
+        return
+    for body in bodies:
+        if not body.problem:
+            origin = "comes with tcfit" if body.origin == "free" else "yours"
+            yield Check(status="ok", found=f"{body.kind} {body.gender}, {origin}: {body.path}")
+        elif body.path == used:
+            yield Check(status="failed", found=body.problem, advice="delete it, or replace it with tcfit models add")
+        else:
+            yield Check(status="warning", found=body.problem)
+
+
+def check_torch() -> Iterator[Check]:
+    """The devices that torch computes on."""
+    try:
+        import torch
+    except (ImportError, OSError) as error:
+        yield Check(
+            status="failed", found=f"torch cannot be imported ({error})", advice="pip install --force-reinstall torch"
+        )
+        return
+    yield Check(status="ok", found=f"CPU, {torch.get_num_threads()} threads of {os.cpu_count()} cores")
+    if torch.cuda.is_available():
+        yield Check(status="ok", found=f"CUDA {torch.version.cuda}: {torch.cuda.get_device_name()}")
+    else:
+        yield Check(status="ok", found="no CUDA device; tcfit runs on the CPU")
+
+
+def check_rendering() -> Iterator[Check]:
+    """Off-screen OpenGL, which only the overlay video needs: EGL, else OSMesa."""
+    for name, packages in BACKENDS.items():
+        outcome = probe_rendering(name)
+        if outcome.works:
+            yield Check(status="ok", found=f"renders off-screen with {name.upper()}")
+            return
+        missing = _NO_MODULE.search(outcome.reason)
+        advice = f"pip install {missing[1]}" if missing else f"apt install {packages}"
+        yield Check(status="warning", found=f"{name.upper()}: {outcome.reason}", advice=advice)
+
+
+def check_video() -> Iterator[Check]:
+    """Codecs of OpenCV and the ffmpeg program."""
+    working = {codec: probe_codec(codec) for codec in ("mp4v", "avc1")}
+    for codec, outcome in working.items():
+        if outcome.works:
+            yield Check(status="ok", found=f"OpenCV writes and reads mp4 as {codec}")
+    if not working["mp4v"].works:
+        advice = "pip install --force-reinstall opencv-python-headless"
+        yield Check(status="warning", found=f"OpenCV cannot write mp4v ({working['mp4v'].reason})", advice=advice)
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg:
+        yield Check(status="ok", found=f"ffmpeg: {ffmpeg}")
+    elif not working["avc1"].works:
+        found = "neither OpenCV nor ffmpeg writes H.264: videos are written as VP9, which takes far longer"
+        yield Check(status="warning", found=found, advice="apt install ffmpeg")
+
+
+def check_folders() -> Iterator[Check]:
+    """Whether the folders where tcfit keeps things can be written."""
+    folders = {
+        "body models": user_folder(),
+        "cache": platformdirs.user_cache_path("tcfit", appauthor=False),
+        "temporary files": Path(tempfile.gettempdir()),
+    }
+    for purpose, folder in folders.items():
+        problem = _write_problem(folder)
+        if problem:
+            advice = "correct its permissions or free space"
+            yield Check(status="warning", found=f"{purpose}: {folder} cannot be written ({problem})", advice=advice)
+        else:
+            yield Check(status="ok", found=f"{purpose}: {folder}")
+
+
+CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
+    "Python and packages": check_python,
+    "Body models": check_bodies,
+    "Computing": check_torch,
+    "Off-screen rendering (overlay video)": check_rendering,
+    "Video": check_video,
+    "Folders": check_folders,
+}
+"""What the doctor looks at, by title."""
+
+
+def _requirements() -> list[str]:
+    """Packages that tcfit needs, as pyproject.toml names them."""
+    try:
+        declared = metadata.requires("tcfit") or []
+    except metadata.PackageNotFoundError:
+        declared = tomllib.loads(_PYPROJECT.read_text())["project"]["dependencies"]
+    return [requirement for requirement in declared if ";" not in requirement]
+
+
+def _fits(version: str, requirement: str) -> bool:
+    """Whether a version lies within the >= and < bounds of a requirement."""
+    bounds = re.findall(r"(>=|<)\s*([\d.]+)", requirement)
+    return all((_numbers(version) >= _numbers(v)) == (sign == ">=") for sign, v in bounds)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """Release numbers without trailing zeros, so that 2.0 equals 2."""
+    numbers = [int(part) for part in re.findall(r"\d+", re.split(r"[+a-z]", version, maxsplit=1)[0])]
+    while numbers and numbers[-1] == 0:
+        numbers.pop()
+    return tuple(numbers)
+
+
+def _write_problem(folder: Path) -> str:
+    """Why no file can be written in a folder, or in the nearest one above it that exists; empty if one can."""
+    existing = next(place for place in (folder, *folder.parents) if place.exists())
+    try:
+        with tempfile.NamedTemporaryFile(dir=existing):
+            return ""
+    except OSError as error:
+        return error.strerror or str(error)

@@ -1,0 +1,115 @@
+"""`tcfit fit`: read a clip, fit it, write the result."""
+
+import dataclasses
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.fit.events import PhaseFinished
+from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.result import FitResult
+from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
+from tcfit_app.cli.progress import Progress
+from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.options.clip_input import clip_of, described, notes_of
+from tcfit_app.options.fit import FitOptions, fit_config
+from tcfit_app.options.preparing import body_file, check_out, prepare_torch
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a fit left behind."""
+
+    fit: FitResult
+    body: BodyModel
+    summary: dict[str, Any]
+
+
+def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
+    """Fit as the options say, write the result and say on the standard output where it is.
+
+    Args:
+        options: The command line.
+        command: The same as text, for the record.
+
+    Raises:
+        InputError: Files or options cannot be used; nothing has been written then.
+        KeyboardInterrupt: Cancelled; the phases that had finished have been written.
+    """
+    config = fit_config(options.method)
+    check_out(options.out, overwrite=options.overwrite)
+    prepare_torch(config, options.threads)
+    body = load_body(body_file(options.body))
+    clip = clip_of(options)
+    _tell(_inputs(clip, body))
+    fit, summary = _fit_and_write(clip, body, config, options.out, command)
+    _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
+    written = [FIT_NAME, SUMMARY_NAME]
+    if options.overlay and _overlay_written(options.out / OVERLAY_NAME, fit, clip, body):
+        written.append(OVERLAY_NAME)
+    print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {options.out}"]))
+    return Outcome(fit=fit, body=body, summary=summary)
+
+
+def _fit_and_write(
+    clip: Clip, body: BodyModel, config: FitConfig, folder: Path, command: str
+) -> tuple[FitResult, dict[str, Any]]:
+    """Run all phases; after each, what is finished is on the disk."""
+    finished: PhaseFinished | None = None
+    summary: dict[str, Any] = {}
+    try:
+        with Progress() as progress:
+            for event in fit_events(clip, body, config):
+                progress.show(event)
+                if isinstance(event, PhaseFinished):
+                    complete = event.phase == config.last_phase
+                    summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
+                    finished = event
+    except BaseException:
+        _tell([_what_stayed(finished, folder)])
+        raise
+    assert finished is not None
+    return finished.so_far, summary
+
+
+def _what_stayed(finished: PhaseFinished | None, folder: Path) -> str:
+    if finished is None:
+        return "Stopped before phase 1 had finished; nothing was written."
+    return f"Stopped; the result up to phase {finished.phase} is in {folder}"
+
+
+def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) -> bool:
+    try:
+        write_comparison(path, fit, clip, body)
+    except (InputError, OSError) as error:
+        _tell([f"No {path.name} was written, but the fit is complete. {error}"])
+        return False
+    return True
+
+
+def _inputs(clip: Clip, body: BodyModel) -> list[str]:
+    """What is fitted, for the user."""
+    source = body.source.name if body.source else body.kind
+    return [*described(clip), f"Body {source} ({body.gender})", *notes_of(clip)]
+
+
+def report(summary: dict[str, Any]) -> list[str]:
+    """The main figures as lines of a table."""
+    lines = [f"{'':9}{'reprojection px':>18}{'95 %':>8}{'jitter mm/frame²':>19}{'seconds':>10}"]
+    for phase, error in summary["reprojection_px"].items():
+        median, p95 = ("-" if e is None else f"{e:.1f}" for e in (error["median"], error["p95"]))
+        jitter = summary["jitter"][phase]["camera_space_mm_per_frame2"]
+        title = f"{phase[:-1]} {phase[-1]}"
+        lines.append(f"{title:9}{median:>18}{p95:>8}{jitter:>19.1f}{summary['seconds'][phase]:>10.1f}")
+    return lines
+
+
+def _tell(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line, file=sys.stderr, flush=True)

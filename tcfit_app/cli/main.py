@@ -1,0 +1,229 @@
+"""The command `tcfit`: reads the command line, runs one command, and turns its end into an exit code."""
+
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, subcommand
+
+from fitting_core.config.schema import DEFAULT_PRESET
+from fitting_core.errors import InputError
+from tcfit_app.options.batch import BatchOptions
+from tcfit_app.options.bench import BenchOptions
+from tcfit_app.options.detect import DetectOptions
+from tcfit_app.options.evaluate import EvaluateOptions
+from tcfit_app.options.export import ExportOptions
+from tcfit_app.options.fit import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
+from tcfit_app.options.import_ import ImportOptions
+
+INPUT_ERROR, CANCELLED = 2, 130
+"""Exit codes: of what the user gave (as for unknown options), and of Ctrl-C (128 + SIGINT, as shells have it)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListModels:
+    """Show the body models on this computer (the default)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AddModels:
+    """Copy body models to where tcfit finds them."""
+
+    paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
+    """Model files, folders, or archives as downloaded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Models:
+    """Show the body models on this computer, or add your own."""
+
+    action: Annotated[ListModels, subcommand("list")] | Annotated[AddModels, subcommand("add")] = field(
+        default_factory=ListModels
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Print every setting of the method with its value and meaning, as a file for --config."""
+
+    method: MethodOptions = field(default_factory=MethodOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doctor:
+    """Show what works on this computer, and what to install for the rest."""
+
+
+Options = (
+    Annotated[FitOptions, subcommand("fit")]
+    | Annotated[NewOptions, subcommand("new")]
+    | Annotated[ReviewOptions, subcommand("review")]
+    | Annotated[DemoOptions, subcommand("demo")]
+    | Annotated[DetectOptions, subcommand("detect")]
+    | Annotated[ImportOptions, subcommand("import")]
+    | Annotated[ExportOptions, subcommand("export")]
+    | Annotated[EvaluateOptions, subcommand("evaluate")]
+    | Annotated[BatchOptions, subcommand("batch")]
+    | Annotated[BenchOptions, subcommand("bench")]
+    | Annotated[Models, subcommand("models")]
+    | Annotated[Settings, subcommand("settings")]
+    | Annotated[Doctor, subcommand("doctor")]
+)
+
+
+def _fit(options: FitOptions, command: str) -> int:
+    from tcfit_app.cli.fit_command import run_fit
+
+    run_fit(options, command=command)
+    return 0
+
+
+def _new(options: NewOptions, command: str) -> int:
+    from tcfit_app.cli.new_command import make_project
+
+    make_project(options)
+    return 0
+
+
+def _review(options: ReviewOptions, command: str) -> int:
+    from tcfit_app.cli.review_command import run_review
+
+    run_review(options)
+    return 0
+
+
+def _export(options: ExportOptions, command: str) -> int:
+    from tcfit_app.cli.export_command import run_export
+
+    run_export(options)
+    return 0
+
+
+def _import(options: ImportOptions, command: str) -> int:
+    from tcfit_app.cli.import_command import run_import
+
+    run_import(options)
+    return 0
+
+
+def _demo(options: DemoOptions, command: str) -> int:
+    from tcfit_app.cli.demo_command import review_demo, run_demo
+
+    if options.review:
+        review_demo(options)
+    else:
+        run_demo(options, command=command)
+    return 0
+
+
+def _detect(options: DetectOptions, command: str) -> int:
+    from tcfit_app.cli.detect_command import run_detect
+
+    run_detect(options)
+    return 0
+
+
+def _evaluate(options: EvaluateOptions, command: str) -> int:
+    from tcfit_app.cli.evaluate_command import run_evaluate
+
+    run_evaluate(options, command=command)
+    return 0
+
+
+def _batch(options: BatchOptions, command: str) -> int:
+    from tcfit_app.cli.batch_command import run_batch
+
+    return run_batch(options, command=command)
+
+
+def _bench(options: BenchOptions, command: str) -> int:
+    from tcfit_app.cli.bench_command import run_bench
+
+    run_bench(options)
+    return 0
+
+
+def _models(options: Models, command: str) -> int:
+    from tcfit_app.cli.models_command import list_models, register_models
+
+    if isinstance(options.action, ListModels):
+        list_models()
+    elif options.action.paths:
+        register_models(list(options.action.paths))
+    else:
+        raise InputError("tcfit models add: no path given; expected model files, folders or downloaded archives.")
+    return 0
+
+
+def _settings(options: Settings, command: str) -> int:
+    from fitting_core.config.toml import as_toml
+
+    print(as_toml(fit_config(options.method), preset_name=options.method.preset or DEFAULT_PRESET), end="")
+    return 0
+
+
+def _doctor(options: Doctor, command: str) -> int:
+    from tcfit_app.cli.doctor import doctor
+
+    return doctor()
+
+
+COMMANDS: dict[type, Callable[[Any, str], int]] = {
+    FitOptions: _fit,
+    NewOptions: _new,
+    ReviewOptions: _review,
+    DemoOptions: _demo,
+    DetectOptions: _detect,
+    ImportOptions: _import,
+    ExportOptions: _export,
+    EvaluateOptions: _evaluate,
+    BatchOptions: _batch,
+    BenchOptions: _bench,
+    Models: _models,
+    Settings: _settings,
+    Doctor: _doctor,
+}
+"""What runs on each type of options; every function imports what it needs, so that --help stays quick."""
+
+
+def parse(arguments: Sequence[str]) -> Any:
+    """The options that a command line, without the program's name, stands for.
+
+    Raises:
+        SystemExit: It asks for help, or is wrong; either has been printed.
+    """
+    return tyro.cli(
+        Options,  # pyright: ignore[reportArgumentType]
+        args=arguments,
+        prog="tcfit",
+        description="Fit SMPL-X bodies to monocular video, consistently over time.",
+        config=(OmitArgPrefixes, OmitSubcommandPrefixes),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line.
+
+    Args:
+        arguments: Without the program's name; None: those of this process.
+
+    Returns:
+        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, INPUT_ERROR or
+        CANCELLED.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        options = parse(given)
+        return COMMANDS[type(options)](options, shlex.join(["tcfit", *given]))
+    except SystemExit as end:
+        return int(end.code or 0)
+    except InputError as error:
+        print(f"tcfit: {error}", file=sys.stderr)
+        return INPUT_ERROR
+    except KeyboardInterrupt:
+        print("tcfit: cancelled.", file=sys.stderr)
+        return CANCELLED

@@ -1,0 +1,90 @@
+"""`tcfit new`: read a clip and make a project of it."""
+
+import sys
+from pathlib import Path
+
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.measure.reference.reference import Reference
+from tcfit_app.options.clip_input import clip_of, clip_options, described, notes_of, refusal
+from tcfit_app.options.fit import NewOptions, ReviewOptions
+from tcfit_app.options.reference import ReferenceOptions
+from tcfit_app.project.packed import is_packed, unpack
+from tcfit_app.project.project import Project
+from tcfit_app.project.reopening import check_same_clip, check_same_packed
+from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.names import name_of_file
+
+SUFFIX = ".tcfit"
+
+
+def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
+    """Make the project that the options ask for, and say on the standard output where it is.
+
+    Args:
+        options: The command line.
+        reopen: Leave a project as it is that was made there before, of the same clip.
+
+    Raises:
+        InputError: Files or options cannot be used, or the folder holds something else; nothing has been written then.
+    """
+    if options.video is not None and is_packed(options.video):
+        return _unpacked(options.video, options, reopen=reopen)
+    clip = clip_of(options)
+    folder = options.out or folder_of(clip)
+    if reopen and is_project(folder):
+        check_same_clip(folder, clip, clip_options(options))
+        print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
+        return folder
+    print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
+    reference = reference_given(options.truth, clip.frame_rate)
+    if reference is not None:
+        reference.frames_of(len(clip), clip.first_frame, clip.frame_rate)
+    with Project.create(folder, clip, copy_media=options.copy_video) as project:
+        if reference is not None:
+            project.set_reference(reference)
+        print(f"Made the project {folder}: {len(clip)} frames of {clip.name}")
+        if project.media.problem:
+            print(project.media.problem, file=sys.stderr)
+    return folder
+
+
+def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
+    """The project in a file that `tcfit export --formats project` made."""
+    if options.keypoints is not None or options.copy_video:
+        raise InputError(f"{path} is a project, which has its keypoints: leave out --keypoints and --copy-video.")
+    if given := clip_options(options):
+        raise InputError(f"{path}: is a project already. {refusal(given)}")
+    folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
+    if reopen and is_project(folder):
+        check_same_packed(folder, path)
+        said = f"Opening the project {folder}, which was unpacked before; {path} was not read again."
+        print(said, file=sys.stderr, flush=True)
+        return folder
+    unpack(path, folder)
+    print(f"Unpacked the project {folder}")
+    return folder
+
+
+def reference_given(options: ReferenceOptions, frame_rate: float) -> Reference | None:
+    """What the options say that fits of a clip with so many frames per second are compared with.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    if options.reference is None:
+        if options.reference_camera is not None:
+            raise InputError("--reference-camera says where a reference's world is: give --reference too.")
+        if options.reference_first_frame is not None:
+            raise InputError("--reference-first-frame says where a reference begins: give --reference too.")
+        return None
+    from fitting_core.measure.reference.files import read_reference
+
+    found, first = read_reference(options.reference, camera=options.reference_camera), options.reference_first_frame
+    return found if first is None else found.starting_at(first, frame_rate)
+
+
+def folder_of(clip: Clip) -> Path:
+    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
+    # A name becomes a folder here only: not one part of it may lead elsewhere.
+    return Path(name_of_file(clip.name).replace("/", "_").replace("\\", "_") + SUFFIX)

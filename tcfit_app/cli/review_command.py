@@ -1,0 +1,136 @@
+"""`tcfit review`: open a project, or make one of a clip, and show it in the browser.
+
+torch and what needs it are imported late: they take two seconds, in which the browser loads its page.
+"""
+
+import logging
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
+from fitting_core.errors import InputError
+from tcfit_app.options.fit import ReviewOptions, ServerOptions
+from tcfit_app.options.reference import ReferenceOptions
+from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.lock import ProjectLocked
+from tcfit_app.review.ahead import body_ahead, load_app
+from tcfit_app.server.serving import ReviewServer, review_server, tell
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from fitting_core.body.model import BodyModel
+    from tcfit_app.project.project import Project
+
+
+def run_review(options: ReviewOptions) -> None:
+    """Serve the review until Ctrl-C.
+
+    Raises:
+        InputError: There is no such project, it cannot be made, or nothing can listen at the address.
+    """
+    fit = PRESETS[DEFAULT_PRESET] if options.fit else None
+    if options.video is not None and is_project(options.video):
+        with _served(options.video.stem, options.server) as server:
+            body = body_ahead(options.video)
+            load_app()
+            with opened(options) as project:
+                _take_reference(project, options.truth)
+                _review(project, server, models=options.models, fit=fit, body=body)
+        return
+    with opened(options) as project:
+        _take_reference(project, options.truth)
+        review(project, options.server, models=options.models, fit=fit)
+
+
+def review(
+    project: "Project", options: ServerOptions, *, models: Path | None = None, fit: FitConfig | None = None
+) -> None:
+    """Serve the review of an open project until Ctrl-C.
+
+    Args:
+        project: stays open.
+        options: address and browser.
+        models: folder with body models that alone is searched.
+        fit: what to start with if the project has no fit; None: nothing.
+    """
+    with _served(project.clip.name, options) as server:
+        _review(project, server, models=models, fit=fit)
+
+
+def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
+    return review_server(f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser)
+
+
+def _review(
+    project: "Project",
+    server: ReviewServer,
+    *,
+    models: Path | None,
+    fit: FitConfig | None,
+    body: "Future[BodyModel | None] | None" = None,
+) -> None:
+    load_app()
+    import torch
+
+    from tcfit_app.fitting.bodies import Bodies
+    from tcfit_app.review.app import ReviewApp
+    from tcfit_app.review.session import Session
+
+    torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
+    _log_warnings()
+    session = Session(project, Bodies(models, body))
+    app = ReviewApp(session, server.viser)
+    try:
+        if fit is not None and project.has_detections and not session.fits.runs and not project.read_only:
+            session.fit_everything(fit, kind="smplx", gender="neutral")
+        app.run()
+    except KeyboardInterrupt:
+        tell("Ending the review ...")
+    finally:
+        app.close()
+    tell(f"The review has ended. Everything is saved in {project.folder}")
+
+
+def _take_reference(project: "Project", options: ReferenceOptions) -> None:
+    """Keep what fits are compared with, if the options name something."""
+    from tcfit_app.cli.new_command import reference_given
+
+    if (reference := reference_given(options, project.clip.frame_rate)) is not None:
+        project.set_reference(reference)
+
+
+def _log_warnings() -> None:
+    """Warnings and errors to the terminal, of all loggers, whatever their own level."""
+    handler = logging.StreamHandler()
+    handler.setLevel(logging.WARNING)
+    logging.basicConfig(format="tcfit: %(message)s", handlers=[handler])
+
+
+def opened(options: ReviewOptions) -> "Project":
+    """The project that the options name: opened, made of a clip, or read-only if somebody else has it."""
+    from tcfit_app.options.clip_input import clip_options, refusal
+
+    if options.video is not None and is_project(options.video):
+        folder = options.video
+        if options.keypoints is not None:
+            raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
+        if given := clip_options(options):
+            raise InputError(f"{folder}: is a project already. {refusal(given)}")
+    else:
+        from tcfit_app.cli.new_command import make_project
+
+        folder = make_project(options, reopen=True)
+    return open_project(folder, read_only=options.read_only)
+
+
+def open_project(folder: Path, *, read_only: bool = False) -> "Project":
+    """Open a project, read-only if somebody else has it, and say so. Raises InputError as `Project.open`."""
+    from tcfit_app.project.project import Project
+
+    try:
+        return Project.open(folder, read_only=read_only)
+    except ProjectLocked as error:
+        tell(f"{error} It opens read-only here: nothing can be changed.")
+        return Project.open(folder, read_only=True)

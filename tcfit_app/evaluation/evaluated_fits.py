@@ -1,0 +1,124 @@
+"""The fits that `tcfit evaluate` is given: a run of a project, or the folder of a result."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.fit.result import FitResult
+from fitting_core.io.result_files import FIT_NAME, read_fit
+from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.reference.bodies import body_of
+from fitting_core.measure.reference.reference import BodyOf, Reference
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.runs import Run
+
+FIRST, FINAL = "phase 1", "final"
+"""What the two fits of one result are called."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluatedFit:
+    """A fit to be measured."""
+
+    name: str
+    source: str
+    """Where it was found, for the user."""
+    body: BodyModel
+    phases: dict[str, tuple[BodyParams, float]]
+    """By name: parameters, and the seconds up to there."""
+    camera: Camera
+    frame_rate: float
+    first_frame: int
+    clip: Clip | None
+    """With its keypoints, where they are known."""
+    reference: Reference | None = None
+    """The project's own."""
+
+    def estimate(self, phase: str) -> Estimate:
+        """One phase, to be compared."""
+        return Estimate(
+            body=self.body,
+            params=self.phases[phase][0],
+            camera=self.camera,
+            frame_rate=self.frame_rate,
+            first_frame=self.first_frame,
+            clip=self.clip,
+        )
+
+
+def evaluated_fit(path: Path, *, run: str | None = None, models: Path | None = None) -> EvaluatedFit:
+    """Read a fit.
+
+    Args:
+        path: A project, or the folder of a result.
+        run: Name or number of one of a project's runs; None: the latest that has a result.
+        models: Folder with body models that alone is searched.
+
+    Raises:
+        InputError: There is no such fit, or its body model is not there.
+    """
+    if is_project(path):
+        with Project.open(path, read_only=True) as project:
+            return _of_project(project, _chosen(project, run), models)
+    if run is not None:
+        raise InputError(f"--run {run}: {path} is no project; only these have several runs. Leave out --run.")
+    if not path.exists() or (path.is_dir() and not (path / FIT_NAME).is_file()):
+        raise InputError(f"{path}: is neither a project nor the folder of a result; `tcfit fit` makes one.")
+    fit = read_fit(path)
+    body = body_of(BodyOf(kind=fit.body_kind, gender=fit.gender, hash=fit.body_hash), search=models)
+    phases = {FIRST: (fit.phase1, 0.0)} | ({} if fit.last_phase == 1 else {FINAL: (fit.params, 0.0)})
+    return EvaluatedFit(
+        name=path.resolve().name if path.is_dir() else path.stem,
+        source=str(path),
+        body=body,
+        phases=phases,
+        camera=fit.camera,
+        frame_rate=fit.frame_rate,
+        first_frame=fit.first_frame,
+        clip=None,
+    )
+
+
+def _chosen(project: Project, wanted: str | None) -> Run:
+    runs = [run for run in project.runs.all() if run.stored]
+    if not runs:
+        raise InputError(f"{project.folder}: has no fit yet. Fit it with `tcfit review`.")
+    if wanted is None:
+        return runs[-1]
+    found = [run for run in runs if run.name == wanted] or [run for run in runs if str(run.id) == wanted]
+    if not found:
+        known = ", ".join(f"{run.name} ({run.id})" for run in runs)
+        raise InputError(f"--run {wanted}: {project.folder} has no such run with a result; expected one of {known}.")
+    return found[-1]
+
+
+def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit:
+    fit, body = project.runs.load(run.id), Bodies(models).of(run.body)
+    return of_run(fit, project.clip, body, name=run.name, folder=project.folder, reference=project.reference)
+
+
+def of_run(
+    fit: FitResult, clip: Clip, body: BodyModel, *, name: str, folder: Path, reference: Reference | None
+) -> EvaluatedFit:
+    """A run of a project, with its first and its last phase."""
+    seconds = [sum(p.seconds for p in fit.phases if p.phase <= phase.phase) for phase in fit.phases]
+    phases = {FIRST: (fit.phases[0].params, seconds[0])} if fit.phases[0].phase == 1 else {}
+    if fit.last.phase > 1:
+        phases[FINAL] = (fit.last.params, seconds[-1])
+    return EvaluatedFit(
+        name=f"{clip.name}, {name}",
+        source=f"{folder}, {name}",
+        body=body,
+        phases=phases,
+        camera=fit.camera,
+        frame_rate=clip.frame_rate,
+        first_frame=clip.first_frame,
+        clip=clip,
+        reference=reference,
+    )

@@ -1,0 +1,124 @@
+"""Measuring one fit: all of its phases against a reference, or by themselves, and the report about it."""
+
+import sys
+from collections.abc import Callable, Sequence
+from datetime import date
+from pathlib import Path
+
+from tqdm import tqdm
+
+from fitting_core.measure.comparison import compare
+from fitting_core.measure.records import Evaluation, Record
+from fitting_core.measure.reference.bodies import body_of
+from fitting_core.measure.reference.reference import Reference
+from tcfit_app.evaluation.evaluated_fits import EvaluatedFit
+from tcfit_app.evaluation.worst_frames import Drawable
+
+
+def evaluated(
+    fit: EvaluatedFit,
+    reference: Reference | None,
+    *,
+    every: int = 1,
+    models: Path | None = None,
+    done: Callable[[int], None] = lambda count: None,
+) -> Evaluation:
+    """Measure all phases of a fit.
+
+    Args:
+        fit: Which.
+        reference: What it is compared with; None: only smoothness, reprojection and volume are measured.
+        every: Surfaces are measured in every so many frames.
+        models: Folder with body models that alone is searched for the reference's.
+        done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
+
+    Raises:
+        InputError: Reference and fit have no moment in common, or the reference's body is not there.
+    """
+    truth_body = None if reference is None or reference.body is None else body_of(reference.body, search=models)
+    records = []
+    with tqdm(desc="measuring surfaces", unit="frame", disable=truth_body is None or not sys.stderr.isatty()) as bar:
+
+        def measured(count: int) -> None:
+            bar.update(count)
+            done(count)
+
+        for method, (params, seconds) in fit.phases.items():
+            found = compare(
+                fit.estimate(method),
+                reference,
+                truth_body=truth_body,
+                every=every,
+                done=measured,
+            )
+            records.append(
+                Record(
+                    sequence=fit.name,
+                    motion="",
+                    method=method,
+                    frames=len(params),
+                    frame_rate=fit.frame_rate,
+                    seconds=seconds,
+                    comparison=found,
+                )
+            )
+    return Evaluation(
+        title=f"Evaluation of {fit.name}",
+        records=tuple(records),
+        settings=_settings(fit, reference),
+        notes=(*_coverage(fit, reference, records), *notes_about(reference, fit.frame_rate)),
+    )
+
+
+def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
+    body = f"{fit.body.kind}, {fit.body.gender}, {fit.body.hash[:12]}"
+    compared = "none" if reference is None else f"{reference.name} ({reference.kind}, {len(reference)} frames)"
+    return {"Fit": fit.source, "Body": body, "Reference": compared, "Date": date.today().isoformat()}
+
+
+def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ...]:
+    """What a user should know about the comparison with a fit of this frame rate."""
+    if reference is None:
+        return ("There is no reference: only smoothness, reprojection and volume are measured.",)
+    notes = list(reference.notes)
+    if not reference.in_camera:
+        notes.append(
+            "The reference stands in a world of its own: only form is compared. With --camera positions and depth are."
+        )
+    if not reference.is_even(frame_rate):
+        notes.append(
+            f"The reference has {reference.frame_rate:g} frames per second and the fit {frame_rate:g}: each frame is "
+            "compared with the nearest of the reference's, and accelerations and the reference's jitter are left out."
+        )
+    if reference.params is None:
+        notes.append("The reference has points and no surface: joints are compared, volumes and surfaces are not.")
+    return tuple(notes)
+
+
+def _coverage(fit: EvaluatedFit, reference: Reference | None, records: Sequence[Record]) -> tuple[str, ...]:
+    """A note where a reference does not tell all frames of a fit."""
+    count, compared = records[0].frames, records[0].comparison.compared_frames
+    if reference is None or compared is None or compared == count:
+        return ()
+    rate = f" at {reference.frame_rate:g} per second" if reference.frame_rate else ""
+    known = "" if reference.first_frame_known else ", as nothing else was said"
+    reached = int((reference.frames_of(count, fit.first_frame, fit.frame_rate) >= 0).sum())
+    unknown = f" In {reached - compared} of those that it has too few of its points are known." * (compared < reached)
+    return (
+        f"Compared in {compared} of {count} frames: the fit has the video's frames {fit.first_frame} to "
+        f"{fit.first_frame + count - 1}, and the reference {len(reference)} frames{rate} that begin at its own frame "
+        f"{reference.first_frame}, counted from the video's first{known}. If it begins elsewhere, say where with "
+        f"--reference-first-frame.{unknown}",
+    )
+
+
+def drawable(fit: EvaluatedFit, reference: Reference | None, models: Path | None) -> Drawable | None:
+    """The bodies of a fit, for pictures."""
+    truth = None
+    if reference is not None and reference.params is not None and reference.body is not None:
+        count = len(next(iter(fit.phases.values()))[0])
+        frames = reference.frames_of(count, fit.first_frame, fit.frame_rate).clip(0)
+        if reference.in_camera:
+            truth = body_of(reference.body, search=models), reference.params[frames.tolist()]
+    bodies = {name: (fit.body, params) for name, (params, _) in fit.phases.items()}
+    return Drawable(camera=fit.camera, bodies=bodies, truth=truth)

@@ -1,0 +1,263 @@
+"""Sequences of the suite, fitted and measured; what is done stays in a folder and is not done again."""
+
+import hashlib
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import torch
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.config.schema import PRESETS, FitConfig, without_collisions
+from fitting_core.config.toml import as_plain
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.fit.events import PhaseStarted
+from fitting_core.fit.fitting import evaluated, fit
+from fitting_core.fit.result import FitResult
+from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit, write_result
+from fitting_core.io.summary import versions
+from fitting_core.measure.comparison import Comparison, compare
+from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.records import BASELINE, PHASE_1, Record
+from fitting_core.measure.reference.bodies import reference_of
+from fitting_core.measure.reference.reference import Reference
+from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
+from tcfit_app.fitting.jobs import FitShape
+
+MEASURES = 1
+"""Changes whenever figures are taken in another way: then stored fits are measured again."""
+_RECORDS = "records.json"
+_FIT_KEY = "fit.key"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuiteTask:
+    """One sequence to be fitted in one way."""
+
+    sequence: str
+    level: str
+    variant: str
+    """Name of the way of fitting; its records are named after it."""
+    config: FitConfig
+    folder: Path
+    """Where the fit and its measures stay."""
+    every: int = 1
+    surfaces_of_phase1: bool = True
+    start: Path | None = None
+    """Folder of a fit of this sequence whose phase 1 is taken; None: all phases are fitted."""
+
+
+class _Stored(msgspec.Struct, frozen=True, kw_only=True):
+    key: str
+    records: tuple[Record, ...]
+
+
+def sequences_named(names: Sequence[str]) -> list[str]:
+    """Sequences of the suite by name or motion; all without any.
+
+    Raises:
+        InputError: One is neither.
+    """
+    chosen: list[str] = []
+    for name in names:
+        found = [own for own, sequence in SEQUENCES.items() if name in (own, sequence.motion)]
+        if not found:
+            motions = ", ".join(dict.fromkeys(sequence.motion for sequence in SEQUENCES.values()))
+            raise InputError(
+                f"--sequences: the suite has no {name}; expected {', '.join(SEQUENCES)}, or a motion ({motions})."
+            )
+        chosen += found
+    return list(dict.fromkeys(chosen)) or list(SEQUENCES)
+
+
+def preset_tasks(
+    folder: Path, presets: Sequence[str], sequences: Sequence[str], *, level: str, every: int, collisions: bool = True
+) -> list[SuiteTask]:
+    """A task for each sequence and preset; of SMPLify-X only phase 1, as it fits single images.
+
+    Without `collisions` no preset has the term of self-collision.
+
+    Raises:
+        InputError: There is no such level or preset.
+    """
+    if level not in LEVELS:
+        raise InputError(f"--level: there is no {level}; expected one of {', '.join(LEVELS)}.")
+    if unknown := [name for name in presets if name not in PRESETS]:
+        raise InputError(f"--presets: there is no {unknown[0]}; expected some of {', '.join(PRESETS)}.")
+    return [
+        SuiteTask(
+            sequence=sequence,
+            level=level,
+            variant=preset,
+            config=_config(preset, collisions=collisions),
+            folder=folder / "fits" / level / preset / sequence,
+            every=every,
+        )
+        for sequence in sequences
+        for preset in presets
+    ]
+
+
+def _config(preset: str, *, collisions: bool) -> FitConfig:
+    config = PRESETS[preset] if collisions else without_collisions(PRESETS[preset])
+    return replace(config, last_phase=1) if preset == "smplifyx" else config
+
+
+def run_tasks(tasks: Sequence[SuiteTask], *, jobs: int = 1) -> Iterator[tuple[SuiteTask, tuple[Record, ...]]]:
+    """Do tasks, several at once if there are several jobs; yields each as it is done."""
+    if jobs == 1 or len(tasks) < 2:
+        for task in tasks:
+            yield task, run_task(task)
+        return
+    # Spawned, not forked: torch's threads do not survive a fork.
+    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(run_task, task): task for task in tasks}
+        try:
+            for done in as_completed(waiting):
+                yield waiting[done], done.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def run_task(task: SuiteTask) -> tuple[Record, ...]:
+    """The records of a task: from its folder if it was done with the same settings, else fitted and measured now."""
+    torch.set_num_threads(1)
+    made, body = make_sequence(SEQUENCES[task.sequence], task.level), fitted_body()
+    key = fit_key(task, made, body)
+    measured_key = f"{key} {task.every} {MEASURES}"
+    if (stored := _stored(task.folder / _RECORDS)) is not None and stored.key == measured_key:
+        return stored.records
+    if _read(task.folder / _FIT_KEY) != key:
+        _fit(task, made, body, key)
+    records = _measured(task, made, body)
+    content = msgspec.json.encode(_Stored(key=measured_key, records=records))
+    with replacing(task.folder / _RECORDS) as draft:
+        draft.write_bytes(content)
+    return records
+
+
+@lru_cache(maxsize=1)
+def fitted_body() -> BodyModel:
+    """The free neutral body: who is filmed is not known to a fit."""
+    return load_body(find_body(search=FREE_FOLDER))
+
+
+def fit_key(task: SuiteTask, made: SuiteClip, body: BodyModel) -> str:
+    """Stands for all that a fit depends on: settings, detections, truth, body, and the packages' versions."""
+    digest = hashlib.sha256(msgspec.json.encode([as_plain(task.config), versions(), body.hash, made.truth.body_hash]))
+    for array in (made.clip.keypoints.xy, made.clip.keypoints.confidence):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for f in fields(BodyParams):
+        digest.update(getattr(made.truth.params, f.name).numpy().tobytes())
+    if task.start is not None:
+        digest.update((_read(task.start / _FIT_KEY) or "").encode())
+    return digest.hexdigest()
+
+
+def truth_reference(made: SuiteClip) -> Reference:
+    """A sequence's truth as what its fit is compared with."""
+    params, rate = made.truth.params, made.truth.frame_rate
+    return reference_of(made.sequence.name, "truth of the suite", made.body, params, frame_rate=rate, in_camera=True)
+
+
+def stored_fit(task: SuiteTask) -> StoredFit:
+    """The fit that a task has left behind."""
+    return read_fit(task.folder)
+
+
+def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
+    """What phase 1 and the final result of a task are called; None: there is only phase 1."""
+    if last_phase == 1:
+        return (BASELINE if task.variant == "smplifyx" else f"{task.variant}{PHASE_1}"), None
+    return f"{task.variant}{PHASE_1}", task.variant
+
+
+def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:
+    found = fit(made.clip, body, task.config) if task.start is None else _later_phases(task, made, body, task.start)
+    write_result(task.folder, found, made.clip, body)
+    with replacing(task.folder / _FIT_KEY) as draft:
+        draft.write_text(key)
+
+
+def _later_phases(task: SuiteTask, made: SuiteClip, body: BodyModel, start: Path) -> FitResult:
+    """Phases 2 and 3 from another fit's phase 1, with the CPU time of each: what else a computer does is no matter."""
+    stored, clip = read_fit(start), made.clip
+    first = evaluated(clip, body, task.config, stored.phase1, phase=1)
+    begun = FitResult(phases=(first,), camera=clip.camera, config=task.config, observed=stored.observed)
+    events, marks = FitShape(clip=clip, body=body, config=task.config, start=begun).run(), dict[int, float]()
+    while True:
+        try:
+            event = next(events)
+        except StopIteration as stop:
+            found: FitResult = stop.value
+            break
+        if isinstance(event, PhaseStarted):
+            marks[event.phase] = time.process_time()
+        last = time.process_time()
+    ends = {2: marks.get(3, last), 3: last}
+    timed = (p if p.phase == 1 else replace(p, seconds=ends[p.phase] - marks[p.phase]) for p in found.phases)
+    return replace(found, phases=tuple(timed))
+
+
+def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record, ...]:
+    found, reference = stored_fit(task), truth_reference(made)
+    seconds = _seconds(task.folder)
+    first, final = method_names(task, found.last_phase)
+    phases = [(first, found.phase1, seconds["phase1"], task.surfaces_of_phase1 or final is None)]
+    if final is not None:
+        phases.append((final, found.params, seconds["total"], True))
+    return tuple(
+        Record(
+            sequence=task.sequence,
+            motion=made.sequence.motion,
+            method=method,
+            frames=len(params),
+            frame_rate=found.frame_rate,
+            seconds=spent,
+            comparison=_compared(task, made, body, reference, params, surfaces),
+        )
+        for method, params, spent, surfaces in phases
+    )
+
+
+def _compared(
+    task: SuiteTask, made: SuiteClip, body: BodyModel, reference: Reference, params: BodyParams, surfaces: bool
+) -> Comparison:
+    estimate = Estimate(
+        body=body, params=params, camera=made.clip.camera, frame_rate=made.clip.frame_rate, clip=made.clip
+    )
+    return compare(estimate, reference, truth_body=made.body, meshes=surfaces, every=task.every)
+
+
+def phase_seconds(summary: Path, phase: int) -> float:
+    """What one phase took, by a fit's summary.json."""
+    return msgspec.json.decode(summary.read_bytes())["seconds"][f"phase{phase}"]
+
+
+def _seconds(folder: Path) -> dict[str, float]:
+    return msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["seconds"]
+
+
+def _read(path: Path) -> str | None:
+    return path.read_text() if path.is_file() else None
+
+
+def _stored(path: Path) -> _Stored | None:
+    """What was measured before; None if nothing was, or an older version wrote it."""
+    if not path.is_file():
+        return None
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=_Stored)
+    except msgspec.DecodeError:
+        return None

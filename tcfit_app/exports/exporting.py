@@ -1,0 +1,147 @@
+"""Exports from their start to their end: files that appear whole or not at all, and a thread for the app's."""
+
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.io.motion.motion import Progress
+from tcfit_app.exports.source import ExportSource
+from tcfit_app.exports.table import Export
+from tcfit_app.imports.job_thread import JobThread
+from tcfit_app.project.storage import names
+
+_ZIPPING = 0.15
+"""Share of the whole time that packing takes."""
+
+
+def file_name(export: Export, name: str, *, zipped: bool) -> str:
+    """What an export of a clip is called.
+
+    Args:
+        export: which format.
+        name: the clip's.
+        zipped: a folder is one file.
+    """
+    return names.file_name(name, export.suffix + ".zip" * (export.many and zipped))
+
+
+def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> None:
+    """Write an export; it appears when it is whole, and whatever is raised leaves nothing.
+
+    Args:
+        export: which format.
+        source: from what.
+        path: the file or folder, which is replaced.
+        progress: see `Progress`.
+        zipped: a folder is packed into one file.
+
+    Raises:
+        InputError: There is nothing to export, or something that writing needs is not there, or the folder holds files
+            that would be lost.
+        OSError: It cannot be written.
+    """
+    progress(0.0)
+    if not export.many:
+        with replacing(path) as draft:
+            export.write(source, draft, progress)
+    elif not zipped:
+        with _replacing_folder(path) as folder:
+            export.write(source, folder, progress)
+    else:
+        with tempfile.TemporaryDirectory(prefix="tcfit-export-") as name, replacing(path) as draft:
+            export.write(source, Path(name), lambda share: progress((1 - _ZIPPING) * share))
+            _zip(Path(name), draft, lambda share: progress(1 - _ZIPPING + _ZIPPING * share))
+    progress(1.0)
+
+
+@contextmanager
+def _replacing_folder(path: Path) -> Iterator[Path]:
+    """A new folder beside `path`, which takes its place when the block ends well, and vanishes when it does not.
+
+    Raises:
+        InputError: What is at `path` is a file, or holds files that the new folder does not.
+    """
+    path = path.resolve()  # where a link leads
+    draft = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    draft.mkdir()
+    try:
+        yield draft
+        _put_in_place(draft, path)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _put_in_place(draft: Path, path: Path) -> None:
+    """What was at `path` is back there unless the new folder is."""
+    if not path.exists():
+        draft.rename(path)
+        return
+    _check_replaced(path, draft)
+    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    try:
+        path.rename(old)
+        draft.rename(path)
+    except BaseException:  # Ctrl-C comes as one
+        if old.exists() and not path.exists():
+            old.rename(path)
+        raise
+    finally:
+        if path.exists():
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _check_replaced(path: Path, draft: Path) -> None:
+    if not path.is_dir():
+        raise InputError(f"{path}: is a file; expected a folder, or nothing there. Remove it, or give another --out.")
+    new, there = ({file.relative_to(folder) for file in folder.rglob("*")} for folder in (draft, path))
+    if others := sorted(there - new):
+        raise InputError(
+            f"{path}: holds {len(others)} files that this export does not replace, such as {others[0]}; expected files "
+            "of the same names only. Move or remove them, or give another --out."
+        )
+
+
+def _zip(folder: Path, path: Path, progress: Progress) -> None:
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=3) as archive:
+        for done, file in enumerate(files, 1):
+            archive.write(file, file.relative_to(folder).as_posix())
+            progress(done / len(files))
+
+
+class Exporting(JobThread):
+    """An export for a browser; cancelled, it leaves nothing. Begins at once.
+
+    Args:
+        export: what is written.
+        source: from what.
+        name: of the file, without the format's suffix.
+        done: gets the file's name and content, on the export's thread.
+    """
+
+    def __init__(self, export: Export, source: ExportSource, name: str, done: Callable[[str, bytes], None]) -> None:
+        super().__init__(f"The export {export.title}")
+        self.export, self.name = export, file_name(export, name, zipped=True)
+        self.share = 0.0
+        self.size = 0
+        """Bytes."""
+        self._source, self._done = source, done
+        self.start()
+
+    def _progress(self, share: float) -> None:
+        self._go_on()
+        self.share = share
+
+    def _work(self) -> None:
+        with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
+            path = Path(folder) / f"export{self.export.suffix}"
+            write_export(self.export, self._source, path, self._progress, zipped=True)
+            content = path.read_bytes()
+        self.size = len(content)
+        self._done(self.name, content)

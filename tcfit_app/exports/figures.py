@@ -1,0 +1,73 @@
+"""Figures of exported fits: by frame as table or JSON, and the summary."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from fitting_core.clip import Clip
+from fitting_core.io.motion.motion import Progress
+from fitting_core.io.summary import summary
+from tcfit_app.analysis.curves import CURVES
+from tcfit_app.exports.source import ExportSource
+
+
+def write_figures_csv(source: ExportSource, path: Path, progress: Progress) -> None:
+    """A row for each frame, a column for each curve of each fit; cells of what is not known are empty."""
+    columns = _figures(source, progress)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
+
+
+def write_figures_json(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The same columns as lists, null for what is not known, and what the clip is."""
+    figures = {name: values.tolist() for name, values in _figures(source, progress).items()}
+    path.write_bytes(as_json(clip_stated(source.clip) | {"figures": figures}))
+
+
+def write_summary(source: ExportSource, path: Path, progress: Progress) -> None:
+    """As summary.json of `tcfit fit`."""
+    fit = source.fit
+    complete = fit.shown.run.state == "finished"
+    path.write_bytes(as_json(summary(fit.fit, source.clip, fit.body, complete=complete, command="tcfit export")))
+
+
+def _figures(source: ExportSource, progress: Progress) -> dict[str, np.ndarray]:
+    """Columns by title: the frame's number, and the curves of the timeline for A and B, or for the run alone."""
+    clip = source.clip
+    columns: dict[str, np.ndarray] = {"frame": clip.first_frame + np.arange(len(clip))}
+    fits = dict(zip("AB", source.compared, strict=True)) if len(source.compared) == 2 else {"": source.fit}
+    for done, (name, fit) in enumerate(fits.items()):
+        posed = fit.posed(clip)
+        for step, kind in enumerate(CURVES.values()):
+            progress((done + step / len(CURVES)) / len(fits))
+            title = f"{name} {kind.title}{f' [{kind.unit}]' if kind.unit else ''}"
+            columns[title.strip()] = kind.values(posed)
+    return columns
+
+
+def _cell(value: float) -> str:
+    """Empty for what is not known."""
+    return "" if not np.isfinite(value) else f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def as_json(content: object) -> bytes:
+    """Readable JSON."""
+    return msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
+
+
+def clip_stated(clip: Clip) -> dict[str, Any]:
+    """What a clip is, for files of keypoints and figures that have no place for it."""
+    return {
+        "clip": clip.name,
+        "frames": len(clip),
+        "first_frame": clip.first_frame,
+        "frame_rate": clip.frame_rate,
+        "axes": "pixels: x right, y down, from the image's upper left corner",
+        "intrinsics": msgspec.to_builtins(clip.camera),
+        "generator": "tcfit",
+    }

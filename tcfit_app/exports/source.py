@@ -1,0 +1,136 @@
+"""What there is to export: the motion of a fit, and what a project knows around it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.io.motion.motion import Motion
+from fitting_core.priors.latent import LatentPrior
+from fitting_core.priors.pose import make_prior
+from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.fitting.fits import Shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedFit:
+    """One phase of a project's run that is exported."""
+
+    shown: Shown
+    fit: FitResult
+    meshes: Meshes
+
+    @property
+    def body(self) -> BodyModel:
+        """With which it was fitted."""
+        return self.meshes.body
+
+    def motion(self, clip: Clip) -> Motion:
+        """All of its frames, in camera space."""
+        return Motion(
+            body=self.body,
+            params=self.shown.params,
+            camera=self.shown.camera,
+            frame_rate=clip.frame_rate,
+            name=clip.name,
+            first_frame=clip.first_frame,
+        )
+
+    @property
+    def embedding(self) -> Float[Tensor, "T 32"] | None:
+        """The body poses in numbers of the latent prior that they were fitted with; None without one."""
+        if not self.fit.pose_prior:
+            return None
+        prior = make_prior(self.fit.config.pose_prior, dtype=torch.float64, device="cpu")
+        same = isinstance(prior, LatentPrior) and prior.title == self.fit.pose_prior
+        return prior.encode(self.shown.params.body_pose.double()) if same else None
+
+    def posed(self, clip: Clip) -> PosedFit:
+        """For figures. Raises InputError while the phase is still being fitted."""
+        if self.shown.result is None:
+            raise InputError(f"{self.shown.run.name} is still being fitted: export its figures when it is done.")
+        return PosedFit.of(clip, self.fit, self.meshes, phase=self.fit.phase(self.shown.phase))
+
+    def __getitem__(self, frames: slice) -> "ExportedFit":
+        """Consecutive frames of it."""
+        whole, observed = len(self.fit.observed), self.fit.observed[frames]
+        if len(observed) == whole:
+            return self
+        note = f"A part of a fit of {whole} frames: seconds and the other warnings are those of the whole."
+        phases = tuple(_part(phase, frames) for phase in self.fit.phases)
+        fit = replace(self.fit, phases=phases, observed=observed, warnings=(*self.fit.warnings, note))
+        shown = replace(self.shown, params=self.shown.params[frames])
+        return replace(self, fit=fit, shown=shown)
+
+
+def _part(phase: PhaseResult, frames: slice) -> PhaseResult:
+    """Consecutive frames of a phase. Costs are known by frame, and not by term."""
+    cost = phase.frame_cost[frames]
+    return replace(phase, params=phase.params[frames], frame_cost=cost, objective={"by frame": float(cost.mean())})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportSource:
+    """What there is to export, as it was when the user asked for it."""
+
+    name: str
+    """The clip's."""
+    chosen: ExportedFit | None = None
+    """The run that is exported."""
+    compared: Sequence[ExportedFit] = ()
+    """A and B, for what shows two: without those that are not there."""
+    known_clip: Clip | None = None
+    """With the keypoints as they stand."""
+    known_motion: Motion | None = None
+    """Of a result of `tcfit fit`, which has no project."""
+    project: Path | None = None
+    axes: str | None = None
+    """A name of AXES; None: what programs that read the format expect."""
+
+    @property
+    def clip(self) -> Clip:
+        """The project's."""
+        assert self.known_clip is not None, "formats that need a clip are not offered for a result"
+        return self.known_clip
+
+    @property
+    def fit(self) -> ExportedFit:
+        """The run that is exported. Raises InputError if there is none."""
+        if self.chosen is None:
+            raise InputError("There is no fit to export yet: fit everything first.")
+        return self.chosen
+
+    @property
+    def folder(self) -> Path:
+        """The project's."""
+        assert self.project is not None, "formats that need a project are not offered for a result"
+        return self.project
+
+    def motion(self, axes: str) -> Motion:
+        """The motion in the wished axes, or in these."""
+        motion = self.known_motion or self.fit.motion(self.clip)
+        return motion.in_axes(self.axes or axes)
+
+    def __getitem__(self, frames: slice) -> "ExportSource":
+        """Consecutive frames of everything but the project itself."""
+        return replace(
+            self,
+            chosen=None if self.chosen is None else self.chosen[frames],
+            compared=[fit[frames] for fit in self.compared],
+            known_clip=None if self.known_clip is None else part_of(self.known_clip, frames),
+            known_motion=None if self.known_motion is None else self.known_motion[frames],
+        )
+
+
+def part_of(clip: Clip, frames: slice) -> Clip:
+    """Consecutive frames of a clip."""
+    start, _, _ = frames.indices(len(clip))
+    return replace(clip, keypoints=clip.keypoints[frames], first_frame=clip.first_frame + start)

@@ -1,0 +1,85 @@
+"""Body models by what a run says about its body; each is read once."""
+
+import threading
+from concurrent.futures import Future
+from pathlib import Path
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import find_body
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.measure.reference.bodies import body_of
+from fitting_core.measure.reference.reference import Reference
+from tcfit_app.project.storage.runs import BodyRecord
+
+
+def record_of(body: BodyModel) -> BodyRecord:
+    """What a run remembers of its body."""
+    return BodyRecord(kind=body.kind, gender=body.gender, hash=body.hash, source=str(body.source or ""))
+
+
+class Bodies:
+    """Reads body models when they are first asked for. Thread-safe.
+
+    Args:
+        search: A model file or a folder that alone is searched; None: everywhere (`registry.search_folders`).
+        ahead: A body that is being read already, or None.
+    """
+
+    def __init__(self, search: Path | None = None, ahead: Future[BodyModel | None] | None = None) -> None:
+        self._search, self._ahead = search, ahead
+        self._by_path: dict[Path, BodyModel] = {}
+        self._lock = threading.Lock()
+
+    def find(self, *, kind: str = "smplx", gender: str = "neutral") -> BodyModel:
+        """The body for a new fit.
+
+        Raises:
+            InputError: There is none; the message says which file goes where.
+        """
+        return self._read(find_body(model=kind, gender=gender, search=self._search))
+
+    def check(self, *, kind: str, gender: str) -> None:
+        """Raise InputError, which says which file goes where, if there is no such body."""
+        find_body(model=kind, gender=gender, search=self._search)
+
+    def of(self, record: BodyRecord) -> BodyModel:
+        """The body that a run was fitted with.
+
+        Raises:
+            InputError: It is gone or was replaced by another one, so the run cannot be shown.
+        """
+        if (known := self._known(record.hash)) is not None:
+            return known
+        path = Path(record.source)
+        body = self._read(path) if record.source and path.is_file() else None
+        if body is None or body.hash != record.hash:
+            body = self.find(kind=record.kind, gender=record.gender)
+        if body.hash != record.hash:
+            raise InputError(
+                f"The {record.gender} {record.kind} body of this run is no longer there (found another one at "
+                f"{body.source}). Put {record.source or 'the file'} back, or run the fit again."
+            )
+        return body
+
+    def of_reference(self, reference: Reference) -> BodyModel | None:
+        """The body that a reference is a pose of, None if it has points alone. Raises InputError as `of`."""
+        if reference.body is None:
+            return None
+        record = reference.body
+        return self._known(record.hash) or body_of(record, search=self._search)
+
+    def _known(self, digest: str) -> BodyModel | None:
+        with self._lock:
+            body = None if self._ahead is None else self._ahead.result()
+            if body is not None and body.source is not None:
+                self._by_path[body.source.resolve()] = body
+            self._ahead = None
+            return next((b for b in self._by_path.values() if b.hash == digest), None)
+
+    def _read(self, path: Path) -> BodyModel:
+        path = path.resolve()
+        with self._lock:
+            if path not in self._by_path:
+                self._by_path[path] = load_body(path)
+            return self._by_path[path]

@@ -1,0 +1,144 @@
+"""What the worker can be told to do, each as a generator of the fitter's events."""
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.events import FitEvent, Iteration, WindowFinished
+from fitting_core.fit.fitting import fit_events, patched, rerun_events, shape_events
+from fitting_core.fit.result import FitResult, PhaseResult
+from tcfit_app.project.frame_words import in_words
+
+TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
+"""Of the seconds of a fit by phase (preset tcfit, global phase 3): what a remaining time is guessed from."""
+
+
+class Job(Protocol):
+    """Work of one worker thread."""
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        ...
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Phases that it runs, in order."""
+        ...
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """Does it and returns all phases; closing the generator cancels."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitEverything:
+    """All phases of a fit."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"Fit {self.clip.name}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Up to the configured last one."""
+        return tuple(range(1, self.config.last_phase + 1))
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """See `fitting.fit_events`."""
+        return fit_events(self.clip, self.body, self.config)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RerunFrames:
+    """Phase 3 again on some ranges of frames, one after the other, from a fit on."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+    start: FitResult
+    windows: tuple[range, ...]
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        frames = sorted({i for window in self.windows for i in window})
+        return f"Re-run {in_words(frames, self.clip.first_frame)}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Phase 3 alone."""
+        return (3,)
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """See `fitting.rerun_events`; each window is told when it is finished."""
+        begin, params = time.perf_counter(), self.start.last.params
+        for i, window in enumerate(self.windows):
+            events = rerun_events(self.clip, self.body, self.config, params, window, sharpness=self.start.sharpness)
+            params = yield from _as_part(events, i, len(self.windows))
+            yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
+        phase = patched(
+            replace(self.start.last, phase=3),
+            self.clip,
+            self.body,
+            self.config,
+            params,
+            self.windows,
+            sharpness=self.start.sharpness,
+            note=f"{self.title}: window of phase 3, the rest as in the run before",
+        )
+        return with_phases(self.start, (replace(phase, seconds=time.perf_counter() - begin),), self.config)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitShape:
+    """Only the shape again, and phase 3 under it if the configuration has one."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+    start: FitResult
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return "Re-run shape"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Phases 2 and 3."""
+        return (2, 3) if self.config.last_phase >= 3 else (2,)
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """See `fitting.shape_events`; starts from the first phase's poses."""
+        return shape_events(self.clip, self.body, self.config, self.start)
+
+
+def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:
+    """A fit with its later phases in place of what it had from the first of them on."""
+    kept = tuple(p for p in fit.phases if p.phase < phases[0].phase)
+    return replace(fit, phases=(*kept, *phases), config=config)
+
+
+def _as_part(
+    events: Generator[FitEvent, None, BodyParams], part: int, parts: int
+) -> Generator[FitEvent, None, BodyParams]:
+    """The same events, as one of equal parts of a phase."""
+    while True:
+        try:
+            event = next(events)
+        except StopIteration as stop:
+            return stop.value
+        if isinstance(event, Iteration):
+            event = replace(event, share=(part + event.share) / parts)
+        yield event

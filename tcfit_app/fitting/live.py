@@ -1,0 +1,219 @@
+"""Live correction: while keypoints of a frame are dragged, the temporal fit of the frames around it follows.
+
+What a drag does not change is made once, at its start: the stages and their compiled points, the last stage's objective
+with its face contour held, and the joints of the frames around the window, to which E_T couples it. A move then changes
+a few numbers of the data term, and a step of Levenberg-Marquardt goes on from where the last move left the window.
+
+Milliseconds of CPU time on one thread, window of 7 (5) frames of 100, medians of benchmarks/live.py:
+
+    keypoints               begin   move      release   plain re-run
+    body                    107     20 (18)   494       542
+    body, hands and face    196     32 (23)   633       546
+
+On two cores shared with five other programs the wall's clock showed up to twice that. A move makes some 3200 calls into
+torch, for five frames as for seven: much less time needs fewer calls (a compiled step), not fewer numbers.
+"""
+
+from collections.abc import Callable, Generator
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig, without_collisions
+from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent
+from fitting_core.fit.fitting import rerun_events
+from fitting_core.fit.phases.consistency import coupled
+from fitting_core.fit.phases.search.sharpening import sharpened_for
+from fitting_core.fit.reliability import cut_off
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
+from fitting_core.fit.terms.terms import Data
+from fitting_core.fit.variables.state import State
+from fitting_core.keypoints import Keypoints
+
+REACH = 3
+"""Frames on each side of the dragged one that follow: a window of seven."""
+ATTEMPTS = 3
+"""Dampings that one re-solve tries; the next one goes on from there."""
+SETTLED = 1e-5
+"""Relative decrease under which a resting pointer's window is left alone; the release converges it."""
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e6
+_EASING, _STIFFENING = 3.0, 8.0
+_ONLY_GROUP = torch.zeros(1, dtype=torch.long)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What is dragged, and what it starts from."""
+
+    clip: Clip
+    body: BodyModel
+    config: FitConfig
+    params: BodyParams
+    """The present result, all frames."""
+    frame: int
+    keypoints: tuple[int, ...]
+    """Indices of the dragged keypoints."""
+    reach: int = REACH
+    sharpness: float | None = None
+    """`FitResult.sharpness` of the present result; None finds it, at a cost that grows with the clip."""
+    origin: int | None = None
+    """The run that `params` are of, for whoever keeps the correction."""
+    edits_seen: int = 0
+    """Id of the last log entry that `clip` holds, for whoever keeps the correction."""
+    renewed: "Callable[[], Correction] | None" = None
+    """The same from the result and the keypoints as they are by then: other corrections come in between."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.frame < len(self.clip):
+            raise InputError(f"Frame {self.frame} cannot be corrected: the clip has frames 0 to {len(self.clip) - 1}.")
+        wrong = [k for k in self.keypoints if not 0 <= k < kp.COUNT]
+        if wrong or not self.keypoints or len(set(self.keypoints)) < len(self.keypoints):
+            raise InputError(
+                f"Keypoints {self.keypoints} cannot be moved: expected different ones of 0 to {kp.COUNT - 1}."
+            )
+        if len(self.params) != len(self.clip):
+            raise InputError(
+                f"The result has {len(self.params)} frames and the clip {len(self.clip)}: fit this clip first."
+            )
+
+    @property
+    def frames(self) -> range:
+        """The window that follows."""
+        return range(max(0, self.frame - self.reach), min(len(self.clip), self.frame + self.reach + 1))
+
+    @property
+    def converging(self) -> FitConfig:
+        """The configuration of the fit at release: the last stage, warm-started."""
+        return replace(self.config, solver="lm", temporal=replace(self.config.temporal, stages=(N_STAGES,)))
+
+    @property
+    def following(self) -> FitConfig:
+        """The configuration while the pointer moves: without collisions, which look at the whole mesh."""
+        return without_collisions(self.converging)
+
+    @property
+    def now(self) -> "Correction":
+        """The same, renewed."""
+        return self if self.renewed is None else self.renewed()
+
+    def edited(self, xy: Float[np.ndarray, "n 2"]) -> Clip:
+        """The clip with the dragged keypoints at `xy` (pixels), at confidence 1: a person put them there."""
+        keypoints = self.clip.keypoints
+        moved, confidence, by_hand = keypoints.xy.copy(), keypoints.confidence.copy(), keypoints.placed.copy()
+        moved[self.frame, list(self.keypoints)] = xy
+        confidence[self.frame, list(self.keypoints)] = 1
+        by_hand[self.frame, list(self.keypoints)] = True
+        return replace(self.clip, keypoints=Keypoints(xy=moved, confidence=confidence, by_hand=by_hand))
+
+
+class LiveCorrection:
+    """One drag from its start to its release.
+
+    Args:
+        correction: what is dragged.
+        xy: where to, pixels; in the order of `correction.keypoints`.
+    """
+
+    def __init__(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> None:
+        self.correction = correction
+        clip, config = correction.edited(xy), correction.following
+        stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
+        window, near = correction.frames, coupled(correction.frames, len(clip))
+        self._stages = sharpened_for(stages, correction.params, correction.sharpness).within(near)
+        self._frame = correction.frame - near.start
+        """That is corrected, in `_stages`, which hold the window and what is coupled to it."""
+        self._row = self._stages.keypoints[self._frame : self._frame + 1]
+        self._places = [_place(self._row, k, position) for k, position in zip(correction.keypoints, xy, strict=True)]
+        around = self._stages.parametrisation.from_params(correction.params[slice(near.start, near.stop)])
+        self._problem = self._coupled(around, range(window.start - near.start, window.stop - near.start))
+        self._looked_at = self._stages.data_keypoints(N_STAGES)
+        self._state = around[self._problem.coupling.free]
+        self.move(xy)
+
+    def _coupled(self, around: State, window: range) -> Sequence:
+        """The window's problem, held by its surroundings as in a re-run."""
+        stages = self._stages
+        objective = stages.objective(N_STAGES, around, stages.free(N_STAGES, betas=False))
+        in_camera = stages.config.temporal.space == "camera"
+        joints = JointPositions(stages.body, stages.parametrisation, in_camera=in_camera)
+        coupling = Coupling.of(window, range(window.start - 1, window.stop + 1), len(around), around.vector.device)
+        return Sequence(objective, joints, joints(around), coupling, stages.temporal_weight)
+
+    def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
+        """The keypoints are there now; pixels, in the order of the correction's."""
+        self.xy = xy
+        self._damping = self._state.vector.new_full((1,), _FIRST_DAMPING)
+        self.settled = False
+        """Whether another `resolve` would change next to nothing."""
+        row = self._row.xy.copy()
+        row[0, self._places] = xy
+        keypoints = replace(self._row, xy=row)
+        config, size = self._stages.config, self.correction.clip.camera.size
+        side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(row.shape, np.int8)
+        objective = copy(self._problem.objective)
+        objective.terms = [self._aimed(t, row, side) if isinstance(t, Data) else t for t in objective.terms]
+        self._problem = copy(self._problem)
+        self._problem.objective = objective
+
+    def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:
+        """The data term with this frame's keypoints where they are now."""
+        frame, which = self._frame, self._looked_at
+        moved, sides = data.xy.clone(), data.side.clone()
+        moved[frame], sides[frame] = self._stages.tensor(row)[0, which], self._stages.tensor(side)[0, which]
+        return replace(data, xy=moved, side=sides)
+
+    def resolve(self) -> BodyParams:
+        """One damped step towards the pointer; the window's frames.
+
+        Not `LevenbergMarquardt`, which forms the normal equations once more at the end, for a next step at the same
+        target: here the target has moved by then, and they are two thirds of the time. Where no step lowers the
+        cost, the window stays, and the next call tries shorter ones.
+        """
+        cost, *system = self._problem.normal(self._state, _ONLY_GROUP)
+        for _ in range(ATTEMPTS):
+            step = self._problem.solve((cost, *system), self._damping)
+            trial = self._state.moved(step.move)
+            lower = self._problem.cost(trial, _ONLY_GROUP)
+            if bool(step.solved & (lower < cost)):
+                self._state, self._damping = trial, (self._damping / _EASING).clamp_min(_LEAST_DAMPING)
+                self.settled = bool(cost - lower < SETTLED * cost)
+                break
+            self._damping = self._damping * _STIFFENING
+            self.settled = bool(self._damping > _MOST_DAMPING)
+        return self.window
+
+    @property
+    def window(self) -> BodyParams:
+        """The window's frames as they are now."""
+        return self._stages.parametrisation.to_params(self._state)
+
+    @property
+    def params(self) -> BodyParams:
+        """All frames: the result that is corrected, with the window put in."""
+        return self.correction.params.to(dtype=torch.float64).with_frames(self.correction.frames, self.window)
+
+    def release(self) -> Generator[FitEvent, None, BodyParams]:
+        """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames.
+
+        Around it they are those of the result as it is now, and so are all other keypoints.
+        """
+        self.correction = c = self.correction.now
+        clip = c.edited(self.xy)
+        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, sharpness=c.sharpness))
+
+
+def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:
+    """Which keypoint of the fit it is: the fit may have swapped the two sides back."""
+    there = (row.xy[0] == position).all(-1) & (row.confidence[0] == 1)
+    group = next(g for g in (kp.BODY, kp.HANDS, kp.FACE) if g.start <= keypoint < g.stop)
+    found = group.start + np.flatnonzero(there[group])
+    return keypoint if there[keypoint] or not len(found) else int(found[0])

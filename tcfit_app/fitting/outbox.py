@@ -1,0 +1,158 @@
+"""What the worker tells the draw loop: the newest progress in places that are overwritten, all else in order."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from fitting_core.body.params import BodyParams
+from fitting_core.fit.events import FitEvent
+from fitting_core.fit.result import FitResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobProgress:
+    """How far a running job is."""
+
+    job: int
+    title: str
+    phase: int
+    label: str
+    """Part of the phase: "stage 3", "window 12"."""
+    share: float
+    """Of the whole job, 0 to 1; never falls."""
+    cost: float
+    """Mean cost of the frames that are being fitted."""
+    terms: dict[str, float]
+    """Mean cost of a frame by term, and "total", when it was evaluated last: another dict each time. Empty before."""
+    elapsed: float
+    """Seconds of work, without pauses."""
+    remaining: float | None
+    """Seconds of work to come, as far as `share` tells; None: too early to say."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobStarted:
+    """A job left the queue."""
+
+    job: int
+    title: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobReported:
+    """A phase began or finished, or frames became final."""
+
+    job: int
+    event: FitEvent
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobFinished:
+    """A job has its outcome, and the sink has kept it."""
+
+    job: int
+    outcome: FitResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobCancelled:
+    """A job was cancelled, in the queue or between two iterations; phases that it had finished stay valid."""
+
+    job: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobFailed:
+    """A job could not go on; phases that it had finished stay valid."""
+
+    job: int
+    reason: str
+    """For the user; the traceback is in the log."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DragMoved:
+    """A window followed the pointer."""
+
+    drag: int
+    frames: range
+    params: BodyParams
+    """Of these frames."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DragFinished:
+    """A correction was released, its window is converged, and the sink has kept it."""
+
+    drag: int
+    frames: range
+    params: BodyParams
+    """All frames of the clip."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DragAbandoned:
+    """A correction ended without a result."""
+
+    drag: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class DragFailed:
+    """A correction could not be followed."""
+
+    drag: int
+    reason: str
+    """For the user; the traceback is in the log."""
+
+
+Report = JobStarted | JobReported | JobFinished | JobCancelled | JobFailed | DragFinished | DragAbandoned | DragFailed
+"""What must not be lost."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class News:
+    """What came since the outbox was emptied last."""
+
+    progress: JobProgress | None = None
+    moved: DragMoved | None = None
+    reports: list[Report] = field(default_factory=list)
+    """In order."""
+
+
+class Outbox:
+    """Filled by the worker, emptied by the draw loop; neither ever waits for the other."""
+
+    def __init__(self) -> None:
+        self.arrived: Callable[[], None] = lambda: None
+        """Called by the worker's thread when there is something new."""
+        self._lock = threading.Lock()
+        self._progress: JobProgress | None = None
+        self._moved: DragMoved | None = None
+        self._reports: list[Report] = []
+
+    def show(self, latest: JobProgress | DragMoved) -> None:
+        """In the place of what was shown before."""
+        with self._lock:
+            if isinstance(latest, JobProgress):
+                self._progress = latest
+            else:
+                self._moved = latest
+        self.arrived()
+
+    def tell(self, report: Report) -> None:
+        """After all that was told before; what a job or drag that ends had shown is out of date."""
+        with self._lock:
+            if isinstance(report, JobFinished | JobCancelled | JobFailed):
+                self._progress = None
+            if isinstance(report, DragFinished | DragAbandoned | DragFailed):
+                self._moved = None
+            self._reports.append(report)
+        self.arrived()
+
+    def empty(self) -> News:
+        """Everything since the last call."""
+        with self._lock:
+            news = News(progress=self._progress, moved=self._moved, reports=self._reports)
+            self._progress, self._moved, self._reports = None, None, []
+            return news

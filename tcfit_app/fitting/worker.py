@@ -1,0 +1,294 @@
+"""The one thread that fits: jobs from a queue, and live corrections between two iterations of a job."""
+
+import logging
+import threading
+from collections import deque
+from contextlib import closing
+from itertools import count
+from typing import Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from fitting_core.body.params import BodyParams
+from fitting_core.errors import InputError
+from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, WindowFinished
+from fitting_core.fit.result import FitResult
+from tcfit_app.fitting.job_clock import JobClock
+from tcfit_app.fitting.jobs import Job
+from tcfit_app.fitting.live import Correction, LiveCorrection
+from tcfit_app.fitting.memory import give_back
+from tcfit_app.fitting.outbox import (
+    DragAbandoned,
+    DragFailed,
+    DragFinished,
+    DragMoved,
+    JobCancelled,
+    JobFailed,
+    JobFinished,
+    JobReported,
+    JobStarted,
+    Outbox,
+)
+
+LINGER = 2.0
+"""Seconds for which a job waits for a pointer that rests, before it goes on under the drag."""
+_log = logging.getLogger(__name__)
+
+
+class Sink(Protocol):
+    """Where results go before anybody is told of them; called on the worker's thread."""
+
+    def keep(self, job: Job, result: PhaseFinished | WindowFinished | FitResult) -> None:
+        """Store what a job found. An exception ends it as failed."""
+        ...
+
+    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
+        """Store a released drag: where its keypoints are, and all frames under it. An exception ends it as failed."""
+        ...
+
+
+class Drag:
+    """A drag under way. Moves overwrite each other: only the newest counts."""
+
+    def __init__(self, number: int, correction: Correction, xy: Float[np.ndarray, "n 2"], changed: threading.Condition):
+        self.number, self.correction = number, correction
+        self.live: LiveCorrection | None = None
+        """The worker's own; made when it first comes to the drag."""
+        self._changed = changed
+        self._xy: Float[np.ndarray, "n 2"] | None = np.array(xy, dtype=float)
+        self.released = self.abandoned = False
+        self.failed = False
+        """Known to whoever began it: nothing follows it any more."""
+
+    def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
+        """The keypoints are at `xy` (pixels) now, in the order of the correction's."""
+        with self._changed:
+            self._xy = np.array(xy, dtype=float)
+            self._changed.notify_all()
+
+    def release(self) -> None:
+        """Converge the window where the keypoints are, and keep it."""
+        with self._changed:
+            self.released = True
+            self._changed.notify_all()
+
+    def abandon(self) -> None:
+        """End without a result; comes too late once the release is kept."""
+        with self._changed:
+            self.abandoned = True
+            self._changed.notify_all()
+
+    def taken(self) -> Float[np.ndarray, "n 2"] | None:
+        """Where to, if that is news; asked under the lock."""
+        xy, self._xy = self._xy, None
+        return xy
+
+    @property
+    def wants(self) -> bool:
+        """Whether there is something to do; asked under the lock."""
+        unsettled = self.live is None or not self.live.settled
+        return unsettled or self.released or self.abandoned or self._xy is not None
+
+
+class Worker:
+    """A daemon thread that does one thing at a time. Its methods return at once and may be called from any thread.
+
+    Args:
+        sink: keeps results.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self.outbox = Outbox()
+        self._sink = sink
+        self._changed = threading.Condition()
+        self._numbers = count(1)
+        self._queue: deque[tuple[int, Job]] = deque()
+        self._drags: deque[Drag] = deque()
+        self._running: int | None = None
+        self._cancelled = self._paused = self._closing = False
+        self._thread = threading.Thread(target=self._serve, name="tcfit fits", daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Job) -> int:
+        """Puts a job at the end of the queue; its number, by which the outbox calls it."""
+        with self._changed:
+            self._refuse_if_closing()
+            number = next(self._numbers)
+            self._queue.append((number, job))
+            self._changed.notify_all()
+        return number
+
+    def cancel(self, job: int | None = None) -> None:
+        """Cancels a job, in the queue or running, or all of them; one that has ended stays as it is."""
+        with self._changed:
+            self._cancelled |= self._running is not None and job in (None, self._running)
+            dropped = [number for number, _ in self._queue if job in (None, number)]
+            self._queue = deque(entry for entry in self._queue if entry[0] not in dropped)
+            for number in dropped:
+                self.outbox.tell(JobCancelled(job=number))
+            self._changed.notify_all()
+
+    def pause(self) -> None:
+        """Holds jobs, the running one after its iteration; drags are followed all the same."""
+        with self._changed:
+            self._paused = True
+
+    def resume(self) -> None:
+        """Goes on after `pause`."""
+        with self._changed:
+            self._paused = False
+            self._changed.notify_all()
+
+    def drag(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> Drag:
+        """Begins to follow a drag; a running job waits for it."""
+        with self._changed:
+            self._refuse_if_closing()
+            drag = Drag(next(self._numbers), correction, xy, self._changed)
+            self._drags.append(drag)
+            self._changed.notify_all()
+        return drag
+
+    def close(self, timeout: float = 30.0) -> bool:
+        """Cancels everything and waits until the thread has ended; False if it still runs after `timeout` seconds."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self.cancel()
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _refuse_if_closing(self) -> None:
+        if self._closing:
+            raise RuntimeError("the worker is closed")
+
+    def _serve(self) -> None:
+        torch.set_num_threads(1)  # a second thread hardly helps a fit, and the draw loop needs it
+        while not self._closing:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing or self._waiting_drag() or self._job_may_run())
+                drag = self._waiting_drag()
+                entry = self._queue.popleft() if drag is None and self._job_may_run() else None
+                if entry is not None:
+                    self._running, self._cancelled = entry[0], False
+            if drag is not None:
+                self._follow(drag)
+            elif entry is not None:
+                self._run(*entry)
+        for drag in self._drags:
+            self.outbox.tell(DragAbandoned(drag=drag.number))
+
+    def _job_may_run(self) -> bool:
+        return bool(self._queue) and not self._paused and not self._closing
+
+    def _waiting_drag(self) -> Drag | None:
+        return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
+
+    def _run(self, number: int, job: Job) -> None:
+        """A job from its start to its end."""
+        self.outbox.tell(JobStarted(job=number, title=job.title))
+        try:
+            ended = self._outcome(number, job)
+        except InputError as error:
+            ended = JobFailed(job=number, reason=_reason(error))
+            _log.warning("%s failed: %s", job.title, error)
+        except Exception as error:  # whatever it was: the user is told, and the worker stays
+            ended = JobFailed(job=number, reason=_reason(error))
+            _log.exception("Job %d (%s) failed", number, job.title)
+        with self._changed:
+            self._running = None
+        self.outbox.tell(ended)
+        give_back()
+
+    def _outcome(self, number: int, job: Job) -> JobFinished | JobCancelled:
+        clock = JobClock(number, job)
+        with closing(job.run()) as events:
+            while self._may_go_on():
+                try:
+                    with clock.working():
+                        event = next(events)
+                except StopIteration as stop:
+                    outcome = stop.value
+                    break
+                self._pass_on(number, job, event, clock)
+            else:
+                return JobCancelled(job=number)
+        # Not within the handler: if it failed, the log would show the whole result as the cause.
+        self._sink.keep(job, outcome)
+        return JobFinished(job=number, outcome=outcome)
+
+    def _may_go_on(self) -> bool:
+        """Between two iterations: follows drags and waits out pauses; False if the job was cancelled."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(
+                    lambda: self._closing or self._cancelled or not self._paused or self._waiting_drag()
+                )
+                drag = self._waiting_drag()
+                if self._closing or self._cancelled or drag is None:
+                    return not (self._closing or self._cancelled)
+            self._follow(drag)
+
+    def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
+        clock.take(event)
+        if isinstance(event, Iteration):
+            self.outbox.show(clock.progress(event))
+            return
+        if isinstance(event, PhaseFinished | WindowFinished):
+            self._sink.keep(job, event)
+        if not isinstance(event, Finished):  # its result comes as the outcome
+            self.outbox.tell(JobReported(job=number, event=event))
+
+    def _follow(self, drag: Drag) -> None:
+        """A drag until it ends, or until its pointer rests."""
+        try:
+            ended = self._followed(drag)
+        except Exception as error:  # whatever it was: the user is told, and a job under way goes on
+            ended = DragFailed(drag=drag.number, reason=_reason(error))
+            _log.exception("Following drag %d failed", drag.number)
+        if ended is not None:
+            with self._changed:
+                self._drags.remove(drag)
+            self.outbox.tell(ended)
+
+    def _followed(self, drag: Drag) -> DragFinished | DragAbandoned | None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing or drag.wants, LINGER)
+                if not (self._closing or drag.wants):
+                    return None
+                xy = drag.taken()
+            if self._closing or drag.abandoned:
+                return DragAbandoned(drag=drag.number)
+            live = self._aimed(drag, xy)
+            if drag.released:
+                return self._released(drag, live)
+            params = live.resolve()
+            self.outbox.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+
+    def _aimed(self, drag: Drag, xy: Float[np.ndarray, "n 2"] | None) -> LiveCorrection:
+        """The drag's correction, made at first."""
+        if drag.live is None:
+            assert xy is not None, "a drag begins somewhere"
+            drag.live = LiveCorrection(drag.correction.now, xy)
+        elif xy is not None:
+            drag.live.move(xy)
+        return drag.live
+
+    def _released(self, drag: Drag, live: LiveCorrection) -> DragFinished | DragAbandoned:
+        """The window converged, unless the drag is abandoned meanwhile."""
+        with closing(live.release()) as events:
+            while not (self._closing or drag.abandoned):
+                try:
+                    next(events)
+                except StopIteration as stop:
+                    params: BodyParams = stop.value
+                    self._sink.keep_correction(live.correction, live.xy, params)
+                    return DragFinished(drag=drag.number, frames=drag.correction.frames, params=params)
+        return DragAbandoned(drag=drag.number)
+
+
+def _reason(error: Exception) -> str:
+    """One line for the user: an InputError says what to do, anything else at least what it is."""
+    return str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"

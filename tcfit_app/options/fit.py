@@ -1,0 +1,254 @@
+"""The options of `tcfit fit`, and how they become a FitConfig. Imports nothing heavy."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
+from fitting_core.config.settings import changed, settings, unknown
+from fitting_core.config.toml import preset, read_config
+from fitting_core.errors import InputError
+from tcfit_app.options.reference import ReferenceOptions
+
+SHORTCUTS = {
+    "solver": "solver",
+    "pose_prior": "pose_prior",
+    "temporal": "temporal.mode",
+    "temporal_weight": "temporal.weight",
+    "temporal_space": "temporal.space",
+    "window_size": "temporal.window_size",
+    "shape_sample": "shape_sample.size",
+    "shape_strategy": "shape_sample.strategy",
+    "seed": "shape_sample.seed",
+    "device": "device",
+    "precision": "precision",
+}
+"""Options for the settings that are changed most, by the name of the option."""
+_OF_PRESET = "(default: the preset's)"
+
+
+def _shortcut(option: str, text: str = "") -> Any:
+    """How an option of SHORTCUTS shows in the help; its text is the setting's own, if it has one."""
+    setting = settings()[SHORTCUTS[option]]
+    return arg(metavar=setting.metavar, help=text or setting.doc, help_behavior_hint=_OF_PRESET)
+
+
+def _shown(metavar: str, default: str) -> Any:
+    """How an option that can be left out shows in the help."""
+    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipOptions:
+    """Which part of the clip, and how its files are read."""
+
+    person: Annotated[int | None, _shown("N", "follow the most prominent")] = None
+    """Whoever has this place, from 0, in the first frame whose list of people has it; followed from there."""
+    first_frame: Annotated[int | None, _shown("N", "the first")] = None
+    """Number of the first frame to fit, from 0."""
+    last_frame: Annotated[int | None, _shown("N", "the last")] = None
+    """Number of the last frame to fit."""
+    frame_rate: Annotated[float | None, _shown("FPS", "the video's, or 30")] = None
+    """Frames per second."""
+    keypoint_scale: Annotated[str, arg(metavar="{auto,pixels,0..1,-1..1}")] = "auto"
+    """What keypoint coordinates are relative to, as OpenPose's --keypoint_scale."""
+    image_size: Annotated[tuple[int, int] | None, _shown("W H", "the video's, or guessed from the keypoints")] = None
+    """Image size in pixels, where there is no video."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions:
+    """The camera. Give at most one of the first three; without any, the image diagonal is taken."""
+
+    focal_length: Annotated[float | None, _shown("PX", "the image diagonal")] = None
+    """Focal length in pixels."""
+    fov: Annotated[float | None, _shown("DEGREES", "not given")] = None
+    """Horizontal field of view in degrees."""
+    focal_length_35mm: Annotated[float | None, _shown("MM", "not given")] = None
+    """Focal length in millimetres on 35 mm film, as phones and cameras state it."""
+    center: Annotated[tuple[float, float] | None, _shown("X Y", "the image's centre")] = None
+    """Principal point in pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOptions:
+    """The body model; `tcfit models` lists those found."""
+
+    body_model: Annotated[str, arg(metavar="{smplx,smplh,smpl}|PATH")] = "smplx"
+    """Its kind, or a model file."""
+    models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
+    """Folder with body models, which alone is searched then."""
+    gender: Annotated[str, arg(metavar="{neutral,male,female}")] = "neutral"
+    """Gender of the body model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodOptions:
+    """The method. The preset counts least, then the file of --config, then these options."""
+
+    preset: Annotated[
+        str | None, _shown("{" + ",".join(PRESETS) + "}", f"that of the --config file, or {DEFAULT_PRESET}")
+    ] = None
+    """smplifyx: phase 1 as SMPLify-X; paper: as the paper has it; tcfit: what measures best."""
+    config: Annotated[Path | None, _shown("FILE.toml", "none")] = None
+    """Settings in TOML; `tcfit settings` prints such a file with all of them."""
+    solver: Annotated[str | None, _shortcut("solver", "Levenberg-Marquardt, or L-BFGS as the paper has it.")] = None
+    pose_prior: Annotated[
+        str | None, _shortcut("pose_prior", "Likely poses: plain, learned from motion capture, or VPoser's files.")
+    ] = None
+    temporal: Annotated[str | None, _shortcut("temporal")] = None
+    temporal_weight: Annotated[str | None, _shortcut("temporal_weight")] = None
+    temporal_space: Annotated[str | None, _shortcut("temporal_space")] = None
+    window_size: Annotated[str | None, _shortcut("window_size", "Frames of a sliding window.")] = None
+    shape_sample: Annotated[str | None, _shortcut("shape_sample", "Frames that find the shared shape.")] = None
+    shape_strategy: Annotated[str | None, _shortcut("shape_strategy")] = None
+    seed: Annotated[str | None, _shortcut("seed", "Of the random sample of frames.")] = None
+    device: Annotated[str | None, _shortcut("device", "Where torch computes: cpu, cuda, cuda:1, mps.")] = None
+    precision: Annotated[str | None, _shortcut("precision", "Number type of the computation.")] = None
+    set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE", help_behavior_hint="(repeatable)")] = ()
+    """Any setting that `tcfit settings` lists, by its dotted name: --set weights.body_pose=404,404,57.4,4.78,4.78"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """Fit the body to a clip: every frame on its own, one shape, then consistency over time.
+
+    The --out folder receives fit.npz (SMPL-X parameters of both fits), summary.json and, with a video, overlay.mp4.
+    Ctrl-C keeps the phases that have finished.
+    """
+
+    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
+    """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
+    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder for the result. A result that lies there is replaced."""
+    overwrite: bool = False
+    """Write into a folder that holds other files too."""
+    overlay: bool = True
+    """Write overlay.mp4: phase 1 and the final fit side by side."""
+    threads: int = 1
+    """Threads of torch on the CPU."""
+    clip: ClipOptions = field(default_factory=ClipOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    body: BodyOptions = field(default_factory=BodyOptions)
+    method: MethodOptions = field(default_factory=MethodOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewOptions:
+    """Make a project of a clip, in which its keypoints are corrected and its fits kept.
+
+    A project is a folder. The video stays where it is unless --copy-video is given.
+    """
+
+    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
+    """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
+    `tcfit export --formats project` packed."""
+    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
+    out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
+    """The project's folder, which may not exist yet."""
+    copy_video: bool = False
+    """Copy the video or images into the project, so that it can be given to others."""
+    clip: ClipOptions = field(default_factory=ClipOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    truth: ReferenceOptions = field(default_factory=ReferenceOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServerOptions:
+    """Where the review is served."""
+
+    host: Annotated[str, _shown("NAME", "127.0.0.1, this computer alone")] = "127.0.0.1"
+    """Name or address of this computer to listen at; others than the default let other computers in."""
+    port: Annotated[int, _shown("N", "8080, or the next free one")] = 8080
+    """0 takes any."""
+    browser: bool = True
+    """Open the link in a browser, where there is one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReviewOptions:
+    """Open a project in the browser: see its fits, correct keypoints, fit again, compare.
+
+    With a video instead of a project, its project is made first, or opened if it was made before of the same clip.
+    """
+
+    video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
+    """A project's folder; or what `tcfit new` takes."""
+    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
+    out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
+    """For a new project: its folder."""
+    copy_video: bool = False
+    """For a new project: copy the video or images into it."""
+    read_only: bool = False
+    """Only look."""
+    fit: bool = False
+    """Start a fit at once if the project has none."""
+    models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
+    """Folder with body models, which alone is searched then."""
+    clip: ClipOptions = field(default_factory=ClipOptions)
+    """For a new project: which part of the clip, and how its files are read."""
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    """For a new project: the camera. Give at most one of the first three; without any, the image diagonal is taken."""
+    truth: ReferenceOptions = field(default_factory=ReferenceOptions)
+    server: ServerOptions = field(default_factory=ServerOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions:
+    """Make the demo clip (once), and open it in the browser with its fit coming in.
+
+    With --no-review it is fitted here, the result written to files and compared with the truth.
+    """
+
+    out: Annotated[Path | None, _shown("DIR", "tcfit-demo.tcfit; with --no-review tcfit-demo")] = None
+    """Folder of the project, or for the result. A project that lies there is opened as it is."""
+    review: bool = True
+    """Open the review; else fit in the terminal."""
+    server: ServerOptions = field(default_factory=ServerOptions)
+    overwrite: bool = False
+    """With --no-review: write into a folder that holds other files too."""
+    overlay: bool = True
+    """With --no-review: write overlay.mp4, phase 1 and the final fit side by side."""
+    threads: int = 1
+    """Threads of torch on the CPU."""
+    method: MethodOptions = field(default_factory=MethodOptions)
+
+
+def fit_config(options: MethodOptions) -> FitConfig:
+    """The configuration that the options ask for: preset, then file, then single settings.
+
+    Raises:
+        InputError: An unknown or wrong setting, or one that is given twice.
+    """
+    if options.config is not None:
+        config = read_config(options.config, preset_name=options.preset)
+    else:
+        config = preset(options.preset or DEFAULT_PRESET)
+    seen: dict[str, str] = {}
+    for origin, name, text in _given(options):
+        if name in seen:
+            raise InputError(f"{name} is given twice, by {seen[name]} and {origin}; give it once.")
+        config = changed(config, {name: text}, origin=origin, texts=True)
+        seen[name] = origin
+    return config
+
+
+def _given(options: MethodOptions) -> Iterator[tuple[str, str, str]]:
+    """Option, setting and value of each setting on the command line."""
+    for option, name in SHORTCUTS.items():
+        if (text := getattr(options, option)) is not None:
+            yield "--" + option.replace("_", "-"), name, text
+    for assignment in options.set:
+        name, equals, text = (part.strip() for part in assignment.partition("="))
+        if name not in settings():
+            raise InputError(f"--set: {unknown(name)}")
+        if not equals:
+            raise InputError(f"--set {assignment}: expected {name}=VALUE, {settings()[name].expected}.")
+        yield "--set", name, text

@@ -1,0 +1,72 @@
+"""What must be there before a fit begins: its body, a device that works, a folder that may be written."""
+
+import os
+from pathlib import Path
+
+import torch
+
+from fitting_core.body.files.registry import find_body
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.io.result_files import is_result
+from tcfit_app.options.fit import BodyOptions
+
+
+def check_out(folder: Path, *, overwrite: bool) -> None:
+    """Refuse to write among files that are not tcfit's.
+
+    Raises:
+        InputError: The folder is a file, cannot be written, or holds something other than a result and `overwrite` is
+            not given.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not os.access(there, os.W_OK):
+        raise InputError(
+            f"--out {folder}: cannot be written, for {there} is read-only. Allow writing, or choose another."
+        )
+    if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
+        return
+    names = sorted(entry.name for entry in folder.iterdir())
+    some = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+    raise InputError(
+        f"--out {folder}: holds files that are no result of tcfit ({some}). "
+        "Choose another folder, or give --overwrite to write the result among them."
+    )
+
+
+def prepare_torch(config: FitConfig, threads: int | None) -> None:
+    """Set torch's threads, and check that the device works.
+
+    Raises:
+        InputError: The device is not there.
+    """
+    if threads is not None:
+        if threads < 1:
+            raise InputError(f"--threads is {threads}; expected 1 or more, up to the number of cores.")
+        torch.set_num_threads(threads)
+    try:
+        torch.zeros(1, device=config.device, dtype=getattr(torch, config.precision))
+    except (RuntimeError, AssertionError, TypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"--device {config.device} cannot be used with {config.precision} ({reason}). Use --device cpu; "
+            "`tcfit doctor` shows the devices that torch finds."
+        ) from error
+
+
+def body_file(options: BodyOptions) -> Path:
+    """The body model's file.
+
+    Raises:
+        InputError: There is none, or --body-model is a path and --models is given too.
+    """
+    given = Path(options.body_model).expanduser()
+    if not (given.suffix or given.exists() or len(given.parts) > 1):
+        return find_body(model=options.body_model, gender=options.gender, search=options.models)
+    if options.models is not None:
+        raise InputError(
+            f"--body-model {given} is a file and --models {options.models} a folder to search: give one of them."
+        )
+    return find_body(gender=options.gender, search=given)

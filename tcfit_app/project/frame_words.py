@@ -1,0 +1,16 @@
+"""Frames as users read them: with the clip's own numbers, the first of which is its `first_frame`."""
+
+from collections.abc import Iterable
+
+from fitting_core.video.frame_names import spans
+
+
+def numbers(frames: Iterable[int], first: int, *, most: int = 5) -> str:
+    """Ascending frames: "3, 7–12"; after `most` of these, how many follow."""
+    return spans([first + frame for frame in frames], most).replace("-", "–")
+
+
+def in_words(frames: Iterable[int], first: int) -> str:
+    """Ascending frames with their noun: "frame 3", "frames 7–12"."""
+    listed = list(frames)
+    return f"frame{'s' if len(listed) > 1 else ''} {numbers(listed, first)}"

@@ -1,0 +1,331 @@
+"""A project as one file, NAME.tcfit.zip: packed from a project that may be open, and unpacked from anybody's.
+
+| entry | |
+|---|---|
+| tcfit-project.json | what the file is, and its version |
+| project.sqlite | the database as it was at one moment (SQLite's backup), in one piece |
+| detections.npz, reference.npz, runs/*.npz | as in the project |
+| media/... | the video or images, if they lie in the project or were asked for |
+
+Unpacking trusts nothing: names, kinds and sizes of all entries are checked before a byte is written, and the project is
+opened once before it gets its place. Packing takes no video from outside unless it was asked for: a project that
+somebody else made may call any file its own.
+"""
+
+import os
+import re
+import shutil
+import sqlite3
+import stat
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.io.motion.motion import Progress
+from tcfit_app.project.project import Project, check_free
+from tcfit_app.project.storage import database, media, runs
+from tcfit_app.project.storage.clip import DETECTIONS, copy_detections, creation_time
+from tcfit_app.project.storage.durable import accessing, sync
+from tcfit_app.project.storage.lock import Lock
+from tcfit_app.project.storage.media import MediaLink
+from tcfit_app.project.storage.names import portable
+from tcfit_app.project.storage.reference import NAME as REFERENCE
+
+SUFFIX = ".tcfit.zip"
+ABOUT = "tcfit-project.json"
+FORMAT, VERSION = "tcfit project", 1
+MOST_ENTRIES = 500_000
+MOST_BYTES = 1 << 40
+MOST_RATIO = 1100
+"""Deflate packs nothing tighter than 1 : 1032: what claims to be is no zip of ours."""
+# Only Windows sees a path or a drive in a frame's name that has a backslash or a colon.
+_FRAME = r"[^/\0]" if os.name == "posix" else r"[^/\\:\0]"
+_NAMES = re.compile(
+    r"tcfit-project\.json|project\.sqlite|(detections|reference|runs/\d{6,})\.npz"
+    rf"|media/[^/\\:\0]+(/{_FRAME}+)?",
+    re.DOTALL,
+)
+_BLOCK = 1 << 20
+_ATTEMPTS = 3
+"""A project gets its detections once: whoever comes in between does so in the first attempt at most."""
+
+
+class About(msgspec.Struct, frozen=True, kw_only=True):
+    """What a packed project says of itself."""
+
+    format: str
+    version: int
+
+
+def is_packed(path: Path) -> bool:
+    """Whether a path is a packed project, by its content."""
+    if not path.is_file() or not zipfile.is_zipfile(path):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return ABOUT in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return path.name.endswith(SUFFIX)
+
+
+# --- packing ---
+
+
+def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progress | None = None) -> None:
+    """Pack a project. Others may go on writing to it: every edit and run is in the file as a whole or not at all.
+
+    Args:
+        folder: The project's.
+        path: Appears when it is whole.
+        with_media: Also a video, or images, that lie outside of the project.
+        progress: See `Progress`.
+
+    Raises:
+        InputError: Database or detections are damaged, the video is wanted and not where it should be, or what the
+            project calls its own video lies elsewhere.
+        OSError: Something cannot be read or written.
+    """
+    with tempfile.TemporaryDirectory(prefix="tcfit-pack-") as name, replacing(path) as draft:
+        copy, detections = Path(name) / database.NAME, Path(name) / DETECTIONS
+        _back_up_with_detections(folder, copy, detections)
+        files = [
+            (copy, database.NAME),
+            (detections, DETECTIONS),
+            *([(folder / REFERENCE, REFERENCE)] if (folder / REFERENCE).is_file() else []),
+            *_run_files(folder, copy),
+            *_media_files(folder, copy, with_media=with_media),
+        ]
+        with zipfile.ZipFile(draft, "w", zipfile.ZIP_STORED) as archive:
+            archive.writestr(ABOUT, msgspec.json.encode(About(format=FORMAT, version=VERSION)))
+            _add(archive, files, progress)
+
+
+def _back_up_with_detections(folder: Path, copy: Path, detections: Path) -> None:
+    """Both as they were at one moment, though another process may just be giving the project its detections."""
+    for _ in range(_ATTEMPTS):
+        _back_up(folder / database.NAME, copy)
+        if copy_detections(folder, copy, detections):
+            return
+    raise InputError(
+        f"{folder / DETECTIONS}: is missing, or was changed since the project was made. It must stay as it was made: "
+        "take it from a backup."
+    )
+
+
+def _back_up(source: Path, copy: Path) -> None:
+    try:
+        with (
+            closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as old,
+            closing(sqlite3.connect(copy)) as new,
+        ):
+            old.backup(new)
+            new.execute("PRAGMA journal_mode = DELETE")
+    except sqlite3.Error as error:
+        raise InputError(f"{source}: cannot be copied ({error}). Open the project once, which checks it.") from error
+
+
+def _run_files(folder: Path, copy: Path) -> Iterator[tuple[Path, str]]:
+    """Results of the runs that the copy knows: newer ones may have come since."""
+    with closing(sqlite3.connect(copy)) as connection:
+        numbers = [number for (number,) in connection.execute("SELECT id FROM runs ORDER BY id")]
+    for number in numbers:
+        name = f"{runs.FOLDER}/{number:06d}.npz"
+        if (folder / name).is_file():
+            yield folder / name, name
+
+
+def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:
+    """Files of the video; the copy learns its place in the package."""
+    with closing(sqlite3.connect(copy)) as connection:
+        link = _link(connection)
+        if link is None or not (with_media or media.is_own(link)):
+            return []
+        path = _own_video(folder, link) if media.is_own(link) else _video_elsewhere(folder, link)
+        packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
+        connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
+        connection.commit()
+    files = [path] if path.is_file() else _files(path)
+    return [(file, packed.relative + f"/{file.name}" * (file != path)) for file in files]
+
+
+def _video_elsewhere(folder: Path, link: MediaLink) -> Path:
+    found = media.find(link, folder)
+    if found.path is None or found.problem:
+        raise InputError(f"The video cannot be packed. {found.problem} Or pack the project without it.")
+    return found.path.resolve()
+
+
+def _link(connection: sqlite3.Connection) -> MediaLink | None:
+    (text,) = connection.execute("SELECT media FROM clip").fetchone()
+    return None if text is None else msgspec.json.decode(text, type=MediaLink)
+
+
+def _own_video(folder: Path, link: MediaLink) -> Path:
+    """A video in the project. Raises InputError if one of its files, links followed, lies elsewhere."""
+    path, own = folder / link.relative, folder.resolve() / media.FOLDER
+    for file in (path, *([] if path.is_file() else _files(path))):
+        if not file.resolve().is_relative_to(own):
+            raise InputError(
+                f"{folder}: was not packed: its video {link.relative!r} leads to {file.resolve()}, out of its folder "
+                f"{media.FOLDER}. Put the files themselves there."
+            )
+    return path
+
+
+def _files(folder: Path) -> list[Path]:
+    """The visible ones of a folder."""
+    return sorted(file for file in folder.iterdir() if file.is_file() and file.name[0] != ".")
+
+
+def _add(archive: zipfile.ZipFile, files: list[tuple[Path, str]], progress: Progress | None) -> None:
+    whole, done = sum(file.stat().st_size for file, _ in files) or 1, 0
+    for file, name in files:
+        # Videos, images and most npz get no smaller; the database does.
+        entry = zipfile.ZipInfo.from_file(file, name, strict_timestamps=False)
+        entry.compress_type = zipfile.ZIP_DEFLATED if file.suffix in (".sqlite", ".npz") else zipfile.ZIP_STORED
+        with file.open("rb") as source, archive.open(entry, "w", force_zip64=True) as target:
+            while block := source.read(_BLOCK):
+                target.write(block)
+                done += len(block)
+                if progress:
+                    progress(min(1.0, done / whole))
+
+
+# --- unpacking ---
+
+
+def unpack(path: Path, folder: Path) -> None:
+    """Make a project of a packed one.
+
+    Args:
+        path: The file.
+        folder: Does not exist yet, or is empty; appears when it is whole.
+
+    Raises:
+        InputError: It is no packed project, is damaged, comes from a newer tcfit, or holds what none holds; or the
+            folder cannot be written. Nothing is left then.
+    """
+    folder = folder.resolve()
+    with accessing(folder):
+        check_free(folder)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".partial", dir=folder.parent) as name:
+            held = Lock(Path(name))  # or whoever makes a project of this name would sweep it away
+            try:
+                draft = Path(name) / folder.name
+                draft.mkdir()
+                _extract(path, draft)
+                Project.open(draft).close()  # what cannot be opened is refused here
+                _check_link(path, draft)
+                if folder.exists():
+                    folder.rmdir()
+                draft.rename(folder)
+            finally:
+                held.release()
+        sync(folder.parent)
+
+
+def packed_creation_time(path: Path) -> str:
+    """`creation_time` of a packed project, of which nothing else is unpacked.
+
+    Raises:
+        InputError: As `unpack`.
+    """
+    with tempfile.TemporaryDirectory(prefix="tcfit-look-") as name:
+        _extract(path, Path(name), only=database.NAME)
+        return creation_time(Path(name))
+
+
+def _extract(path: Path, draft: Path, *, only: str | None = None) -> None:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            _check_about(path, archive)
+            _check_entries(path, entries)
+            wanted = [entry for entry in entries if entry.filename != ABOUT and only in (None, entry.filename)]
+            _check_space(path, wanted, draft)
+            for entry in wanted:
+                _extract_entry(archive, entry, draft / entry.filename)
+    except InputError:  # is a ValueError, too
+        raise
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: is not there; expected a project as one file ({SUFFIX}).") from error
+    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
+        raise InputError(f"{path}: is damaged ({error}). Copy it again, or have it packed again.") from error
+
+
+def _check_about(path: Path, archive: zipfile.ZipFile) -> None:
+    try:
+        with archive.open(ABOUT) as file:
+            about = msgspec.json.decode(file.read(_BLOCK), type=About)
+    except (KeyError, msgspec.DecodeError) as error:
+        raise InputError(
+            f"{path}: is no packed project; expected one that `tcfit export --formats project` made."
+        ) from (error)
+    if about.format != FORMAT:
+        raise InputError(f"{path}: is a {about.format!r}; expected a {FORMAT!r}.")
+    if about.version > VERSION:
+        raise InputError(
+            f"{path}: is of version {about.version}, and this tcfit knows versions up to {VERSION}: update tcfit."
+        )
+
+
+def _check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
+    """Only what `pack` writes: nothing that leaves the folder, no links, no bombs, no name twice."""
+    refusal = f"{path}: was not unpacked: it holds"
+    if len(entries) > MOST_ENTRIES:
+        raise InputError(f"{refusal} {len(entries)} files; expected {MOST_ENTRIES} at most.")
+    seen: set[str] = set()
+    for entry in entries:
+        name = entry.filename
+        kind = stat.S_IFMT(entry.external_attr >> 16)
+        if not _is_ours(name) or kind not in (0, stat.S_IFREG):
+            raise InputError(f"{refusal} {name[:100]!r}, which no project of tcfit has.")
+        if entry.flag_bits & 1:
+            raise InputError(f"{refusal} {name[:100]!r} encrypted. Have it packed without a password.")
+        if name.casefold() in seen:
+            raise InputError(f"{refusal} {name[:100]!r} twice.")
+        if entry.file_size > MOST_RATIO * max(1, entry.compress_size):
+            raise InputError(f"{refusal} {name[:100]!r}, which claims to be {entry.file_size} bytes and cannot be.")
+        seen.add(name.casefold())
+
+
+def _is_ours(name: str) -> bool:
+    """Whether `pack` gives an entry such a name."""
+    return _NAMES.fullmatch(name) is not None and not {"..", "."} & set(name.split("/"))
+
+
+def _check_link(path: Path, draft: Path) -> None:
+    """A video that is said to lie in the project does, or lies nowhere."""
+    with closing(sqlite3.connect(draft / database.NAME)) as connection:
+        link = _link(connection)
+    if link is not None and media.is_own(link) and not _is_ours(link.relative):
+        raise InputError(
+            f"{path}: was not unpacked: it says that its video is {link.relative[:100]!r}, which none of tcfit's is."
+        )
+
+
+def _check_space(path: Path, entries: list[zipfile.ZipInfo], draft: Path) -> None:
+    needed, free = sum(entry.file_size for entry in entries), shutil.disk_usage(draft).free
+    if needed > min(MOST_BYTES, free):
+        raise InputError(f"{path}: needs {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free. Free some space.")
+
+
+def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    left = entry.file_size
+    with archive.open(entry) as source, target.open("xb") as file:
+        while block := source.read(_BLOCK):
+            left -= len(block)
+            if left < 0:
+                raise zipfile.BadZipFile(f"{entry.filename} is longer than it says")
+            file.write(block)
+    if left:
+        raise zipfile.BadZipFile(f"{entry.filename} is shorter than it says")
+    sync(target)

@@ -1,0 +1,337 @@
+"""A project on the disk: a clip, all corrections of its keypoints, all fits, and what a reviewer said.
+
+A project is a folder:
+
+| file | |
+|---|---|
+| project.sqlite | clip, log of edits, runs with their settings, review marks (`storage/database.py` has the tables) |
+| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137); stay once there are any |
+| runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
+| reference.npz | what fits are compared with, where something is known |
+| media/ | the video or images, if they were copied; else the database knows where they are |
+| project.lock | held by the one process that writes |
+
+What a method that changes something has returned from is on the disk. A process that dies leaves a project that opens
+as if it had been closed after the last such return.
+"""
+
+import glob
+import os
+import shutil
+import sqlite3
+import threading
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+import numpy as np
+
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.keypoints import Keypoints
+from fitting_core.measure.reference.reference import Reference
+from tcfit_app.project.edits.corrected import Corrected
+from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
+from tcfit_app.project.edits.kinds import Edit
+from tcfit_app.project.storage import database, media
+from tcfit_app.project.storage.clip import read_clip, replace_detections, write_clip
+from tcfit_app.project.storage.database import Database
+from tcfit_app.project.storage.durable import accessing, sweep, sync
+from tcfit_app.project.storage.lock import Lock, ProjectLocked
+from tcfit_app.project.storage.marks import Marks
+from tcfit_app.project.storage.media import Media
+from tcfit_app.project.storage.reference import store_reference, stored_reference
+from tcfit_app.project.storage.runs import Runs
+
+_DRAFT = ".partial"
+
+
+class Project:
+    """An open project; a context manager. Thread-safe."""
+
+    def __init__(self, folder: Path, store: Database, held: Lock | None) -> None:
+        """Use `create` or `open`."""
+        self.folder = folder
+        stored, link = read_clip(folder, store)
+        self.media: Media = media.find(link, folder)
+        """Where the video or images were when the project was opened, and what is wrong with them."""
+        self.runs, self.marks = Runs(folder, store), Marks(store, len(stored))
+        self._stored, self._database, self._lock = stored, store, held
+        self._clip: Clip | None = None
+        self._detected = bool((stored.keypoints.confidence > 0).any())
+        self._guard = threading.RLock()
+        self._reference: Reference | None = None
+        self._looked = False
+        if held:
+            with accessing(folder):
+                sweep(folder)
+            self.runs.recover()
+        self._log = [_entry(row, store.path) for row in store.rows("SELECT * FROM edits ORDER BY id")]
+        try:
+            self._history = EditHistory(stored.keypoints, self._log)
+        except InputError as error:
+            raise InputError(f"{store.path}: its log of edits is damaged. {error}") from error
+
+    @staticmethod
+    def create(folder: Path, clip: Clip, *, copy_media: bool = False) -> "Project":
+        """Make a project and open it.
+
+        Args:
+            folder: Does not exist yet, or is empty.
+            clip: Its keypoints become the detections, its source the project's media.
+            copy_media: Copy the source into the project; else it is linked.
+
+        Raises:
+            InputError: The folder holds something, or cannot be written; the source cannot be read.
+        """
+        folder = folder.resolve()
+        with accessing(folder):
+            check_free(folder)
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            _sweep_drafts(folder)
+            draft = folder.with_name(f".{folder.name}.{os.getpid()}{_DRAFT}")
+            draft.mkdir()
+            try:
+                held = Lock(draft)
+                try:
+                    write_clip(draft, folder, clip, copy_media=copy_media)
+                finally:
+                    held.release()
+                check_free(folder)
+                if folder.exists():
+                    folder.rmdir()  # Windows replaces no folder.
+                draft.rename(folder)
+            except BaseException:
+                shutil.rmtree(draft, ignore_errors=True)
+                raise
+            sync(folder.parent)
+        return Project.open(folder)
+
+    @staticmethod
+    def open(folder: Path, *, read_only: bool = False) -> "Project":
+        """Open a project. There is one writer at a time, and any number of readers.
+
+        A reader sees edits as they were when it opened, runs and marks as they are.
+
+        Raises:
+            ProjectLocked: Another one is writing; read-only it can be opened.
+            InputError: It is no project, is damaged, comes from a newer tcfit, or cannot be written.
+        """
+        with accessing(folder):
+            if not (folder / database.NAME).is_file():
+                raise InputError(f"{folder}: is no project of tcfit: it has no {database.NAME}. `tcfit new` makes one.")
+            held = None if read_only else Lock(folder)
+        store = None
+        try:
+            store = Database(folder / database.NAME, read_only=read_only)
+            return Project(folder, store, held)
+        except BaseException:
+            if store:
+                store.close()
+            if held:
+                held.release()
+            raise
+
+    @property
+    def read_only(self) -> bool:
+        """Whether nothing can be changed."""
+        return self._lock is None
+
+    @property
+    def detections(self) -> Keypoints:
+        """What was detected, in arrays that cannot be written."""
+        return self._stored.keypoints
+
+    @property
+    def corrected(self) -> Corrected:
+        """The keypoints as they stand, with marks of what was edited and what is bad."""
+        with self._guard:
+            return self._history.corrected
+
+    @property
+    def clip(self) -> Clip:
+        """What is to be fitted now: corrected keypoints, and the source where it is now."""
+        with self._guard:
+            keypoints, source = self._history.keypoints, self.media.path
+            if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != source:
+                self._clip = replace(self._stored, keypoints=keypoints, source=source)
+            return self._clip
+
+    @property
+    def has_detections(self) -> bool:
+        """Whether anything was detected in any frame; without that, `take_detections` can be called."""
+        return self._detected
+
+    def take_detections(self, keypoints: Keypoints, notes: tuple[str, ...] = ()) -> None:
+        """Give a project that was made without keypoints its detections; when this returns, they are on the disk.
+
+        Args:
+            keypoints: Of every frame of the clip.
+            notes: For the user, added to those of the clip.
+
+        Raises:
+            InputError: It has detections, the keypoints are of another number of frames or none, or the project cannot
+                be written; nothing has changed.
+        """
+        with self._guard:
+            if self.has_detections:
+                raise InputError(f"{self.folder}: has its keypoints already. Make a new project for others.")
+            if len(keypoints) != len(self._stored):
+                raise InputError(
+                    f"Found keypoints of {len(keypoints)} frames; expected {len(self._stored)}, the clip's."
+                )
+            if not (keypoints.confidence > 0).any():
+                raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
+            stored = replace(self._stored, keypoints=_fixed(keypoints), notes=(*self._stored.notes, *notes))
+            history = EditHistory(stored.keypoints, self._log)
+            replace_detections(self.folder, self._database, stored.keypoints, stored.notes)
+            self._stored, self._history, self._detected = stored, history, True
+
+    def relink(self, source: Path) -> None:
+        """Say where the video or the images are now.
+
+        Raises:
+            InputError: There is nothing, or the project cannot be written.
+        """
+        link = media.link(source, self.folder)
+        with self._guard:
+            with self._database.transaction() as connection:
+                connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
+            self.media = media.find(link, self.folder)
+
+    @property
+    def reference(self) -> Reference | None:
+        """What fits are compared with, None if nothing is known. Raises InputError if its file is damaged."""
+        with self._guard:
+            if not self._looked:
+                self._reference, self._looked = stored_reference(self.folder), True
+            return self._reference
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Keep what fits are compared with from now on; when this returns, it is on the disk.
+
+        Raises:
+            InputError: It has no frame in common with the clip, or the project cannot be written.
+        """
+        if self.read_only:
+            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+        if reference is not None:
+            reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
+        with self._guard:
+            store_reference(self.folder, reference)
+            self._reference, self._looked = reference, True
+
+    @property
+    def log(self) -> tuple[LogEntry, ...]:
+        """Everything that was done to the keypoints, oldest first."""
+        with self._guard:
+            return tuple(self._log)
+
+    @property
+    def last_edit(self) -> int:
+        """Id of the last entry of the log, 0 without any: which state of the keypoints a run has seen."""
+        with self._guard:
+            return self._log[-1].id if self._log else 0
+
+    @property
+    def undoable(self) -> LogEntry | None:
+        """The edit that `undo` would take back."""
+        with self._guard:
+            return self._history.undoable
+
+    @property
+    def redoable(self) -> LogEntry | None:
+        """The edit that `redo` would bring back."""
+        with self._guard:
+            return self._history.redoable
+
+    def append(self, edit: Edit, *, author: str = "") -> LogEntry:
+        """Make an edit; when this returns, it is on the disk.
+
+        Raises:
+            InputError: The edit makes no sense for this clip, or the project cannot be written; nothing has changed.
+        """
+        return self._append(edit, author)
+
+    def undo(self, *, author: str = "") -> LogEntry | None:
+        """Take the last edit back; returns that edit, or None if there is none. Raises InputError as `append`."""
+        with self._guard:
+            if edit := self._history.undoable:
+                self._append(Undo(edit=edit.id), author)
+            return edit
+
+    def redo(self, *, author: str = "") -> LogEntry | None:
+        """Bring back what was undone last; returns that edit, or None. Raises InputError as `append`."""
+        with self._guard:
+            if edit := self._history.redoable:
+                self._append(Redo(edit=edit.id), author)
+            return edit
+
+    def _append(self, action: Action, author: str) -> LogEntry:
+        with self._guard:
+            text = encode(action)
+            action = decode(text)  # What could not be read back must not get into the log.
+            self._history.check(action)
+            time = datetime.now(UTC)
+            with self._database.transaction() as connection:
+                values = (time.isoformat(), author, text)
+                added = connection.execute("INSERT INTO edits (time, author, action) VALUES (?, ?, ?)", values)
+            number = added.lastrowid
+            assert number is not None
+            entry = LogEntry(id=number, time=time, author=author, action=action)
+            self._history.add(entry)
+            self._log.append(entry)
+            return entry
+
+    def close(self) -> None:
+        """Let others write; this object is of no use any more."""
+        with self._guard:
+            self._database.close()
+            if self._lock:
+                self._lock.release()
+                self._lock = None
+
+    def __enter__(self) -> "Project":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def _fixed(keypoints: Keypoints) -> Keypoints:
+    """The same as detections, in arrays of their own which nobody can write to."""
+    xy, confidence = (np.array(array, dtype=float) for array in (keypoints.xy, keypoints.confidence))
+    for array in (xy, confidence):
+        array.setflags(write=False)
+    return Keypoints(xy=xy, confidence=confidence)
+
+
+def check_free(folder: Path) -> None:
+    """Raises InputError if no project can be made in a folder, which may not exist."""
+    if (folder / database.NAME).exists():
+        raise InputError(f"{folder}: is a project already. Open it, or choose another folder.")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; expected a folder, which may not exist yet.")
+    if names := sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []:
+        raise InputError(f"{folder}: holds other files ({', '.join(names[:4])}). Choose a folder that is empty or new.")
+
+
+def _sweep_drafts(folder: Path) -> None:
+    """Delete projects that were to become this folder when their process died."""
+    for draft in folder.parent.glob(f".{glob.escape(folder.name)}.*{_DRAFT}"):
+        try:
+            held = Lock(draft)
+        except ProjectLocked:
+            continue
+        held.release()
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _entry(row: sqlite3.Row, path: Path) -> LogEntry:
+    try:
+        time = datetime.fromisoformat(row["time"])
+        return LogEntry(id=row["id"], time=time, author=row["author"], action=decode(row["action"]))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{path}: entry {row['id']} of its log of edits cannot be read. {error}") from error

@@ -1,0 +1,130 @@
+"""A fit on the disk: runs/<id>.npz, which gives back the FitResult but for its configuration.
+
+| key | shape | |
+|---|---|---|
+| phase1_betas, phase1_body_pose, ... | (T, ...) | BodyParams of each finished phase |
+| phase1_frame_cost | (T,) | cost of each frame |
+| phase1_objective | (n,) | mean cost by term; their names stand in about |
+| observed | (T, 55) | as in FitResult |
+| about | () | JSON: camera, phases, warnings, pose prior, format |
+
+It reads with np.load(allow_pickle=False).
+"""
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import torch
+
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz
+from fitting_core.fit.result import FitResult, PhaseResult
+from tcfit_app.project.storage.durable import accessing, durable
+
+FORMAT = "tcfit run 1"
+_NAMES = tuple(f.name for f in fields(BodyParams))
+_WIDTHS = {name: tensor.shape[1] for name, tensor in vars(BodyParams.neutral(0)).items()}
+_HANDS = ("left_hand_pose", "right_hand_pose")
+
+
+class _Phase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    phase: int
+    terms: tuple[str, ...]
+    seconds: float
+    notes: tuple[str, ...]
+
+
+class _About(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    format: str
+    camera: Camera
+    phases: tuple[_Phase, ...]
+    warnings: tuple[str, ...]
+    pose_prior: str
+    sharpness: float | None = None
+
+
+def write_run(path: Path, fit: FitResult) -> None:
+    """Write a fit; when this returns, it is on the disk.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    phases = tuple(
+        _Phase(phase=p.phase, terms=tuple(p.objective), seconds=float(p.seconds), notes=p.notes) for p in fit.phases
+    )
+    about = _About(
+        format=FORMAT,
+        camera=fit.camera,
+        phases=phases,
+        warnings=fit.warnings,
+        pose_prior=fit.pose_prior,
+        sharpness=fit.sharpness,
+    )
+    arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
+    for p in fit.phases:
+        prefix = f"phase{p.phase}_"
+        arrays |= {prefix + name: getattr(p.params, name).detach().cpu().numpy() for name in _NAMES}
+        arrays |= {f"{prefix}frame_cost": p.frame_cost, f"{prefix}objective": np.array([*p.objective.values()], float)}
+    with accessing(path), durable(path) as draft:
+        np.savez(draft, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
+
+
+def read_run(path: Path, config: FitConfig) -> FitResult:
+    """Read what `write_run` wrote.
+
+    Args:
+        path: The file.
+        config: The run's configuration, which the database has.
+
+    Raises:
+        InputError: It is missing, damaged, or no run of tcfit.
+    """
+    try:
+        arrays = read_npz(path)
+        about = msgspec.json.decode(str(arrays["about"]), type=_About)
+        if about.format != FORMAT:
+            raise ValueError(f"it is a {about.format!r}, expected {FORMAT!r}")
+        phases = tuple(_phase(arrays, p) for p in about.phases)
+        observed = _shaped(arrays, "observed", (len(phases[0].params), 55)).astype(bool)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: is missing; expected the result of a run. Fit again.") from error
+    except (OSError, KeyError, IndexError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: is no complete result of a run ({error}). Fit again.") from error
+    return FitResult(
+        phases=phases,
+        camera=about.camera,
+        config=config,
+        observed=observed,
+        warnings=about.warnings,
+        pose_prior=about.pose_prior,
+        sharpness=about.sharpness,
+    )
+
+
+def _phase(arrays: dict[str, np.ndarray], about: _Phase) -> PhaseResult:
+    prefix = f"phase{about.phase}_"
+    frames, components = map(int, arrays[f"{prefix}{_HANDS[0]}"].shape)
+    widths = _WIDTHS | dict.fromkeys(_HANDS, components)
+    params = {n: torch.from_numpy(_shaped(arrays, prefix + n, (frames, widths[n]))) for n in _NAMES}
+    costs = _shaped(arrays, f"{prefix}objective", (len(about.terms),))
+    return PhaseResult(
+        phase=about.phase,
+        params=BodyParams(**params),
+        objective=dict(zip(about.terms, costs.tolist(), strict=True)),
+        frame_cost=_shaped(arrays, f"{prefix}frame_cost", (frames,)),
+        seconds=about.seconds,
+        notes=about.notes,
+    )
+
+
+def _shaped(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    array = arrays[name]
+    if array.shape != shape:
+        raise ValueError(f"{name} has the shape {array.shape}, expected {shape}")
+    return array

@@ -1,0 +1,106 @@
+"""The review app: the one loop that draws, and the tabs that it draws."""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+
+import viser
+
+from tcfit_app.fitting.notices import Notice
+from tcfit_app.review.page import Page
+from tcfit_app.review.session import Session
+from tcfit_app.review.shared.desk import Desk
+from tcfit_app.review.view_state import ViewState
+
+TICK = 1 / 60
+"""Seconds between two drawings while something moves."""
+REST = 0.25
+"""Seconds between two drawings while nothing does: messages end, the worker's news are looked for."""
+_log = logging.getLogger(__name__)
+
+
+class ReviewApp:
+    """Draws a session in every tab that is connected to a server.
+
+    Args:
+        session: the open project.
+        server: behind its gate.
+    """
+
+    def __init__(self, session: Session, server: viser.ViserServer) -> None:
+        self.session = session
+        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self.desk = Desk(session, lambda: self.post(lambda: None))
+        self.pages: dict[int, Page] = {}
+        self._remembered: dict[str, ViewState] = {}
+        session.tell = self._tell
+        session.worker.outbox.arrived = lambda: self.post(lambda: None)
+        server.on_client_connect(self._connected)
+        server.on_client_disconnect(self._disconnected)
+
+    async def _connected(self, client: viser.ClientHandle) -> None:
+        self.post(lambda: self._open(client))
+
+    async def _disconnected(self, client: viser.ClientHandle) -> None:
+        self.post(lambda: self._close(client.client_id))
+
+    def post(self, command: Callable[[], None]) -> None:
+        """Do something on the drawing thread, soon; from any thread."""
+        self._commands.put(command)
+
+    def _open(self, client: viser.ClientHandle) -> None:
+        self.pages[client.client_id] = Page(client, self.desk, self.post, self._remembered)
+
+    def _close(self, client: int) -> None:
+        if (page := self.pages.pop(client, None)) is not None:
+            page.close()
+
+    def _tell(self, notice: Notice) -> None:
+        for page in self.pages.values():
+            page.notify(notice)
+
+    def run(self) -> None:
+        """Draw until `stop` is called."""
+        self.desk.warm_up()  # while the browser loads the page
+        while not self._stop.is_set():
+            self._obey(TICK if self._moving() else REST)
+            self._attempt("take the worker's news", self.session.take_news)
+            now = time.monotonic()
+            for page in list(self.pages.values()):
+                self._attempt("draw", partial(page.draw, now))
+
+    def stop(self) -> None:
+        """End `run`, from any thread."""
+        self._stop.set()
+        self.post(lambda: None)
+
+    def close(self) -> None:
+        """End all work. What was done is on the disk."""
+        for page in self.pages.values():
+            page.close()
+        self.session.close()
+        self.desk.close()
+
+    def _moving(self) -> bool:
+        return any(page.state.playing for page in self.pages.values())
+
+    def _obey(self, patience: float) -> None:
+        """Do what was asked for, waiting a while for the first."""
+        try:
+            command = self._commands.get(timeout=patience)
+            while True:
+                self._attempt("obey", command)
+                command = self._commands.get_nowait()
+        except queue.Empty:
+            return
+
+    def _attempt(self, what: str, do: Callable[[], None]) -> None:
+        """The loop outlives whatever goes wrong in it."""
+        try:
+            do()
+        except Exception:
+            _log.exception("The review app could not %s", what)

@@ -1,0 +1,265 @@
+"""Everything that a key or the command palette can do, in one table."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tcfit_app.review.browser.page_states import KeyBinding
+from tcfit_app.review.view_state import MODES, Mode
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """A key as browsers name it: `KeyboardEvent.code`, or `.key` for signs."""
+
+    code: str
+    shift: bool = False
+    ctrl: bool = False
+    """Control; Command on a Mac."""
+
+    def __str__(self) -> str:
+        name = NAMES.get(self.code, self.code.removeprefix("Key").removeprefix("Digit"))
+        return "+".join([*(["Ctrl"] if self.ctrl else []), *(["Shift"] if self.shift else []), name])
+
+
+NAMES = {
+    "ArrowLeft": "←",
+    "ArrowRight": "→",
+    "ArrowUp": "↑",
+    "ArrowDown": "↓",
+    "Escape": "Esc",
+    "BracketLeft": "[",
+    "BracketRight": "]",
+    "Slash": "/",
+}
+"""Of keys whose code is not their name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Action:
+    """One command."""
+
+    title: str
+    run: Callable[["Page"], None]
+    keys: tuple[Key, ...] = ()
+    group: str = ""
+    family: str = ""
+    """What it and its neighbours of the same family do together: they share a line in lists of keys."""
+    repeats: bool = False
+    """Whether it goes on while its key is held down."""
+
+    @property
+    def key_text(self) -> str | None:
+        """Its keys, for the user."""
+        return " or ".join(map(str, self.keys)) or None
+
+
+def _keys(*codes: str, shift: bool = False, ctrl: bool = False) -> tuple[Key, ...]:
+    return tuple(Key(code=code, shift=shift, ctrl=ctrl) for code in codes)
+
+
+def _step(frames: int) -> Callable[["Page"], None]:
+    return lambda page: page.step(frames)
+
+
+def _toggle(name: str) -> Callable[["Page"], None]:
+    return lambda page: page.set(**{name: not getattr(page.state, name)})
+
+
+def _set_mode(page: "Page", mode: Mode) -> None:
+    page.set_mode(mode)
+
+
+def _nudge(dx: float, dy: float) -> Callable[["Page"], None]:
+    return lambda page: page.correcting.nudge(dx, dy)
+
+
+def _escape(page: "Page") -> None:
+    page.correcting.abandon()
+    page.set(selection=(), **({} if page.state.selection else {"frames": None}))
+
+
+def _edge(page: "Page", *, first: bool) -> None:
+    frame, frames = page.state.frame, page.state.frames
+    start, last = (frames[0], frames[-1]) if frames is not None else (frame, frame)
+    start, last = (frame, max(frame, last)) if first else (min(start, frame), frame)
+    page.set(frames=range(start, last + 1))
+
+
+ACTIONS: dict[str, Action] = {
+    "play": Action(title="Play or pause", run=lambda p: p.toggle_playing(), keys=_keys("Space"), group="Playing"),
+    **{
+        name: Action(
+            title=title,
+            run=_step(frames),
+            keys=_keys(code, shift=abs(frames) > 1),
+            group="Playing",
+            family="A frame back, on" if abs(frames) == 1 else f"{abs(frames)} frames back, on",
+            repeats=True,
+        )
+        for name, title, frames, code in (
+            ("previous", "Previous frame", -1, "ArrowLeft"),
+            ("next", "Next frame", 1, "ArrowRight"),
+            ("previous10", "10 frames back", -10, "ArrowLeft"),
+            ("next10", "10 frames on", 10, "ArrowRight"),
+        )
+    },
+    "first": Action(
+        title="First frame",
+        run=lambda p: p.step(-p.length),
+        keys=_keys("Home"),
+        group="Playing",
+        family="First, last frame",
+    ),
+    "last": Action(
+        title="Last frame",
+        run=lambda p: p.step(p.length),
+        keys=_keys("End"),
+        group="Playing",
+        family="First, last frame",
+    ),
+    "loop": Action(title="Loop or not", run=_toggle("loop"), keys=_keys("KeyL"), group="Playing"),
+    **{
+        mode: Action(
+            title=f"Mode: {name}",
+            run=partial(_set_mode, mode=mode),
+            keys=_keys(f"Digit{number}"),
+            group="View",
+            family=f"Mode {', '.join(MODES.values())}",
+        )
+        for number, (mode, name) in enumerate(MODES.items(), 1)
+    },
+    "blink": Action(title="Blink: A in B's place", run=_toggle("blinked"), keys=_keys("KeyB"), group="View"),
+    "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("KeyM"), group="View"),
+    "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("KeyK"), group="View"),
+    "wireframe": Action(title="Wireframe on or off", run=_toggle("wireframe"), keys=_keys("KeyG"), group="View"),
+    "difference": Action(
+        title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD"), group="View"
+    ),
+    "fit_view": Action(title="Whole picture", run=lambda p: p.picture.reset_camera(), keys=_keys("KeyF"), group="View"),
+    "zoom": Action(
+        title="Zoom to the selected keypoints",
+        run=lambda p: p.picture.zoom_to_selection(),
+        keys=_keys("KeyZ"),
+        group="View",
+    ),
+    "bad": Action(
+        title="Mark bad, or restore", run=lambda p: p.correcting.toggle_bad(), keys=_keys("KeyX"), group="Keypoints"
+    ),
+    "reset": Action(
+        title="Reset to the detection",
+        run=lambda p: p.correcting.reset(),
+        keys=_keys("Backspace", "Delete"),
+        group="Keypoints",
+    ),
+    "copy": Action(
+        title="Copy from the previous frame",
+        run=lambda p: p.correcting.copy_previous(),
+        keys=_keys("KeyC"),
+        group="Keypoints",
+    ),
+    "interpolate": Action(
+        title="Interpolate", run=lambda p: p.correcting.interpolate(), keys=_keys("KeyI"), group="Keypoints"
+    ),
+    "swap_body": Action(
+        title="Swap left and right of the body",
+        run=lambda p: p.correcting.swap_sides("body"),
+        keys=_keys("KeyS"),
+        group="Keypoints",
+    ),
+    "swap_hands": Action(
+        title="Swap the hands",
+        run=lambda p: p.correcting.swap_sides("hands"),
+        keys=_keys("KeyS", shift=True),
+        group="Keypoints",
+    ),
+    **{
+        f"nudge_{name}": Action(
+            title=f"Nudge {name} by 1 px",
+            run=_nudge(dx, dy),
+            keys=_keys(code, ctrl=True),
+            group="Keypoints",
+            family="Nudge by 1 px",
+            repeats=True,
+        )
+        for name, code, dx, dy in (
+            ("left", "ArrowLeft", -1.0, 0.0),
+            ("right", "ArrowRight", 1.0, 0.0),
+            ("up", "ArrowUp", 0.0, -1.0),
+            ("down", "ArrowDown", 0.0, 1.0),
+        )
+    },
+    "all": Action(
+        title="Select all keypoints on show",
+        run=lambda p: p.correcting.select_all(),
+        keys=_keys("KeyA", ctrl=True),
+        group="Keypoints",
+    ),
+    "escape": Action(title="Cancel, select nothing", run=_escape, keys=_keys("Escape"), group="Keypoints"),
+    "undo": Action(
+        title="Undo", run=lambda p: p.correcting.undo(), keys=_keys("KeyZ", ctrl=True), group="Keypoints", repeats=True
+    ),
+    "redo": Action(
+        title="Redo",
+        run=lambda p: p.correcting.redo(),
+        keys=(*_keys("KeyZ", shift=True, ctrl=True), *_keys("KeyY", ctrl=True)),
+        group="Keypoints",
+        repeats=True,
+    ),
+    "range_start": Action(
+        title="Select frames from here on",
+        run=lambda p: _edge(p, first=True),
+        keys=_keys("BracketLeft"),
+        group="Frames",
+        family="Select frames from here on, up to here",
+    ),
+    "range_end": Action(
+        title="Select frames up to here",
+        run=lambda p: _edge(p, first=False),
+        keys=_keys("BracketRight"),
+        group="Frames",
+        family="Select frames from here on, up to here",
+    ),
+    "next_suspect": Action(
+        title="Next suspicious frame",
+        run=lambda p: p.reviewing.go(1),
+        keys=_keys("KeyN"),
+        group="Frames",
+        family="Next, previous suspicious frame",
+    ),
+    "previous_suspect": Action(
+        title="Previous suspicious frame",
+        run=lambda p: p.reviewing.go(-1),
+        keys=_keys("KeyN", shift=True),
+        group="Frames",
+        family="Next, previous suspicious frame",
+    ),
+    "fine": Action(title="Looks fine, or not", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
+    "flag": Action(title="Flag, or not", run=lambda p: p.reviewing.flag(), keys=_keys("KeyT"), group="Frames"),
+    "rerun": Action(
+        title="Re-run the selected frames", run=lambda p: p.submitting.frames(), keys=_keys("KeyR"), group="Fit"
+    ),
+    "rerun_edited": Action(
+        title="Re-run around edited and flagged frames", run=lambda p: p.submitting.edited(), group="Fit"
+    ),
+    "rerun_shape": Action(title="Re-run the shape", run=lambda p: p.submitting.shape(), group="Fit"),
+    "fit": Action(
+        title="Fit everything", run=lambda p: p.submitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"
+    ),
+    "cancel": Action(title="Cancel all fitting", run=lambda p: p.session.cancel(), group="Fit"),
+    "help": Action(title="Show all keys", run=lambda p: p.show_keys(), keys=_keys("KeyH"), group="View"),
+}
+"""By the name under which the page sends them."""
+
+
+def bindings() -> tuple[KeyBinding, ...]:
+    """All keys, as the page wants them."""
+    return tuple(
+        KeyBinding(key=key.code, action=name, shift=key.shift, ctrl=key.ctrl)
+        for name, action in ACTIONS.items()
+        for key in action.keys
+    )

@@ -1,0 +1,75 @@
+"""All keys and gestures as lists: the app's window of keys, and the table in README.md."""
+
+from itertools import groupby
+
+from tcfit_app.review.gestures.actions import ACTIONS, Action, Key
+from tcfit_app.review.panels.elements.html import Html, button, heading, joined, line, table, tag
+
+GESTURES = {
+    "In the picture": (
+        ("Click", "Select a keypoint"),
+        ("Drag", "Move the selected keypoints; the fit follows"),
+        ("Shift+click", "Add a keypoint to the selection, or take it out"),
+        ("Shift+drag", "Select the keypoints in a rectangle"),
+        ("Wheel, right drag", "Zoom, pan"),
+    ),
+    "In 3D": (
+        ("Drag", "Turn the view"),
+        ("Wheel, right drag", "Zoom, pan"),
+    ),
+    "In the timeline": (
+        ("Click, drag", "Go to a frame"),
+        ("Shift+drag", "Select frames"),
+        ("Double click", "Select no frames"),
+        ("Wheel", "Zoom; with Shift, or sideways, scroll"),
+    ),
+}
+"""What the pointer does (`browser/js/`), by place: the gesture, and its effect."""
+
+
+def key_groups() -> dict[str, list[tuple[str, str]]]:
+    """Keys and what they do, by group of ACTIONS: actions of one family in one line."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for (group, family, _), found in groupby((a for a in ACTIONS.values() if a.keys), _line):
+        actions = list(found)
+        keys = joined_keys(*(action.keys for action in actions))
+        groups.setdefault(group, []).append((keys, family or actions[0].title))
+    return groups
+
+
+def _line(action: Action) -> tuple[str, str, str]:
+    """The same for actions that share a line."""
+    return action.group, action.family, "" if action.family else action.title
+
+
+def joined_keys(*keys: tuple[Key, ...]) -> str:
+    """The keys of actions, as "Ctrl+← →", with modifiers that all share said once."""
+    if len(keys) == 1:
+        return " or ".join(map(str, keys[0]))
+    first = [alike[0] for alike in keys]
+    modifiers = {(key.shift, key.ctrl) for key in first}
+    if len(modifiers) > 1:
+        return ", ".join(map(str, first))
+    return " ".join([str(first[0]), *(str(key).rpartition("+")[2] for key in first[1:])])
+
+
+def keys_html() -> Html:
+    """The content of the window of keys, with the button that closes it."""
+    blocks = [_block(title, tuple(rows)) for title, rows in {**key_groups(), **GESTURES}.items()]
+    close = button("Close", "action", "help", kind="close")
+    return tag("div", joined(tag("div", joined(*blocks), class_="tcfit-keys"), close), class_="tcfit-panel")
+
+
+def _block(title: str, rows: tuple[tuple[str, str], ...]) -> Html:
+    lines = [line(tag("kbd", keys), what, whole=(0,)) for keys, what in rows]
+    return tag("section", joined(heading(title, first=True), table(lines)))
+
+
+def keys_markdown() -> str:
+    """The table in README.md."""
+    rows = [
+        (f"**{title}**" if number == 0 else "", keys, what.replace("|", "\\|"))
+        for title, lines in {**key_groups(), **GESTURES}.items()
+        for number, (keys, what) in enumerate(lines)
+    ]
+    return "\n".join(["| | keys | |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in rows)])

@@ -1,0 +1,105 @@
+"""Going through a clip's suspicious frames in one tab."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from fitting_core.errors import InputError
+from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.project.storage.marks import MarkState
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+
+
+class Reviewing:
+    """The review queue of one page, about the fit that corrections are made to."""
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+        self._last: Suspect | None = None
+        self._place = -1
+        """Of that entry in the queue: when it has left, the next one is there."""
+
+    @property
+    def suspects(self) -> tuple[Suspect, ...] | None:
+        """Suspicious frames, the worst first; None while they are looked for, or without a fit."""
+        shown = self._page.corrected_fit()
+        return None if shown is None else self._page.desk.suspects(shown)
+
+    def go(self, step: int) -> None:
+        """To the next (1) or previous (-1) entry of the queue. Raises InputError if there is none."""
+        suspects = self.suspects if self._page.session.fits.showable() else ()
+        if suspects is None:
+            raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
+        if not suspects:
+            raise InputError("There is no suspicious frame: either there is no fit yet, or all of them were looked at.")
+        gone = self._place - (step > 0) if self._last is not None else -(step > 0)
+        at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), gone)
+        self.show(suspects[(at + step) % len(suspects)])
+
+    def _is_last(self, suspect: Suspect) -> bool:
+        last = self._last
+        return last is not None and (suspect.frame, suspect.kind) == (last.frame, last.kind)
+
+    def show(self, suspect: Suspect) -> None:
+        """Go to an entry, and select what it is about."""
+        self._last = suspect
+        self._place = next((i for i, known in enumerate(self.suspects or ()) if self._is_last(known)), self._place)
+        self._page.pause()
+        self._page.seek(suspect.frame)
+        self._page.set(selection=suspect.joints, suggested=True)
+        if self._page.state.frames is not None and suspect.frame not in self._page.state.frames:
+            self._page.set(frames=None)  # else "looks fine" would be about other frames than those on show
+        self._page.say(suspect.reason)
+
+    @property
+    def _on_show(self) -> Suspect | None:
+        """The entry that was gone to last, while one of its frames is on show and no others are selected."""
+        last, state = self._last, self._page.state
+        return last if last is not None and state.frames is None and state.frame in last.frames else None
+
+    @property
+    def dismissed(self) -> tuple[int, ...]:
+        """The frames of which `dismiss` says that they look fine."""
+        shown = self._on_show
+        return tuple(shown.frames) if shown is not None else self._page.correcting.frames
+
+    def are(self, state: MarkState, frames: Sequence[int]) -> bool:
+        """Whether all of these frames are marked so."""
+        marks = self._page.session.project.marks.all()
+        return all(frame in marks and marks[frame].state == state for frame in frames)
+
+    def flag(self) -> None:
+        """The selected frames, or the one on show, need attention; or no longer, if they all did."""
+        page, frames = self._page, self._page.correcting.frames
+        page.refuse_read_only()
+        flagged = self.are("flag", frames)
+        page.session.mark(frames, None if flagged else "flag", author=page.author)
+        page.say("Flag taken away" if flagged else "Flagged")
+
+    def dismiss(self) -> None:
+        """The frames of the entry on show, or those selected, look fine, and on to the next entry; or that is taken
+        back, if it was said of them all. Of several frames those that somebody has flagged stay so."""
+        page = self._page
+        page.refuse_read_only()
+        shown, frames = self._on_show, self.dismissed
+        if self.are("checked", frames):
+            page.session.mark(frames, None, author=page.author)
+            page.say("No longer marked as looking fine")
+            return
+        marks = page.session.project.marks.all()
+        fine = [f for f in frames if len(frames) == 1 or f not in marks or marks[f].state != "flag"]
+        flagged = len(frames) - len(fine)
+        if not fine:
+            raise InputError("All of these frames are flagged: take the flags away first (T).")
+        # Before the mark: after it, the queue is made anew.
+        queue = self.suspects or ()
+        page.session.mark(fine, "checked", author=page.author)
+        page.say(f"Looks fine, but for {flagged} flagged" if flagged else "Looks fine")
+        if shown is None:
+            return
+        at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)
+        rest = [suspect for suspect in (*queue[at + 1 :], *queue[: at + 1]) if suspect.frame not in frames]
+        if rest:
+            self.show(rest[0])
+            self._place = sum(suspect.frame not in frames for suspect in queue[: queue.index(rest[0])])

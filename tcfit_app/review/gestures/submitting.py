@@ -1,0 +1,93 @@
+"""What one browser's fit settings are for: whole fits, re-runs of frames, of what was edited, and of the shape."""
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from fitting_core.camera import Camera
+from fitting_core.config.settings import check
+from fitting_core.errors import InputError
+from tcfit_app.fitting.fits import Shown
+from tcfit_app.project.edits.edit_windows import around
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+    from tcfit_app.review.view_state import FitSettings
+
+FOCAL_SOURCE = "set in the review"
+"""Where such a focal length comes from."""
+
+
+class Submitting:
+    """Submits fits for one page, with its settings."""
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+
+    def everything(self) -> None:
+        """Fit all phases. Raises InputError if a setting is wrong, or it cannot be begun."""
+        settings = self._checked()
+        session = self._page.session
+        camera = camera_of(settings, session.project.clip.camera)
+        session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender, camera=camera)
+        self._page.say("Fit everything: begun")
+
+    def frames(self) -> None:
+        """Fit the selected frames of B again. Raises InputError as `everything`, and if none are selected."""
+        frames = self._page.state.frames
+        if frames is None:
+            raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
+        self._rerun((frames,))
+
+    def edited(self) -> None:
+        """Fit B again around its edited and flagged frames. Raises InputError as `everything`, and if there are none.
+
+        Edited are those that the run has not seen.
+        """
+        windows = self.edited_windows(self._base())
+        if not windows:
+            raise InputError("No frame is flagged, and none was edited since this run: there is nothing to re-run.")
+        self._rerun(windows)
+
+    def shape(self) -> None:
+        """Find B's shape again, and fit consistency under it. Raises InputError as `everything`."""
+        self._page.session.rerun_shape(self._base(), self._checked().config)
+        self._page.say("Re-run shape: begun")
+
+    def edited_windows(self, shown: Shown) -> tuple[range, ...]:
+        """The frames that `edited` fits again."""
+        session, reach = self._page.session, self._page.state.settings.reach
+        flagged = {frame for frame, mark in session.project.marks.all().items() if mark.state == "flag"}
+        return around(flagged | session.frames_edited_since(shown.run), reach, self._page.length)
+
+    def _rerun(self, windows: tuple[range, ...]) -> None:
+        self._page.session.rerun_frames(self._base(), self._checked().config, windows)
+        self._page.say("Re-run: begun")
+
+    def _base(self) -> Shown:
+        shown = self._page.corrected_fit()
+        if shown is None:
+            raise InputError("There is no fit yet to re-run: fit everything first.")
+        return shown
+
+    def _checked(self) -> "FitSettings":
+        self._page.refuse_read_only()
+        settings = self._page.state.settings
+        if settings.problems:
+            raise InputError(settings.problems[0][1])
+        check(settings.config, origin="Fit settings")
+        return settings
+
+
+def camera_of(settings: "FitSettings", camera: Camera) -> Camera:
+    """The clip's camera with the focal length that was chosen; pixels stay square if they are.
+
+    Raises:
+        InputError: It is no focal length.
+    """
+    if settings.focal is None:
+        return camera
+    if not (math.isfinite(settings.focal) and settings.focal > 0):
+        raise InputError(f"The focal length is {settings.focal:g}; expected pixels, above 0.")
+    x, y = camera.focal
+    return replace(camera, focal=(settings.focal, settings.focal * y / x), source=FOCAL_SOURCE)

@@ -1,0 +1,70 @@
+"""An input of viser's that shows part of a page's state."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import viser
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+
+Value = TypeVar("Value", str, int, float, Any)
+
+
+class Field(Generic[Value]):
+    """Lets the user set a value, and follows it when something else sets it.
+
+    viser reports what the server itself assigns, too: such echoes come without a client and are left out. And while
+    something that the user did still waits for the drawing thread, the state is behind the input and not shown in it:
+    a slider would jump back under the pointer.
+
+    Args:
+        page: its tab.
+        handle: made by `page.client.gui`.
+        take: given what the user has set, on the thread that draws.
+    """
+
+    def __init__(self, page: "Page", handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
+        self._page, self._handle, self._take = page, handle, take
+        self._given, self._taken = 0, 0  # one thread counts each
+        handle.on_update(self._updated)  # pyright: ignore[reportArgumentType]
+
+    async def _updated(self, event: viser.GuiEvent[viser.GuiInputHandle[Value]]) -> None:
+        if event.client is None:
+            return
+        self._given += 1
+        value = event.target.value
+        self._page.do(lambda: self._set(value))
+
+    def _set(self, value: Value) -> None:
+        self._taken += 1
+        self._take(value)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something was entered that the state does not know yet."""
+        return self._given != self._taken
+
+    def show(self, value: Value, *, wrong: bool = False) -> None:
+        """Bring it to the state.
+
+        Args:
+            value: of the state.
+            wrong: what was entered cannot be used, so it is not in the state, and stays where it is.
+        """
+        if not self.waiting and not wrong and self._handle.value != value:
+            self._handle.value = value
+
+
+class Dropdown(Field[str]):
+    """A Field whose options come and go."""
+
+    def __init__(self, page: "Page", handle: viser.GuiDropdownHandle[Any], take: Callable[[str], None]) -> None:
+        super().__init__(page, handle, take)
+        self._dropdown = handle
+
+    def offer(self, options: Sequence[str], value: str, *, wrong: bool = False) -> None:
+        """Bring it to these options, each of which there is only once, and to one of them; `wrong` as in `show`."""
+        if tuple(options) != self._dropdown.options:
+            self._dropdown.options = tuple(options)
+        self.show(value, wrong=wrong)

@@ -1,0 +1,200 @@
+"""HTML of the panels: buttons, rows and tables as text, and the element that shows it.
+
+Buttons come back as `page_events.Press`; their looks, and those of tables, are in `browser/js/panels.js`. Whatever is
+given as text is escaped here; only what functions of this file return is taken as HTML.
+"""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from tcfit_app.review.gestures.actions import ACTIONS, Action
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+
+
+class Html(str):
+    """Text that is HTML already, and safe."""
+
+    __slots__ = ()
+
+
+def text(value: object) -> Html:
+    """Anything as HTML; what is HTML stays as it is."""
+    return value if isinstance(value, Html) else Html(escape(str(value)))
+
+
+def joined(*parts: Html) -> Html:
+    """One after the other."""
+    return Html("".join(parts))
+
+
+def tag(name: str, content: object, **attributes: str) -> Html:
+    """An element with attributes, a trailing underscore of whose names is left out; empty ones are left out."""
+    given = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items() if value
+    )
+    return Html(f"<{name}{given}>{text(content)}</{name}>")
+
+
+def dot(color: str) -> Html:
+    """A disc of a colour, before a label."""
+    return tag("i", "", style=f"background:{color}")
+
+
+def button(
+    label: object,
+    command: str,
+    value: str = "",
+    *,
+    pressed: bool | None = None,
+    disabled: bool = False,
+    keys: str = "",
+    hint: str = "",
+    kind: str = "",
+    enter: bool = False,
+) -> Html:
+    """A button.
+
+    Args:
+        label: what is on it.
+        command: a name given to `Page.on_press`.
+        value: what that gets.
+        pressed: whether it is on, for one that switches something.
+        disabled: cannot be pressed now.
+        keys: that do the same.
+        hint: shown under the pointer.
+        kind: more of its looks: "main", "danger", "left", "mini"; "close": Escape and a click outside press it, in a
+            window.
+        enter: the Enter key in the text field above presses it.
+    """
+    shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
+    return Html(
+        f'<button type="button" data-tcfit="{escape(command)}" data-value="{escape(value)}"'
+        + (f' class="tcfit-{escape(kind)}"' if kind else "")
+        + (f' aria-pressed="{str(pressed).lower()}"' if pressed is not None else "")
+        + (f' title="{escape(hint)}"' if hint else "")
+        + (" data-enter" if enter else "")
+        + (" disabled" if disabled else "")
+        + f">{shown}</button>"
+    )
+
+
+def action(name: str, label: object, *, pressed: bool | None = None, disabled: bool = False, kind: str = "") -> Html:
+    """A button for one of ACTIONS, with its keys."""
+    known = ACTIONS[name]
+    keys = short_keys(known)
+    hint = f"{known.title} ({known.key_text})" if keys else known.title
+    return button(label, "action", name, pressed=pressed, disabled=disabled, keys=keys, hint=hint, kind=kind)
+
+
+def short_keys(known: Action) -> str:
+    """The first of an action's keys, as short as keyboards have it; empty without any."""
+    shown = str(known.keys[0]) if known.keys else ""
+    for name, sign in _SIGNS.items():
+        shown = shown.replace(name, sign)
+    return shown
+
+
+_SIGNS = {"Shift+": "⇧", "Backspace": "⌫"}
+
+
+def row(*parts: Html, label: str = "", wrap: bool = False) -> Html:
+    """Buttons beside each other, the first under viser's inputs if there is a label; with `wrap` in several lines."""
+    named = [tag("label", label)] if label else []
+    return tag("div", joined(*named, *parts), class_="tcfit-row tcfit-wrap" if wrap else "tcfit-row")
+
+
+def cells(*buttons: Html) -> Html:
+    """Buttons in two columns, for a row with a label."""
+    return tag("div", joined(*buttons), class_="tcfit-cells")
+
+
+def choice(*buttons: Html) -> Html:
+    """Buttons of which one is on, as one piece."""
+    return tag("div", joined(*buttons), class_="tcfit-joined")
+
+
+def heading(title: str, note: object = "", *, first: bool = False) -> Html:
+    """The start of a section, with a note at the right; the first in a panel has no line above it."""
+    return tag("h3", joined(tag("b", title), tag("span", note)), class_="tcfit-first" if first else "")
+
+
+def paragraph(content: object, kind: str = "") -> Html:
+    """Text whose lines stay lines; `kind` as of `words`, or "warn"."""
+    return tag("p", content, class_=f"tcfit-{kind}" if kind else "")
+
+
+def words(content: object, kind: str) -> Html:
+    """A part of a text that is "good", "bad", "dim" or "strong"; on a button "phase", which is shown whole, and "name",
+    which then gives way."""
+    return tag("span", content, class_=f"tcfit-{kind}")
+
+
+def badge(label: str, color: str) -> Html:
+    """A short dark label on a colour."""
+    return tag("b", label, class_="tcfit-badge", style=f"background:{color}")
+
+
+def progress_bar(share: float) -> Html:
+    """How far something is, 0 to 1."""
+    return tag("div", tag("div", "", class_="tcfit-bar", style=f"width:{100 * share:.1f}%"), class_="tcfit-track")
+
+
+def preformatted(content: str) -> Html:
+    """A file's text."""
+    return tag("pre", content)
+
+
+def table(rows: Iterable[Html], head: Sequence[str] = (), *, numbers: Sequence[int] = ()) -> Html:
+    """Rows made by `line`, under headings, of which those of `numbers` are aligned at the right."""
+    cells = (tag("th", name, class_="tcfit-number" if i in numbers else "") for i, name in enumerate(head))
+    return tag("table", joined(*([tag("tr", joined(*cells))] if head else []), *rows), class_="tcfit-table")
+
+
+def facts(known: Iterable[tuple[str, object]]) -> Html:
+    """Names and values beside each other."""
+    return tag("dl", joined(*(part for name, value in known for part in (tag("dt", name), tag("dd", value)))))
+
+
+def line(
+    *cells: object,
+    numbers: Sequence[int] = (),
+    whole: Sequence[int] = (),
+    kind: str = "",
+    command: str = "",
+    value: str = "",
+    hint: str = "",
+) -> Html:
+    """A table's row.
+
+    Args:
+        cells: its contents.
+        numbers: which cells are aligned at the right, and not broken.
+        whole: which others are not broken.
+        kind: "here" or "off".
+        command: as a button's, if the row can be pressed.
+        value: what that gets.
+        hint: shown under the pointer.
+    """
+    looks = dict.fromkeys(whole, "tcfit-whole") | dict.fromkeys(numbers, "tcfit-number")
+    made = [tag("td", cell, class_=looks.get(i, "")) for i, cell in enumerate(cells)]
+    return tag(
+        "tr", joined(*made), class_=f"tcfit-{kind}" if kind else "", data_tcfit=command, data_value=value, title=hint
+    )
+
+
+class Board:
+    """An element of a panel that shows HTML, and sends it when it is another."""
+
+    def __init__(self, page: "Page") -> None:
+        self._content = ""
+        self._handle = page.client.gui.add_html("")
+
+    def show(self, *parts: Html) -> None:
+        """Bring it to these parts, beneath each other; none hides it."""
+        content = tag("div", joined(*parts), class_="tcfit-panel") if parts else ""
+        if content != self._content:
+            self._content = content
+            self._handle.content = str(content)

@@ -1,0 +1,242 @@
+"""The panel Export: files of the project and its fits, as downloads of the browser."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+
+import viser
+
+from fitting_core.errors import InputError
+from fitting_core.io.motion.motion import AXES
+from tcfit_app.exports.exporting import Exporting
+from tcfit_app.exports.source import ExportedFit, ExportSource
+from tcfit_app.exports.table import EXPORTS, Export, Group
+from tcfit_app.fitting.fits import TITLES, FitChoice, Shown
+from tcfit_app.project.frame_words import in_words, numbers
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    button,
+    cells,
+    choice,
+    dot,
+    heading,
+    joined,
+    paragraph,
+    progress_bar,
+    row,
+    text,
+    words,
+)
+from tcfit_app.review.presses import one_of
+from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.view_state import ViewState
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+
+Side = Literal["A", "B"]
+_AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
+_USUAL: dict[Side, FitChoice] = {"A": ViewState().a, "B": ViewState().b}
+_FRAMES = {"all": False, "selected": True}
+"""Whether the selected frames alone are exported, by the button's value."""
+_AXES_HINT = "As the programs expect that read the format: each button's hint says which"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Wishes:
+    """What is exported, and how."""
+
+    side: Side = "B"
+    selected: bool = False
+    """The selected frames alone."""
+    axes: str = ""
+    """A name of AXES; empty: what suits the format."""
+
+
+class ExportPanel:
+    """See `Panel`."""
+
+    title: ClassVar[str] = "Export"
+    icon: ClassVar[viser.IconName] = viser.Icon.DOWNLOAD
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+        self._wishes = _Wishes()
+        self.running: Exporting | None = None
+        """The export that began last."""
+        self._files, self._said = Board(page), Board(page)
+        page.on_press("export.begin", self._begin, EXPORTS.__getitem__)
+        page.on_press("export.cancel", lambda _: self._stop())
+        page.on_press("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
+        page.on_press("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
+        page.on_press("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
+
+    def _wish(self, **changes: object) -> None:
+        self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
+
+    def _begin(self, export: Export) -> None:
+        if self.running is not None and self.running.state == "running":
+            raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
+        page = self._page
+        source = self._source(export)
+        if export.needs != "keypoints":
+            source.fit  # noqa: B018 - told before anything begins
+        if (frames := self._frames) is not None and export.group != "Project":
+            source = source[slice(frames.start, frames.stop)]
+        self.running = Exporting(
+            export,
+            source,
+            "-".join([source.name, *self._parts(export)]),
+            lambda name, content: page.client.send_file_download(name, content, save_immediately=True),
+        )
+
+    def _parts(self, export: Export) -> list[str]:
+        """What files of other runs, phases and frames are told apart by: without it they are the newest run's last
+        phase, or what A | B shows at first, and the whole clip."""
+        if export.group == "Project":
+            return []
+        page, frames = self._page, self._frames
+        known = {} if export.needs == "keypoints" else {side: _short(fit) for side, fit in self._fits().items()}
+        shown = [name for side, name in known.items() if export.both or side == self._wishes.side]
+        sides: list[Side] = ["A", "B"] if export.both else ["B"]
+        usual = [_short(fit) for side in sides if (fit := page.fit(_USUAL[side])) is not None]
+        some = [] if frames is None else [numbers(frames, page.first_frame).replace("–", "-")]
+        return [*(shown if shown != usual else []), *some]
+
+    def _source(self, export: Export) -> ExportSource:
+        """What there is, with the fits only where they are needed: their bodies may be missing."""
+        page, project = self._page, self._page.session.project
+        fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in self._fits().items()}
+        return ExportSource(
+            name=project.clip.name,
+            chosen=fits.get(self._wishes.side),
+            compared=list(fits.values()),
+            known_clip=project.clip,
+            project=page.session.project.folder,
+            axes=self._wishes.axes or None,
+        )
+
+    def _fits(self) -> dict[Side, Shown]:
+        """A and B, as far as they are there."""
+        page = self._page
+        both: dict[Side, Shown | None] = {"A": page.fit(page.state.a), "B": page.fit(page.state.b)}
+        return {side: fit for side, fit in both.items() if fit is not None}
+
+    def _exported(self, shown: Shown) -> ExportedFit:
+        page = self._page
+        return ExportedFit(shown=shown, fit=page.session.fits.fit(shown.run), meshes=page.desk.meshes(shown))
+
+    @property
+    def _frames(self) -> range | None:
+        """The selected frames, if those alone are wished for."""
+        return self._page.state.frames if self._wishes.selected else None
+
+    def _stop(self) -> None:
+        if self.running is not None:
+            self.running.cancel()
+
+    # --- drawing ---
+
+    def draw(self) -> None:
+        """See `Panel.draw`."""
+        page, fits = self._page, self._fits()
+        if page.state.frames is None and self._wishes.selected:
+            self._wish(selected=False)
+        titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
+        if page.changes.of("exported", tuple(titles.items()), page.state.frames, self._wishes):
+            self._files.show(*self._choices(titles), *self._groups(titles))
+        going = self.running
+        if going is not None and page.changes.of(
+            "export", going, going.state, going.stopping, round(100 * going.share)
+        ):
+            self._said.show(heading("Last file"), *_said(going))
+
+    def _choices(self, titles: dict[Side, str]) -> list[Html]:
+        """Which run, which frames, which axes."""
+        wishes, page = self._wishes, self._page
+        sides = [
+            button(
+                joined(dot(css(color)), *_named(side, titles.get(side, "none"))),
+                "export.side",
+                side,
+                pressed=side == wishes.side,
+                disabled=side not in titles,
+                kind="left",
+                hint=titles.get(side, ""),
+            )
+            for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
+        ]
+        selected = page.state.frames
+        some = "selected" if selected is None else in_words(selected, page.first_frame)
+        frames = [
+            button(label, "export.frames", value, pressed=wishes.selected == on, disabled=on and selected is None)
+            for label, (value, on) in zip(("all", some), _FRAMES.items(), strict=True)
+        ]
+        axes = [
+            button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
+            for value, label in _AXES.items()
+        ]
+        return [
+            heading("Files", "to this browser's downloads", first=True),
+            row(choice(sides[0]), label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
+            row(choice(sides[1]), label=" ") if titles else Html(),
+            row(choice(*frames), label="Frames"),
+            row(choice(*axes), label="Axes"),
+        ]
+
+    def _groups(self, titles: dict[Side, str]) -> list[Html]:
+        """The formats, by group."""
+        there = self._wishes.side in titles
+        rows = []
+        for group in get_args(Group):
+            buttons = [
+                button(
+                    export.title,
+                    "export.begin",
+                    name,
+                    disabled=export.needs != "keypoints" and not there,
+                    hint=export.hint,
+                )
+                for name, export in EXPORTS.items()
+                if export.group == group
+            ]
+            rows.append(row(cells(*buttons), label=group))
+        return [heading("Formats"), *rows]
+
+
+def _named(side: Side, title: str) -> list[Html]:
+    """A fit on a button. Where its run's name is too long for it, the phase stays in sight."""
+    name, _, phase = title.rpartition(" · ")
+    return [words(f"{side}: ", "phase"), words(name or phase, "name"), words(f" · {phase}" if name else "", "phase")]
+
+
+def _short(shown: Shown) -> str:
+    """A run and phase in a file's name: "run2-temporal"."""
+    run = f"run{shown.run.id}"
+    return run if shown.run.kind == "imported" else f"{run}-{TITLES[shown.phase].replace(' ', '-')}"
+
+
+def _axes_hint(name: str) -> str:
+    return f"{AXES[name].text}; counts for SMPL-X npz, BVH, OBJ and PLY" if name else _AXES_HINT
+
+
+def _said(going: Exporting) -> list[Html]:
+    """How far an export is, or how it ended."""
+    name = words(going.name, "strong")
+    if going.state == "failed":
+        return [paragraph(joined(name, text(" could not be made"))), paragraph(going.reason, "bad")]
+    if going.state == "finished":
+        sent = words("sent to the downloads", "good")
+        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(going.size)})")))]
+    if going.state == "cancelled":
+        return [paragraph(joined(name, text(": cancelled")))]
+    doing = " is being stopped …" if going.stopping else f" is being made … {going.share:.0%}"
+    return [
+        paragraph(joined(name, text(doing))),
+        progress_bar(going.share),
+        row(button("Cancel", "export.cancel", disabled=going.stopping, kind="danger")),
+    ]
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{max(1, round(count / 1e3))} kB"

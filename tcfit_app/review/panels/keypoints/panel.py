@@ -1,0 +1,194 @@
+"""The panel that corrects keypoints."""
+
+from datetime import datetime
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import viser
+
+from fitting_core.keypoints import COUNT, GROUPS
+from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.project.edits.edit_log import LogEntry, Redo, Undo
+from tcfit_app.project.edits.kinds import SIDES, Edit
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.browser.page_states import GROUP_COLORS
+from tcfit_app.review.gestures.correcting import describe
+from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    action,
+    button,
+    dot,
+    heading,
+    joined,
+    line,
+    row,
+    table,
+    text,
+)
+from tcfit_app.review.panels.keypoints.edit_history import history_table, past_edits
+from tcfit_app.review.panels.keypoints.selected_keypoints import selected_keypoints, selection_table
+from tcfit_app.review.presses import one_of
+
+if TYPE_CHECKING:
+    from tcfit_app.review.page import Page
+
+_NOTHING = "Select by name"
+_SWAPPED = ("arms", "legs")
+"""What can be swapped and has no key."""
+
+
+_JOINTS = {full_name(joint): joint for joint in range(COUNT)}
+"""Keypoints by what they are called in the dropdown."""
+assert len(_JOINTS) == COUNT
+
+
+class KeypointsPanel:
+    """Corrections, and their history."""
+
+    title: ClassVar[str] = "Keypoints"
+    icon: ClassVar[viser.IconName] = viser.Icon.HAND_CLICK
+
+    def __init__(self, page: "Page") -> None:
+        self._page = page
+        gui = page.client.gui
+        self._selected = Board(page)
+        names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
+        self._name = Dropdown(page, names, self._select)
+        self._buttons = Board(page)
+        self._by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
+        self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
+        self._exactly = Board(page)
+        self._groups = Board(page)
+        self._history = Board(page)
+        self._all_bad = False
+        self._listen()
+
+    def _listen(self) -> None:
+        page, correcting = self._page, self._page.correcting
+        page.on_press("keypoints.swap", correcting.swap_sides, one_of(SIDES))
+        page.on_press("keypoints.move", lambda _: correcting.nudge(*self._by.value))
+        page.on_press("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
+        page.on_press("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))
+        page.on_press("keypoints.restore", correcting.restore_group, one_of(GROUPS))
+        page.on_press("keypoints.group", self._select_group, one_of(GROUPS))
+        page.on_press("keypoints.follow", lambda _: self._follow_or_not())
+        page.on_press("keypoints.visit", self._visit, self._edit_of)
+
+    def _select(self, name: str) -> None:
+        if name in _JOINTS:
+            self._page.set(selection=(_JOINTS[name],))
+
+    def _select_group(self, name: str) -> None:
+        part = GROUPS[name]
+        self._page.set(selection=tuple(range(part.start, part.stop)))
+
+    def _follow_or_not(self) -> None:
+        session = self._page.session
+        session.following.after_edits = not session.following.after_edits
+
+    def _edit_of(self, number: str) -> Edit:
+        """The edit with this number in the log; raises ValueError if there is none."""
+        found = [entry.action for entry in self._page.session.project.log if entry.id == int(number)]
+        if not found or isinstance(found[0], Undo | Redo):
+            raise ValueError(number)
+        return found[0]
+
+    def _visit(self, edit: Edit) -> None:
+        page = self._page
+        page.pause()
+        page.seek(edit.frames[0])
+        page.set(selection=edit.joints)
+
+    def draw(self) -> None:
+        """Bring it to the page's state."""
+        page, state, session = self._page, self._page.state, self._page.session
+        self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
+        if page.changes.of("selected", state.selection, state.frame if state.selection else 0, session.edits):
+            self._selected.show(*selection_table(selected_keypoints(page), state.frame + page.first_frame))
+        where, bad = self._where(), self._bad()
+        if page.changes.of("keypoint buttons", where, bad, not state.selection):
+            self._draw_buttons(where, bad)
+        if page.changes.of("groups", where):
+            self._groups.show(heading("Whole groups", where), self._group_table())
+        if page.changes.of("history", session.edits, session.following.after_edits, page.author):
+            self._draw_history()
+
+    def _where(self) -> str:
+        page = self._page
+        if page.state.playing and page.state.frames is None:  # else it would change with each frame
+            return "apply to the frame on show"
+        return f"apply to {in_words(page.correcting.frames, page.first_frame)}"
+
+    def _bad(self) -> bool:
+        """Whether all that is selected is bad."""
+        page, state = self._page, self._page.state
+        if not state.selection or state.playing:
+            return False
+        if page.changes.of("bad", state.selection, page.correcting.frames, page.session.edits):
+            bad = page.session.project.corrected.bad
+            self._all_bad = bool(bad[np.ix_(page.correcting.frames, state.selection)].all())
+        return self._all_bad
+
+    def _draw_buttons(self, where: str, bad: bool) -> None:
+        page, state = self._page, self._page.state
+        off = page.session.project.read_only
+        none = off or not state.selection
+        edit = partial(action, disabled=none)
+        self._buttons.show(
+            heading("Correct", where),
+            row(edit("bad", "Restore" if bad else "Mark bad"), edit("reset", "Reset")),
+            row(edit("copy", "Copy previous"), edit("interpolate", "Interpolate")),
+            row(
+                action("swap_body", "Swap body", disabled=off),
+                *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
+                action("swap_hands", "Hands", disabled=off),
+            ),
+        )
+        self._exactly.show(
+            row(
+                button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
+                button("Set confidence", "keypoints.confidence", disabled=none),
+            ),
+        )
+
+    def _group_table(self) -> Html:
+        off = self._page.session.project.read_only
+        rows = [
+            line(
+                joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
+                joined(
+                    button("Select", "keypoints.group", name, kind="mini"),
+                    text(" "),
+                    button("Mark bad", "keypoints.bad", name, kind="mini", disabled=off),
+                    text(" "),
+                    button("Restore", "keypoints.restore", name, kind="mini", disabled=off),
+                ),
+                numbers=(1,),
+            )
+            for name in GROUPS
+        ]
+        return table(rows)
+
+    def _draw_history(self) -> None:
+        page, project = self._page, self._page.session.project
+        follow = page.session.following.after_edits
+        hint = "After an edit, the fit of its frame and the frames around is made again"
+        self._history.show(
+            heading("Corrections"),
+            row(self._step("undo", "Undo", project.undoable)),
+            row(self._step("redo", "Redo", project.redoable)),
+            row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
+            *history_table(
+                past_edits(project.log), me=page.author, first_frame=page.first_frame, now=datetime.now().astimezone()
+            ),
+        )
+
+    def _step(self, name: str, verb: str, entry: LogEntry | None) -> Html:
+        if entry is None:
+            return action(name, f"Nothing to {verb.lower()}", disabled=True, kind="left")
+        assert not isinstance(entry.action, Undo | Redo)
+        what = describe(entry.action, self._page.first_frame)
+        return action(name, f"{verb}: {what}", kind="left", disabled=self._page.session.project.read_only)

@@ -1,0 +1,209 @@
+"""What is said about runs, as HTML."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from fitting_core.camera import Camera
+from fitting_core.config.settings import value_of
+from fitting_core.errors import InputError
+from fitting_core.fit.result import FitResult, PhaseResult
+from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.storage.runs import Run, RunState
+from tcfit_app.review.panels.elements.html import Html, badge, facts, joined, line, paragraph, tag, text, words
+from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
+from tcfit_app.review.panels.fit.fit_settings import words as setting_words
+from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.session import Session
+from tcfit_app.review.status import PHASES, duration
+
+KINDS = {
+    "fit": "everything",
+    "frames": "frames",
+    "shape": "shape",
+    "corrections": "corrections",
+    "imported": "imported",
+}
+"""What a run fitted, in a word."""
+LOOKS: dict[RunState, str] = {
+    "running": "strong",
+    "finished": "good",
+    "interrupted": "warn",
+    "cancelled": "dim",
+    "failed": "bad",
+}
+"""How each state is marked."""
+_OWN = {"frames": (3,), "shape": (2, 3), "corrections": ()}
+"""Phases that a run does itself, and whose seconds are its own; the others are its parent's. All, where nothing is
+said. Corrections are patches of their parent's phase 3."""
+_BADGES = {name: badge(name, css(color)) for name, color in zip("AB", RUN_COLORS, strict=True)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listed:
+    """A run in the list."""
+
+    run: Run
+    shown_as: tuple[str, ...]
+    """ "A", "B": where it is on show."""
+    edits: int
+    """Edits since."""
+    job: RunningJob | None
+
+
+def option(run: Run) -> str:
+    """A run in a choice; names may be alike, numbers are not."""
+    return f"{run.id} · {run.name}"
+
+
+def seconds_of(run: Run) -> float | None:
+    """Of the phases that it did itself, or from its start to its end; None while it runs, or if there are none."""
+    if run.kind in ("imported", "corrections"):
+        return None
+    phases = run.summary.get("seconds", {})
+    if phases:
+        own = [f"phase{phase}" for phase in _OWN.get(run.kind, PHASES)]
+        return sum(seconds for phase, seconds in phases.items() if phase in own)
+    return None if run.ended is None else (run.ended - run.started).total_seconds()
+
+
+def when(time: datetime) -> str:
+    """In the time of this computer; the day only if it is not today."""
+    local = time.astimezone()
+    return f"{local:%H:%M}" if local.date() == datetime.now().astimezone().date() else f"{local:%d %b %H:%M}"
+
+
+def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
+    """A run's row in the table.
+
+    Args:
+        listed: the run.
+        first_frame: the number that users see for frame 0.
+        here: whether its details are shown.
+    """
+    run = listed.run
+    badges = joined(*(_BADGES[name] for name in listed.shown_as))
+    said = [_kind(run, first_frame), *_since(listed.edits), *_settings(run)]
+    taken = seconds_of(run)
+    time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
+    return line(
+        joined(words(run.name, "strong"), badges, tag("div", " · ".join(said), class_="tcfit-dim")),
+        joined(words(_state(listed), LOOKS[run.state]), tag("div", time, class_="tcfit-dim")),
+        numbers=(1,),
+        kind="here" if here else "",
+        command="runs.choose",
+        value=str(run.id),
+    )
+
+
+def _state(listed: Listed) -> str:
+    run, job = listed.run, listed.job
+    if run.state != "running" or job is None:
+        return run.state
+    if not job.started:
+        return "waiting"
+    return "running" if job.progress is None else f"{100 * job.progress.share:.0f} %"
+
+
+def _kind(run: Run, first_frame: int) -> str:
+    return in_words(run.frames, first_frame) if run.frames else KINDS[run.kind]
+
+
+def _since(edits: int) -> list[str]:
+    return [f"{edits} edit{'s' if edits != 1 else ''} since"] if edits else []
+
+
+def _settings(run: Run) -> list[str]:
+    if run.kind == "imported":
+        return [str(run.summary.get("format", ""))]
+    preset = nearest_preset(run.config)
+    names = differences(run.config, preset)
+    if not names:
+        return [preset]
+    if len(names) > 3:
+        return [f"{preset}, {len(names)} settings changed"]
+    return [f"{preset}, {', '.join(f'{setting_words(n)} {short(value_of(run.config, n))}' for n in names)}"]
+
+
+def short(value: object) -> str:
+    """A setting's value."""
+    if isinstance(value, tuple):
+        return ", ".join(map(short, value))
+    return f"{value:g}" if isinstance(value, float) else "none" if value is None else str(value)
+
+
+def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Html]:
+    """All that is known of a run but its result."""
+    run, clip = listed.run, session.project.clip
+    known = {
+        "Fitted": _kind(run, clip.first_frame),
+        "From": _origin(run, session),
+        "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
+        "Body": f"{run.body.kind}, {run.body.gender}",
+        "Imported" if run.kind == "imported" else "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
+        "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
+        **({} if fit is None else _found(run, fit, clip.camera)),
+    }
+    problem = [paragraph(run.message, "bad")] if run.message else []
+    return [facts((name, value) for name, value in known.items() if value), *problem, *_differences(run), *_notes(fit)]
+
+
+def _origin(run: Run, session: Session) -> str:
+    """The run from which it started, or the file that it was read from; empty without either."""
+    if run.parent is None:
+        return str(run.summary.get("source", ""))
+    known = (*session.fits.runs, *session.project.runs.all(deleted=True))
+    parent = next((one for one in known if one.id == run.parent), None)
+    if parent is None:
+        return "a run that was removed"
+    return f"{parent.name}{' (deleted)' if parent.deleted else ''}"
+
+
+def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
+    own = "" if fit.camera.focal == clip.focal else f", the clip's is {clip.focal[0]:.2f}"
+    if run.kind == "imported":
+        return {"Read as": fit.pose_prior, "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})"}
+    return {
+        "Phases": ", ".join(_phase(p, own=p.phase in _OWN.get(run.kind, PHASES)) for p in fit.phases),
+        "Cost": ", ".join(map(_cost, fit.phases)),
+        "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})",
+        "Pose prior": fit.pose_prior,
+    }
+
+
+def _phase(phase: PhaseResult, *, own: bool) -> str:
+    """A phase with its time, if the run took it."""
+    return f"{PHASES[phase.phase]} {duration(phase.seconds)}" if own else PHASES[phase.phase]
+
+
+def _cost(phase: PhaseResult) -> str:
+    """Mean of a frame; of a phase that was patched, without what couples frames: that is known of whole fits only."""
+    if "total" in phase.objective:
+        return f"{phase.objective['total']:.4g}"
+    return f"{phase.frame_cost.mean():.4g} without the temporal term"
+
+
+def _differences(run: Run) -> list[Html]:
+    if run.kind == "imported":
+        return []
+    preset = nearest_preset(run.config)
+    names = differences(run.config, preset)
+    if not names:
+        return [paragraph(f"Settings: preset {preset}", "dim")]
+    changed = facts((setting_words(name), short(value_of(run.config, name))) for name in names)
+    return [paragraph(f"Settings: preset {preset}, but", "dim"), changed]
+
+
+def _notes(fit: FitResult | None) -> list[Html]:
+    if fit is None:
+        return []
+    notes = dict.fromkeys([*fit.warnings, *(note for phase in fit.phases for note in phase.notes)])
+    return [tag("ul", joined(*(tag("li", text(note)) for note in notes)), class_="tcfit-dim")] if notes else []
+
+
+def result_of(session: Session, run: Run) -> FitResult | None:
+    """What a run has found so far; None if nothing, or if it cannot be read."""
+    try:
+        return session.fits.fit(run) if run.stored or run.state == "running" else None
+    except InputError:
+        return None

@@ -1,0 +1,215 @@
+"""The panel of a project without keypoints: import or detect them."""
+
+from typing import TYPE_CHECKING, ClassVar
+
+import viser
+
+from tcfit_app.imports.keypoint_source import Going
+from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    action,
+    button,
+    facts,
+    heading,
+    paragraph,
+    progress_bar,
+    row,
+    words,
+)
+
+if TYPE_CHECKING:
+    from fitting_core.detect.known_models import KnownModel
+    from tcfit_app.review.page import Page
+
+_FILE = "An ONNX file of yours"
+_NONE = "None: follow from frame to frame"
+_TO_FETCH = "download"
+_RECOMMENDED = "dwpose-l"
+"""What is offered where no whole-body model has been downloaded."""
+
+
+class StartPanel:
+    """See `Panel`. Shown by pages that open on a project without keypoints."""
+
+    title: ClassVar[str] = "Start"
+    icon: ClassVar[viser.IconName] = viser.Icon.USER_PLUS
+
+    def __init__(self, page: "Page") -> None:
+        self._page, gui = page, page.client.gui
+        self._intro = Board(page)
+        self._folder = gui.add_folder("Import keypoints")
+        with self._folder:
+            self._add_import()
+        self._detection = gui.add_folder("Detect keypoints")
+        with self._detection:
+            self._pose, self._pose_file = self._add_model("points", "Model", "Finds 133 points of the whole body")
+            self._boxes, self._boxes_file = self._add_model("boxes", "People", "Finds people before the model does")
+            self._choice = Board(page)
+        self._said = Board(page)
+        page.on_press("start.import", lambda _: page.session.source.import_path(self._path.value))
+        page.on_press("start.detect", lambda _: self._detect())
+        page.on_press("start.download", lambda name: page.session.source.download(name), _known_model)
+        page.on_press("start.cancel", lambda _: page.session.source.cancel())
+
+    def _add_import(self) -> None:
+        page, gui = self._page, self._page.client.gui
+        hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
+        self._path = gui.add_text("Path", "", hint=hint)
+        Board(page).show(row(button("Import from this path", "start.import", kind="main", enter=True)))
+        hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
+        upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
+
+        @upload.on_upload
+        async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+            file = event.target.value
+            page.do(lambda: page.session.source.import_upload(file.name, file.content))
+
+    def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
+        gui = self._page.client.gui
+        choice = _ModelChoice(self._page, finds, label, hint)
+        file = gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit")
+        return choice, file
+
+    def _detect(self) -> None:
+        pose, boxes = self._pose.given(self._pose_file.value), self._boxes.given(self._boxes_file.value)
+        self._page.session.source.detect(pose, boxes)
+
+    def draw(self) -> None:
+        """See `Panel.draw`."""
+        page, session = self._page, self._page.session
+        going, done = session.source.going, session.project.has_detections
+        if page.changes.of("start", going, session.source.busy, done, self._pose.chosen, self._boxes.chosen):
+            self._draw_choices(done)
+        said = (
+            None if going is None else (going, going.state, going.stopping, going.text, round(200 * (going.share or 0)))
+        )
+        if page.changes.of("start going", said, done):
+            self._said.show(*([] if going is None or done else _said(going)))
+
+    def _draw_choices(self, done: bool) -> None:
+        page = self._page
+        self._intro.show(*(_finished(page) if done else _introduction(page)))
+        for folder in (self._folder, self._detection):
+            folder.visible = not (done or page.session.project.read_only or page.session.source.busy)
+        for choice, file in ((self._pose, self._pose_file), (self._boxes, self._boxes_file)):
+            choice.offer()
+            file.visible = choice.chosen == _FILE
+        missing = next((known for choice in (self._pose, self._boxes) if (known := choice.to_fetch())), None)
+        self._choice.show(*(_fetchable(missing) if missing else _detectable()))
+
+
+class _ModelChoice:
+    """A dropdown of models: none, those that are known, and a file."""
+
+    def __init__(self, page: "Page", finds: str, label: str, hint: str) -> None:
+        self._finds = finds
+        self._none = (_NONE,) if finds == "boxes" else ()
+        self.chosen = self._none[0] if self._none else _FILE
+        known = {model.name: title for title, model in self._options().items() if model is not None}
+        here = [title for title in known.values() if not title.endswith(f"({_TO_FETCH})")]
+        if here:
+            self.chosen = here[0]
+        elif finds == "points":
+            self.chosen = known[_RECOMMENDED]
+        handle = page.client.gui.add_dropdown(label, tuple(self._options()), initial_value=self.chosen, hint=hint)
+        self._dropdown = Dropdown(page, handle, self._choose)
+
+    def _choose(self, title: str) -> None:
+        self.chosen = title
+
+    def _options(self) -> "dict[str, KnownModel | None]":
+        from fitting_core.detect.known_models import KNOWN_MODELS, installed
+
+        here = {known.name for known in installed(self._finds)}
+        models = [known for known in KNOWN_MODELS.values() if known.finds == self._finds]
+        titles = {known.title if known.name in here else f"{known.title} ({_TO_FETCH})": known for known in models}
+        return {**dict.fromkeys(self._none), **titles, _FILE: None}
+
+    def offer(self) -> None:
+        """Bring the dropdown to the models that are here now."""
+        options = self._options()
+        if self.chosen not in options:  # it has been downloaded
+            self.chosen = self.chosen.removesuffix(f" ({_TO_FETCH})")
+        self._dropdown.offer(tuple(options), self.chosen)
+
+    def to_fetch(self) -> "KnownModel | None":
+        """The known model that is chosen, if it is not on this computer."""
+        return self._options().get(self.chosen) if self.chosen.endswith(f"({_TO_FETCH})") else None
+
+    def given(self, file: str) -> str:
+        """What is chosen, as `KeypointSource.detect` takes it."""
+        if self.chosen == _FILE:
+            return file
+        known = self._options().get(self.chosen)
+        return known.name if known is not None else ""
+
+
+def _known_model(name: str) -> str:
+    from fitting_core.detect.known_models import KNOWN_MODELS
+
+    return KNOWN_MODELS[name].name
+
+
+def _introduction(page: "Page") -> list[Html]:
+    session = page.session
+    if session.project.read_only:
+        text = "This project is open read-only: keypoints can be imported or detected where it is open for writing."
+    elif session.source.busy:
+        text = "The video can be watched meanwhile."
+    else:
+        text = "This project has a video and nothing to fit. Import keypoints that you have, or detect them here."
+    begun = session.source.begun and not session.source.busy
+    goes_on = "A detection was begun and stopped: with the same models it goes on where it was."
+    return [
+        heading("No keypoints yet", first=True),
+        paragraph(text),
+        *([paragraph(goes_on, "warn")] if begun else []),
+    ]
+
+
+def _finished(page: "Page") -> list[Html]:
+    project = page.session.project
+    found = int((project.detections.confidence > 0).any(1).sum())
+    return [
+        heading("Keypoints", first=True),
+        paragraph(words(f"Found in {found} of {page.length} frames.", "good")),
+        *(paragraph(note, "dim") for note in project.clip.notes),
+        paragraph("Next: fit the body. Keypoints that are wrong can be corrected before or after."),
+        row(action("fit", "Fit everything", kind="main")),
+    ]
+
+
+def _detectable() -> list[Html]:
+    return [
+        row(button("Detect", "start.detect", kind="main")),
+        paragraph("One person: with a box model the most prominent, else who fills most of the first frame.", "dim"),
+    ]
+
+
+def _fetchable(model: "KnownModel") -> list[Html]:
+    checksum = model.sha256 or "none is known; the first download's is remembered"
+    return [
+        paragraph(f"{model.title} is not on this computer. It can be fetched from its publisher:"),
+        facts([("From", model.url), ("Size", model.size), ("Licence", model.licence), ("SHA-256", checksum)]),
+        row(button("Agree and download", "start.download", model.name, kind="main")),
+    ]
+
+
+def _said(going: Going) -> list[Html]:
+    """How far a job is, or how it ended."""
+    title = heading(going.job.title)
+    if going.state == "failed":
+        return [title, paragraph(going.reason, "bad")]
+    if going.state == "cancelled":
+        return [title, paragraph("Cancelled. What has been done stays, and the next start goes on there.")]
+    if going.state == "finished":
+        return [title, paragraph("Done.", "good")]
+    doing = "Is being stopped …" if going.stopping else f"{going.text} …"
+    return [
+        title,
+        paragraph(doing),
+        progress_bar(going.share or 0.0),
+        row(button("Cancel", "start.cancel", disabled=going.stopping, kind="danger")),
+    ]

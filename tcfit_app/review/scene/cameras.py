@@ -1,0 +1,164 @@
+"""The viewer's camera in one browser tab: fits posters into the window, and remembers where the user went."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import viser
+from jaxtyping import Float
+from viser import _messages
+
+from tcfit_app.review.scene.poses import Pose, Rectangle, Window, overview_pose, poster_pose, space_pose, straightened
+
+Scene = Rectangle | Literal["space"]
+"""What there is to look at: posters, told by their extent in the world, or the 3D scene."""
+
+STRIP_HEIGHT = 132.0
+"""Of the timeline that covers the canvas's bottom, CSS pixels."""
+
+_SLACK = 0.1
+"""Of the camera's distance: so far from where it should be it stays in 3D, rather than move with every frame."""
+
+
+@dataclass
+class _Place:
+    """Where the camera is in a scene."""
+
+    pose: Pose
+    moved: bool = False
+    """By the user, or by a zoom that the user asked for."""
+    by_hand: bool = False
+    """The browser knows the pose, which the user has changed since."""
+
+
+class Cameras:
+    """Sets the camera of a client, and leaves it alone once the user has moved it.
+
+    That the user moves it comes from the page (`touched`), not from the camera that the browser reports: a busy browser
+    goes on reporting an old one for seconds.
+    """
+
+    def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
+        self._client, self._covered = client, strip_height
+        self._scene: Scene | None = None
+        self._places: dict[Scene, _Place] = {}
+        self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
+        self._canvas: tuple[float, float] | None = None
+        self._window = self._current_window()
+
+    def show_posters(self, whole: Rectangle) -> None:
+        """To 2D, with posters in that part of the poster world: where the user was, or all of them."""
+        self._enter(whole)
+
+    def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
+        """To 3D, with bodies in that box: where the user was, or where they are seen well, also when the box becomes
+        quite another one.
+        """
+        self._bounds = self._bounds if bounds is None else bounds
+        self._enter("space")
+        fitted = self._fitted("space")
+        if not self.moved and math.dist(self.pose.position, fitted.position) > _SLACK * fitted.distance:
+            self._go(fitted)
+
+    def reset(self) -> None:
+        """Back to the whole view of the current scene. In 3D, where nothing is left to reset, it takes the video camera
+        into view as well, and back again.
+        """
+        if self._scene is None:
+            return
+        fitted = self._fitted(self._scene)
+        overview = self._scene == "space" and self.pose.close_to(fitted)
+        self._go(overview_pose(self._bounds, self._window) if overview else fitted, moved=overview)
+
+    def zoom_to(self, rectangle: Rectangle) -> None:
+        """In 2D: a part of the poster world fills the window."""
+        if self._scene is not None and self._scene != "space":
+            self._go(poster_pose(rectangle, self._scene, self._window), moved=True)
+
+    def touched(self) -> None:
+        """The user moves the camera."""
+        if self._scene is not None:
+            self._places[self._scene].moved = self._places[self._scene].by_hand = True
+
+    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
+        """Refits the scene to a new window unless the user has moved the camera.
+
+        Args:
+            canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
+                counts device pixels.
+            covered: CSS pixels at the canvas's bottom over which something else lies, where that changes.
+        """
+        self._canvas = canvas or self._canvas
+        self._covered = self._covered if covered is None else covered
+        window = self._current_window()
+        if self._scene is not None and window != self._window:
+            self._window = window
+            if not self.moved:
+                self._go(self._fitted(self._scene))
+
+    @property
+    def moved(self) -> bool:
+        """Whether the user has left the whole view of the current scene."""
+        return self._scene is not None and self._places[self._scene].moved
+
+    @property
+    def pose(self) -> Pose:
+        """Where the camera is, as far as is known; something must have been shown."""
+        assert self._scene is not None
+        place = self._places[self._scene]
+        if not place.by_hand:
+            return place.pose
+        seen = self._seen(place.pose)
+        return seen if self._scene == "space" else straightened(seen)
+
+    def _seen(self, like: Pose) -> Pose:
+        camera = self._client.camera
+        return replace(
+            like,
+            position=tuple(camera.position.tolist()),
+            look_at=tuple(camera.look_at.tolist()),
+            up=tuple(camera.up_direction.tolist()),
+        )
+
+    def _current_window(self) -> Window:
+        camera = self._client.camera
+        width, height = self._canvas or (camera.image_width, camera.image_height)
+        return Window(width=max(width, 1), height=max(height, 1), covered=self._covered)
+
+    def _enter(self, scene: Scene) -> None:
+        if scene == self._scene:
+            return
+        if self._scene is not None:
+            self._places[self._scene] = _Place(self.pose, self.moved)
+        self._scene = scene
+        place = self._places.get(scene)
+        moved = place is not None and place.moved
+        self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
+
+    def _fitted(self, scene: Scene) -> Pose:
+        if scene == "space":
+            return space_pose(self._bounds, self._window)
+        return poster_pose(scene, scene, self._window)
+
+    def _go(self, pose: Pose, *, moved: bool = False) -> None:
+        assert self._scene is not None
+        self._places[self._scene] = _Place(pose, moved)
+        # viser's own setters leave out what equals the last report, which may be older than the last command.
+        with self._client.atomic():
+            for message in _pose_messages(pose):
+                self._client._websock_connection.queue_message(message)
+
+
+def _pose_messages(pose: Pose) -> list[_messages.Message]:
+    """In the order in which the browser must apply them: a bound on the distance moves a camera that is beyond it."""
+    return [
+        _messages.SetCameraFovMessage(pose.fov),
+        _messages.SetCameraNearMessage(pose.near),
+        _messages.SetCameraFarMessage(pose.far),
+        _messages.SetCameraUpDirectionMessage(pose.up),
+        _messages.SetCameraPositionMessage(pose.position),
+        _messages.SetCameraLookAtMessage(pose.look_at),
+        _messages.SetCameraMinOrbitDistanceMessage(pose.least_distance),
+        _messages.SetCameraMaxOrbitDistanceMessage(pose.most_distance),
+    ]

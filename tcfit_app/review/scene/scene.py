@@ -1,0 +1,67 @@
+"""All that viser's scene shows in one browser tab: the 2D and the 3D mode, and the viewer's camera in them."""
+
+import numpy as np
+import viser
+
+from tcfit_app.review.scene.cameras import STRIP_HEIGHT, Cameras
+from tcfit_app.review.scene.lighting import light_scene
+from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.review.scene.poses import Rectangle
+from tcfit_app.review.scene.poster import PosterNodes, Posters, world_of_pixels
+from tcfit_app.review.scene.space import Space, SpaceNodes
+
+Snapshot = Posters | Space
+
+
+class SceneView:
+    """Draws snapshots into one browser tab and sends only what differs from the last one.
+
+    One thread at a time may use it. Make it when the client has connected.
+    """
+
+    def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
+        """An empty scene in a tab; something else covers so many CSS pixels at its canvas's bottom."""
+        self._client = client
+        with client.atomic():
+            light_scene(client)
+            dressing = MeshDressing(client)
+            self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
+        self.cameras = Cameras(client, strip_height=strip_height)
+        self._last: Snapshot | None = None
+
+    def show(self, snapshot: Snapshot) -> tuple[str, ...]:
+        """Shows it, and hides the other mode. Returns what it cannot show, and why, in words for the user."""
+        with self._client.atomic():
+            if isinstance(snapshot, Posters):
+                problems = self._posters.draw(snapshot)
+                self.cameras.show_posters(snapshot.bounds)
+            else:
+                problems = self._space.draw(snapshot)
+                self.cameras.show_space(snapshot.bounds())
+            self._posters.set_visible(isinstance(snapshot, Posters))
+            self._space.set_visible(isinstance(snapshot, Space))
+        self._last = snapshot
+        return tuple(problems)
+
+    def clear(self) -> None:
+        """Shows nothing."""
+        with self._client.atomic():
+            self._posters.set_visible(False)
+            self._space.set_visible(False)
+        self._last = None
+
+    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
+        """For the draw loop, often: see `Cameras.follow`."""
+        self.cameras.follow(canvas, covered)
+
+    def reset_view(self) -> None:
+        """All posters, or the bodies in 3D, fill the window again."""
+        self.cameras.reset()
+
+    def zoom_to(self, pixels: Rectangle, poster: int = 0) -> None:
+        """In 2D: a rectangle of image pixels (left, top, right, bottom) of a poster fills the window."""
+        if not isinstance(self._last, Posters):
+            return
+        corners = np.array(pixels, float).reshape(2, 2)
+        world = world_of_pixels(corners, self._last.camera.size, self._last.places[poster])
+        self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))

@@ -1,0 +1,151 @@
+"""The 3D mode: bodies in true metres, the ground they stand on, and the camera that filmed them with its image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from jaxtyping import Float
+
+from fitting_core.camera import Camera
+from tcfit_app.review.scene.body_node import BodyNode
+from tcfit_app.review.scene.image_node import ImageNode
+from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, drawable
+from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.review.scene.poster import PLATE
+
+FRUSTUM_DEPTH = 0.9
+"""Metres from the video camera to its image."""
+_SLOTS = 2
+_STRAY = 2.0
+"""Percent of the frames that need not be in view."""
+_ROOT = "/space"
+_CELL_COLOR: RGB = (62, 66, 74)
+_SECTION_COLOR: RGB = (104, 110, 122)
+_FRUSTUM_COLOR: RGB = (190, 196, 206)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Space:
+    """What the 3D mode shows."""
+
+    camera: Camera
+    """The clip's."""
+    bodies: tuple[BodyLayer, ...] = ()
+    """At most two. They are drawn opaque: one sees through to the video in 2D, and to a body's own far side here."""
+    image: FrameImage | None = None
+    """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
+    ground: float | None = None
+    """Height of the ground grid: y in camera space, downwards, metres. None: no grid."""
+    extents: tuple[Float[np.ndarray, "2 3"] | None, ...] = ()
+    """Of each body, where it is in the whole clip (see `extent`), so that the viewer's camera can stay where it is.
+    None or none at all: not known yet."""
+    apart: float = 0.0
+    """Metres between two bodies along x that are drawn side by side; 0 leaves both in place."""
+
+    def __post_init__(self) -> None:
+        assert len(self.bodies) <= _SLOTS
+        assert len(self.extents) in (0, len(self.bodies))
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """By how much each body is moved along x."""
+        return tuple(self.apart * (i - (len(self.bodies) - 1) / 2) for i in range(len(self.bodies)))
+
+    def bounds(self) -> Float[np.ndarray, "2 3"] | None:
+        """Least and greatest coordinates of the bodies as drawn, over the clip as far as that is known; None without
+        any that can be drawn.
+        """
+        extents = self.extents or (None,) * len(self.bodies)
+        corners = [
+            (extent(body.vertices[None]) if known is None else known) + np.array([x, 0.0, 0.0])
+            for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
+            if body.problem() is None
+        ]
+        return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
+
+
+def extent(vertices: Float[np.ndarray, "T V 3"]) -> Float[np.ndarray, "2 3"]:
+    """Least and greatest coordinates of a body's frames, but for the few in which a fit throws it far away."""
+    least, most = vertices.min(1), vertices.max(1)
+    usual = np.isfinite(least + most).all(1)
+    least, most = least[usual], most[usual]
+    if not len(least):
+        return np.zeros((2, 3))
+    return np.stack([np.percentile(least, _STRAY, axis=0), np.percentile(most, 100 - _STRAY, axis=0)])
+
+
+class SpaceNodes:
+    """The 3D scene in one browser tab."""
+
+    def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
+        self._client = client
+        self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
+        self._bodies = [BodyNode(client, f"{_ROOT}/body{i}", dressing) for i in range(_SLOTS)]
+        self._image = ImageNode(client, f"{_ROOT}/image", dressing, PLATE)
+        self._camera: Camera | None = None
+        self._grid: viser.GridHandle | None = None
+
+    def draw(self, snapshot: Space) -> list[str]:
+        """Sends what changed; returns what cannot be shown, and why."""
+        shown, problems = drawable(snapshot.bodies)
+        for i, node in enumerate(self._bodies):
+            body = shown[i] if i < len(shown) else None
+            if body:
+                node.draw(body, body.vertices, (snapshot.offsets[i], 0.0, 0.0), solid=True)
+            else:
+                node.hide()
+        self._draw_camera(snapshot.camera)
+        corners = frustum(snapshot.camera)
+        size, middle = corners[2] - corners[0], (corners[0] + corners[2]) / 2
+        self._image.draw(snapshot.image or PLATE, (size[0], size[1]), tuple(middle))
+        self._draw_ground(snapshot.ground)
+        return problems
+
+    def set_visible(self, visible: bool) -> None:
+        """Shows or hides all of it."""
+        self._root.visible = visible
+
+    def _draw_camera(self, camera: Camera) -> None:
+        if camera == self._camera:
+            return
+        self._camera = camera
+        corners = frustum(camera)
+        edges = [(np.zeros(3), corner) for corner in corners] + list(zip(corners, np.roll(corners, -1, 0), strict=True))
+        self._client.scene.add_line_segments(
+            f"{_ROOT}/frustum", np.array(edges, np.float32), _FRUSTUM_COLOR, thickness=1.5, thickness_units="screen"
+        )
+
+    def _draw_ground(self, ground: float | None) -> None:
+        if ground is None:
+            if self._grid is not None:
+                self._grid.visible = False
+            return
+        if self._grid is None:
+            self._grid = self._client.scene.add_grid(
+                f"{_ROOT}/ground",
+                width=10,
+                height=10,
+                plane="xz",
+                infinite_grid=True,
+                cell_size=0.25,
+                cell_thickness=0.6,
+                cell_color=_CELL_COLOR,
+                section_size=1.0,
+                section_thickness=1.0,
+                section_color=_SECTION_COLOR,
+                fade_distance=14.0,
+                fade_strength=1.6,
+                fade_from="camera",
+                shadow_opacity=0.0,
+                plane_opacity=0.0,
+            )
+        self._grid.visible = True
+        self._grid.position = (0.0, ground, 0.0)
+
+
+def frustum(camera: Camera, depth: float = FRUSTUM_DEPTH) -> Float[np.ndarray, "4 3"]:
+    """Where the image's corners lie at that depth (camera space, metres): left top, right top, right bottom, ..."""
+    width, height = camera.size
+    pixels = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
+    rays = (pixels - np.array(camera.center)) / np.array(camera.focal)
+    return np.hstack([rays, np.ones((4, 1))]) * depth

@@ -1,0 +1,410 @@
+"""An open project with everything that works on it: what all browsers share."""
+
+import logging
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.fit.events import PhaseStarted, WindowFinished
+from fitting_core.fit.result import FitResult
+from fitting_core.measure.reference.reference import Reference
+from tcfit_app.fitting.bodies import Bodies, record_of
+from tcfit_app.fitting.fits import Fits, Shown
+from tcfit_app.fitting.following import Following
+from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
+from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import (
+    DragAbandoned,
+    DragFailed,
+    DragFinished,
+    JobCancelled,
+    JobFailed,
+    JobFinished,
+    JobReported,
+    JobStarted,
+    Report,
+)
+from tcfit_app.fitting.run_jobs import RunJob
+from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.worker import Drag, Worker
+from tcfit_app.imports.keypoint_source import KeypointSource
+from tcfit_app.imports.result_uploads import upload
+from tcfit_app.imports.results import ImportChoices, import_run
+from tcfit_app.project.edits.edit_log import LogEntry, edits_since
+from tcfit_app.project.edits.kinds import Edit, MoveKeypoint
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.names import name_of_file
+from tcfit_app.project.storage.runs import Run, RunKind
+
+_OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
+    JobFinished: "finished",
+    JobCancelled: "cancelled",
+    JobFailed: "failed",
+}
+_RETRY = 5.0
+"""Seconds after which it is tried again to write what could not be written."""
+_log = logging.getLogger(__name__)
+
+
+class Session:
+    """What browsers do to a project. All methods are for the one thread that draws.
+
+    Args:
+        project: open; `close` does not close it.
+        bodies: where body models come from.
+    """
+
+    def __init__(self, project: Project, bodies: Bodies) -> None:
+        self.project, self.bodies = project, bodies
+        self.fits = Fits(project)
+        self.worker = Worker(self.fits)
+        self.following = Following(project, bodies, self.fits, self.worker)
+        """Lets the fit follow drags and edits."""
+        self.source = KeypointSource(project)
+        """Gets keypoints for a project that has none."""
+        self.jobs: dict[int, RunningJob] = {}
+        """By number, in the order in which they run."""
+        self._unended: list[RunningJob] = []
+        """Runs whose end could not be written yet."""
+        self._next_try = 0.0
+        self.ended: RunningJob | None = None
+        """The run's job that ended last."""
+        self.edits = 0
+        """Another number whenever the keypoints are others."""
+        self.marked = 0
+        """Another number whenever a frame's mark is another."""
+        self.referenced = 0
+        """Another number whenever fits are compared with something else."""
+        self.changes = 0
+        """Another number whenever anything about jobs is another."""
+        self.tell: Callable[[Notice], None] = lambda notice: None
+
+    def close(self) -> None:
+        """End all work; what had finished is on the disk."""
+        self.source.close()
+        self.worker.close()
+        for job in self.jobs.values():
+            job.outcome, job.reason = "cancelled", "tcfit was closed"
+            self._end_run(job)
+        self._end_late(0.0)
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Keep what fits are compared with from now on.
+
+        Raises:
+            InputError: It has no frame in common with the clip, or the project cannot be written.
+        """
+        self.project.set_reference(reference)
+        self.referenced += 1
+
+    # --- keypoints ---
+
+    def edit(self, edit: Edit, *, author: str, shown: Shown | None = None) -> LogEntry:
+        """Make an edit, which is on the disk when this returns; the fit on show follows it.
+
+        Raises:
+            InputError: It makes no sense, or the project cannot be written.
+        """
+        self.refuse_without_keypoints()
+        entry = self.project.append(edit, author=author)
+        self._edited(entry, shown)
+        return entry
+
+    def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
+        """Take back the last edit of the project, whoever made it; None if there is none. Raises as `edit`."""
+        entry = self.project.undo(author=author)
+        return self._edited(entry, shown)
+
+    def redo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
+        """Bring back what was undone last; None if there is nothing. Raises as `edit`."""
+        entry = self.project.redo(author=author)
+        return self._edited(entry, shown)
+
+    def _edited(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
+        if entry is None:
+            return None
+        self.edits += 1
+        if shown is not None:
+            self.following.edited(entry, shown)
+        return entry
+
+    def mark(
+        self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str, reason: str = ""
+    ) -> None:
+        """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
+        if state is None:
+            self.project.marks.clear(frames)
+        else:
+            self.project.marks.set(frames, state, reason=reason, author=author)
+        self.marked += 1
+
+    # --- fits ---
+
+    def clip_of(self, camera: Camera) -> Clip:
+        """The clip with its keypoints as they stand, and the camera of a run."""
+        return replace(self.project.clip, camera=camera)
+
+    def fit_everything(self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None) -> Run:
+        """Submit a whole fit.
+
+        Args:
+            config: All settings.
+            kind: Of the body model.
+            gender: Of the body model.
+            camera: None: the clip's. Runs that start from this one keep it.
+
+        Raises:
+            InputError: The body is not there, or the project cannot be written.
+        """
+        self.refuse_without_keypoints()
+        body = self.bodies.find(kind=kind, gender=gender)
+        job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
+        return self._submit(job, kind="fit", start=None)
+
+    def import_run(self, path: str, choices: ImportChoices) -> Run:
+        """Keep another program's result, at a path of this computer, as a run to compare with.
+
+        Raises:
+            InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
+                written; nothing is kept then.
+        """
+        self._refuse_read_only("imported")
+        run = import_run(self.project, self.bodies, Path(path).expanduser(), choices)
+        self.fits.changed()
+        return run
+
+    def import_upload(self, name: str, content: bytes, choices: ImportChoices) -> Run:
+        """The same with a file that a browser has sent. Raises InputError as `import_run`."""
+        self._refuse_read_only("imported")
+        with upload(name, content) as path:
+            run = import_run(self.project, self.bodies, path, choices, name=name_of_file(name), source=name)
+        self.fits.changed()
+        return run
+
+    def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
+        """Submit phase 3 of some frames again, as a new run; of one that is not finished, once it is.
+
+        Raises:
+            InputError: As `fit_everything`.
+        """
+        start = self._start_of(shown)
+        body = self.bodies.of(shown.run.body)
+        job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
+        return self._submit(job, kind="frames", start=shown, windows=windows)
+
+    def rerun_shape(self, shown: Shown, config: FitConfig) -> Run:
+        """Submit phases 2 and 3 again, as a new run. Raises InputError as `fit_everything`."""
+        start = self._start_of(shown)
+        body = self.bodies.of(shown.run.body)
+        job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start)
+        return self._submit(job, kind="shape", start=shown)
+
+    def _start_of(self, shown: Shown) -> FitResult:
+        if shown.run.kind == "imported":
+            raise InputError(
+                f"{shown.run.name} was imported, to compare with: nothing can be fitted on from it. Show another run "
+                "as B, or fit everything."
+            )
+        return self.fits.fit(shown.run)
+
+    def _submit(
+        self,
+        job: FitEverything | RerunFrames | FitShape,
+        *,
+        kind: RunKind,
+        start: Shown | None,
+        windows: tuple[range, ...] = (),
+    ) -> Run:
+        self._refuse_read_only("fitted")
+        seen = self.project.last_edit
+        if start is not None and windows:
+            seen = self.fits.edits_seen(start.run, windows, range(seen + 1))
+        run = self.project.runs.start(
+            job.config,
+            body=record_of(job.body),
+            edits_seen=seen,
+            kind=kind,
+            parent=start.run.id if start else None,
+            frames=range(min(w.start for w in windows), max(w.stop for w in windows)) if windows else None,
+        )
+        self.fits.begin(run, start)
+        parent = start.run.id if start and windows and start.run.state == "running" else None
+        latest = None if parent is None else lambda: self._finished(parent)
+        self._enqueue(RunJob(run_id=run.id, job=job, start=latest), run.id)
+        return run
+
+    def _finished(self, number: int) -> FitResult:
+        run = self.project.runs.get(number)
+        if run.state != "finished":
+            raise InputError(f"{run.name}, in which frames were to be fitted again, did not finish: take another run.")
+        return self.fits.fit(run)
+
+    def _enqueue(self, job: Job, run: int | None, *, follows: int | None = None) -> None:
+        number = self.worker.submit(job)
+        self.jobs[number] = RunningJob(number=number, run=run, follows=follows, title=job.title, phases=job.phases)
+        self.changes += 1
+
+    def cancel(self, run: int | None = None) -> None:
+        """Cancel a run's job, or all; what has finished stays."""
+        for job in list(self.jobs.values()):
+            if run in (None, job.run):
+                self.worker.cancel(job.number)
+
+    def rename(self, run: int, name: str) -> None:
+        """Give a run another name. Raises InputError if it cannot have it."""
+        self.project.runs.rename(run, name)
+        self.fits.changed()
+
+    def delete(self, run: int) -> None:
+        """Take a run out of the list; it can be restored. Raises InputError while it is running."""
+        self.project.runs.delete(run)
+        self.fits.forget(run)
+
+    def restore(self, run: int) -> None:
+        """Bring a deleted run back. Raises InputError if it is gone for good."""
+        self.project.runs.undelete(run)
+        self.fits.changed()
+
+    def purge(self) -> int:
+        """Remove deleted runs for good; how many. Raises InputError if the project cannot be written."""
+        gone = self.project.runs.purge()
+        self.fits.changed()
+        return len(gone)
+
+    def edits_since(self, run: Run) -> int:
+        """How many edits were made or taken back since a run."""
+        return len(edits_since(self.project.log, run.edits_seen))
+
+    def frames_edited_since(self, run: Run) -> frozenset[int]:
+        """Their frames."""
+        return frozenset(frame for edit in edits_since(self.project.log, run.edits_seen) for frame in edit.frames)
+
+    # --- live correction ---
+
+    def release(self, drag: Drag | None, edit: MoveKeypoint, *, author: str, shown: Shown | None) -> None:
+        """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
+        followed = drag is not None and not drag.failed
+        try:
+            self.edit(edit, author=author, shown=None if followed else shown)
+        except InputError:
+            if drag:
+                drag.abandon()
+            raise
+        if drag:
+            drag.release()
+
+    # --- news from the worker ---
+
+    def take_news(self) -> None:
+        """Take up what the worker has done since the last call."""
+        news = self.worker.outbox.empty()
+        for report in news.reports:
+            self._take(report)
+        if news.progress is not None and (job := self.jobs.get(news.progress.job)):
+            job.take(news.progress)
+            self.changes += 1
+        if news.moved is not None:
+            self.following.take_move(news.moved)
+        self._take_keypoints()
+        self._end_late(time.monotonic())
+        while not self.fits.late.empty():
+            late = self.fits.late.get()
+            self.following.follow(late.run, late.frames)
+        under_way = {job.follows for job in self.jobs.values()}
+        correction = self.following.due(self.tell, under_way)
+        if correction is not None:
+            self._enqueue(correction, None, follows=correction.origin)
+
+    def _take_keypoints(self) -> None:
+        """Take up what has ended of getting keypoints."""
+        ended = self.source.take()
+        if ended is None:
+            return
+        self.changes += 1
+        if ended.state == "failed":
+            self.tell(Notice(title=f"{ended.job.title} failed", text=ended.reason, kind="error"))
+        elif ended.state == "finished" and ended.found is not None:
+            self.edits += 1
+            self.tell(Notice(title="This project has its keypoints", text="\n".join(ended.found.notes), kind="done"))
+
+    def _take(self, report: Report) -> None:
+        self.changes += 1
+        if isinstance(report, DragFinished | DragAbandoned | DragFailed):
+            self.following.take_end(report)
+            if isinstance(report, DragFailed):
+                self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
+            return
+        job = self.jobs.get(report.job)
+        if job is None:
+            return
+        if isinstance(report, JobStarted):
+            job.started = True
+        elif isinstance(report, JobReported):
+            if isinstance(report.event, PhaseStarted):
+                job.phase = report.event.phase
+                job.windows.clear()
+            elif isinstance(report.event, WindowFinished):
+                job.windows.append(report.event.frames)
+        else:
+            self._take_end(job, report)
+
+    def _take_end(self, job: RunningJob, report: JobFinished | JobCancelled | JobFailed) -> None:
+        del self.jobs[job.number]
+        job.outcome = _OUTCOMES[type(report)]
+        job.reason = report.reason if isinstance(report, JobFailed) else ""
+        self.ended = self.ended if job.run is None else job
+        if isinstance(report, JobCancelled):
+            self._end_run(job)
+            if job.follows is not None:
+                self.following.forget(job.follows)
+        elif isinstance(report, JobFailed):
+            self._end_run(job)
+            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
+        elif job.run is not None:
+            self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
+
+    def _end_run(self, job: RunningJob) -> None:
+        """Keep that a run was cancelled or has failed."""
+        if job.run is None:
+            return
+        assert job.outcome in ("cancelled", "failed")
+        try:
+            self.fits.end(job.run, job.outcome, job.reason)
+        except InputError as error:  # e.g. a full disk
+            _log.warning("Run %d could not be ended: %s", job.run, error)
+            self._unended.append(job)
+            self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
+
+    def _end_late(self, now: float) -> None:
+        """Write what could not be written, if that is possible by now."""
+        if not (self._unended or self.fits.unwritten) or 0 < now < self._next_try:
+            return
+        self._next_try = now + _RETRY
+        while self._unended:
+            job = self._unended[0]
+            assert job.run is not None and job.outcome in ("cancelled", "failed")
+            try:
+                self.fits.end(job.run, job.outcome, job.reason)
+            except InputError:
+                return
+            self._unended.pop(0)
+        for run in self.fits.write_late():
+            if self.ended is not None and self.ended.run == run.id:
+                self.ended.outcome, self.ended.reason = "finished", ""
+            self.changes += 1
+            self.tell(Notice(title=f"{run.name} is written after all", text="", kind="done"))
+
+    def refuse_without_keypoints(self) -> None:
+        """Raises InputError where there is nothing yet to correct or fit."""
+        if not self.project.has_detections:
+            raise InputError("This project has no keypoints yet: import or detect them first, in the panel Start.")
+
+    def _refuse_read_only(self, what: str) -> None:
+        if self.project.read_only:
+            raise InputError(f"This project is open read-only: nothing can be {what}.")

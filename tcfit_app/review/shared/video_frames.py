@@ -1,0 +1,241 @@
+"""The frames of a clip's video as JPEGs, decoded in a thread ahead of whoever shows them.
+
+Nothing here waits unless it is told to, and nothing raises for a video that is missing or broken: there is a grey
+frame then, and a text that says what is wrong.
+
+One thread opens, decodes and encodes, for a video is read forward: what it does first is what somebody waits for, then
+what is about to be played, then the rest of the clip at the playing size, as far as memory allows. So a jump within a
+clip that was open for some seconds shows the playing size at once, and the full size after a seek; a clip that is no
+larger is kept in one size only.
+
+A seek decodes from the last key frame on. Milliseconds of `FrameSource.frame` at 25 random frames, and of encoding one
+as "playing" and "full", on one thread:
+
+    pixels         codec     key frames every    median    slowest    encode
+    640 x 480      H.264     12                  7         11         2, 2
+    540 x 720      MPEG-4    12                  4         8          2, 2
+    1768 x 994     VP9       60                  138       268        4, 11
+    1088 x 1920    H.264     100                 160       267        7, 20
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.video.frames import FrameSource
+from tcfit_app.analysis.byte_cache import ByteCache
+from tcfit_app.review.shared.jpeg import SIZES, FrameSize, encoded, placeholder, shown_size
+
+_LIMIT = 256 * 2**20
+_FILLED = 0.5
+"""Share of the cache up to which frames that nobody has asked for are kept."""
+_WAITING = 16
+"""Frames that can be waited for: of more, the oldest were jumped over."""
+_BLOCK = 12
+"""Frames that are decoded in ascending order when they are played backwards."""
+
+Wanted = tuple[int, FrameSize]
+
+
+class VideoFrames:
+    """Frames of one clip. Thread-safe; a context manager.
+
+    Args:
+        source: A video or a folder of images; None if there is none.
+        first_frame: Frame 0 of the clip is this one of the source.
+        count: Frames of the clip.
+        size: Width and height in pixels of the clip's camera: the shape of the placeholder.
+        limit: Bytes of the cache.
+        fill: Whether to go on with the rest of the clip when there is nothing else to do.
+        arrived: Called, from another thread, when a frame is there that `get` or `nearest` was asked for.
+    """
+
+    def __init__(
+        self,
+        source: Path | None,
+        *,
+        first_frame: int,
+        count: int,
+        size: tuple[int, int],
+        limit: int = _LIMIT,
+        fill: bool = True,
+        arrived: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.count, self.size = count, size
+        self._source, self._first, self._arrived = source, first_frame, arrived
+        self._awaited: set[Wanted] = set()
+        self._cache: ByteCache[bytes] = ByteCache(limit, len)
+        self._grey = {shown: placeholder(size, shown) for shown in SIZES}
+        one = len({shown_size(size, shown) for shown in SIZES}) == 1
+        self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
+        self._problem = "" if source else "There is no video: the project was made without one, or it is not found."
+        self._problems: dict[int, str] = {}
+        self._asked: deque[Wanted] = deque(maxlen=_WAITING)
+        self._coming: dict[Hashable, deque[Wanted]] = {}
+        self._rest = deque(range(count)) if fill else deque()
+        self._changed = threading.Condition()
+        self._closed = source is None
+        self._thread = threading.Thread(target=self._work, name="video frames", daemon=True)
+        if source:
+            self._thread.start()
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the video as a whole, for the user; empty if nothing is known to be."""
+        return self._problem
+
+    def problem_of(self, frame: int) -> str:
+        """Why a frame is grey; empty if it is not, or was not decoded yet."""
+        return self._problem or self._problems.get(frame, "")
+
+    def shown_size(self, shown: FrameSize) -> tuple[int, int]:
+        """Width and height in pixels of frames of the clip's own size."""
+        return shown_size(self.size, shown)
+
+    def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
+        """The frame as JPEG if it is there; else None, and it is decoded next."""
+        assert 0 <= frame < self.count
+        wanted = frame, self._kept[shown]
+        found = self._cached(wanted)
+        if found is None:
+            self._ask(wanted)
+        return found
+
+    def nearest(self, frame: int, shown: FrameSize = "full") -> bytes | None:
+        """The frame in this size, or else in the other one if that is there; what is missing is decoded next."""
+        return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
+
+    def wait(self, frame: int, shown: FrameSize = "full", *, timeout: float = 10.0) -> bytes:
+        """The frame as JPEG; the placeholder if it cannot be decoded, or not within `timeout` seconds."""
+        if found := self.get(frame, shown):
+            return found
+        with self._changed:
+            wanted = frame, self._kept[shown]
+            return self._changed.wait_for(lambda: self._cached(wanted), timeout) or self._grey[shown]
+
+    def prefetch(self, frames: Iterable[int], shown: FrameSize = "playing", *, reader: Hashable = None) -> None:
+        """Decode frames that are about to be played.
+
+        Args:
+            frames: In the order in which they will be shown: forward, backward, around a loop.
+            shown: In which size.
+            reader: Who plays; the frames take the place of what it asked for before.
+        """
+        kept = self._kept[shown]
+        coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if 0 <= frame < self.count)
+        with self._changed:
+            self._coming[reader] = coming
+            self._changed.notify_all()
+
+    def leave(self, reader: Hashable) -> None:
+        """Forget what a reader was about to play."""
+        with self._changed:
+            self._coming.pop(reader, None)
+
+    def close(self) -> None:
+        """End the thread and release the video."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def __enter__(self) -> "VideoFrames":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def _cached(self, wanted: Wanted) -> bytes | None:
+        found = self._cache.get(wanted)
+        if self._closed or self._problem or wanted[0] in self._problems:
+            return found or self._grey[wanted[1]]
+        return found
+
+    def _ask(self, wanted: Wanted) -> None:
+        with self._changed:
+            if wanted in self._asked:
+                self._asked.remove(wanted)
+            self._asked.append(wanted)
+            self._awaited.add(wanted)
+            self._changed.notify_all()
+
+    def _work(self) -> None:
+        try:
+            frames = FrameSource(self._source) if self._source else None
+        except (InputError, OSError, cv2.error) as error:
+            self._problem = str(error)
+            frames = None
+        if frames is None:
+            with self._changed:
+                self._changed.notify_all()
+            self._arrived()
+            return
+        with frames:
+            last: tuple[int, np.ndarray] | None = None
+            while wanted := self._next():
+                last = self._decoded(frames, wanted, last)
+
+    def _next(self) -> Wanted | None:
+        """What to decode now; waits until there is something, None at the end."""
+        with self._changed:
+            while not self._closed:
+                if wanted := self._chosen():
+                    return wanted
+                self._changed.wait()
+            return None
+
+    def _chosen(self) -> Wanted | None:
+        while self._asked:
+            wanted = self._asked.pop()
+            if self._missing(wanted):
+                return wanted
+        # One frame for each reader in turn: the one that has waited longest is first.
+        for reader in list(self._coming):
+            queue = self._coming.pop(reader)
+            while queue:
+                wanted = queue.popleft()
+                if self._missing(wanted):
+                    self._coming[reader] = queue
+                    return wanted
+        while self._rest and self._cache.used < _FILLED * self._cache.limit:
+            wanted: Wanted = (self._rest.popleft(), self._kept["playing"])
+            if self._missing(wanted):
+                return wanted
+        return None
+
+    def _missing(self, wanted: Wanted) -> bool:
+        return wanted not in self._cache and wanted[0] not in self._problems
+
+    def _decoded(
+        self, frames: FrameSource, wanted: Wanted, last: tuple[int, np.ndarray] | None
+    ) -> tuple[int, np.ndarray] | None:
+        """Decode and keep a frame; returns it in pixels, for its other size is often wanted next."""
+        frame, shown = wanted
+        try:
+            image = last[1] if last and last[0] == frame else frames.frame(self._first + frame)
+            self._cache.put(wanted, encoded(image, shown))
+            last = frame, image
+        except (InputError, OSError, cv2.error) as error:
+            self._problems[frame] = str(error)
+        with self._changed:
+            awaited = wanted in self._awaited
+            self._awaited.discard(wanted)
+            self._changed.notify_all()
+        if awaited:
+            self._arrived()
+        return last
+
+
+def _forward(frames: list[int]) -> list[int]:
+    """Frames in an order in which a video decodes quickly: descending ones in ascending blocks, the first one first."""
+    backwards = len(frames) > 1 and frames[1] < frames[0]
+    if not backwards:
+        return frames
+    return [frame for start in range(0, len(frames), _BLOCK) for frame in reversed(frames[start : start + _BLOCK])]

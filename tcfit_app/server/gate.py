@@ -1,0 +1,134 @@
+"""Who may talk to the review app: browsers that came through a one-time link, and only from the app's own page.
+
+viser itself answers everybody, also a foreign web page that is open in a browser on the same computer. The gate is
+asked first about each request, whether for the page or for the websocket. What it cannot hold off is somebody who reads
+this user's terminal, memory or cookies; between computers everything travels unencrypted.
+"""
+
+import secrets
+import threading
+from collections.abc import Callable
+from http import HTTPStatus
+
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from tcfit_app.server.address import Address
+
+PROTECTION = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+"""Headers of every answer: it is not stored, framed or embedded, and its address goes to nobody else."""
+
+_TOKEN_BYTES = 32
+
+
+class Gate:
+    """Answers in viser's place whatever must not reach it.
+
+    The link's token lets in one browser and is void from then on; a cookie stands for it, the same for all that came
+    in, for as long as the process runs. There always is one unused link. Safe to use from several threads.
+    """
+
+    def __init__(self, address: Address, *, admitted: Callable[[], None] = lambda: None) -> None:
+        """`admitted` is called after each new browser, when `link` is a fresh one."""
+        self._address = address
+        self._admitted = admitted
+        # Cookies do not tell ports apart: without it two servers on one computer would overwrite each other's.
+        self._cookie_name = f"tcfit-{address.port}"
+        self._cookie = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._token = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._lock = threading.Lock()
+
+    @property
+    def link(self) -> str:
+        """What to open in the next browser."""
+        with self._lock:
+            return self._address.url + self._entrance()
+
+    def answer(self, request: Request) -> Response | None:
+        """The answer that the request gets without reaching viser; None if viser may answer."""
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        if len(hosts) != 1 or not self._address.accepts(hosts[0]):
+            return _page(HTTPStatus.MISDIRECTED_REQUEST, _WRONG_HOST)
+        websocket = "Upgrade" in request.headers
+        # Browsers send it with every websocket, but with pages only where one page asks for another.
+        if (origins or websocket) and origins != [f"http://{hosts[0]}"]:
+            return _page(HTTPStatus.FORBIDDEN, _FOREIGN)
+        if self._knows(request.headers):
+            return self._lead(request.path, websocket)
+        if not websocket and self._redeem(request.path):
+            self._admitted()
+            return self._welcome()
+        return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
+
+    def _lead(self, path: str, websocket: bool) -> Response | None:
+        """Lets a known browser through to the one path there is: viser's page is a single file."""
+        if path == "/":
+            return None
+        # A query is not for viser's page either: with "?websocket=" it would take orders from a foreign server.
+        if path.startswith("/?") and not websocket:
+            return _page(HTTPStatus.SEE_OTHER, "", {"Location": "/"})
+        if path == "/favicon.ico" and not websocket:  # browsers ask by themselves, and complain of a 404
+            return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
+        return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the review.</a>")
+
+    def _knows(self, headers: Headers) -> bool:
+        cookies = [part.strip().partition("=") for line in headers.get_all("Cookie") for part in line.split(";")]
+        return any(_same(value, self._cookie) for name, _, value in cookies if name == self._cookie_name)
+
+    def _redeem(self, path: str) -> bool:
+        with self._lock:
+            if not _same(path, self._entrance()):
+                return False
+            self._token = secrets.token_urlsafe(_TOKEN_BYTES)
+            return True
+
+    def _entrance(self) -> str:
+        return f"/?token={self._token}"
+
+    def _welcome(self) -> Response:
+        # A page that goes on by itself, not a redirect: after a click on a link in another page or program, browsers
+        # would follow the redirect without the strict cookie that it just set.
+        going_on = "<meta http-equiv='refresh' content='0; url=/'><a href='/'>To the review.</a>"
+        cookie = f"{self._cookie_name}={self._cookie}; HttpOnly; SameSite=Strict; Path=/"
+        return _page(HTTPStatus.OK, going_on, {"Set-Cookie": cookie})
+
+
+def protect(headers: Headers) -> None:
+    """Adds PROTECTION to an answer's headers, in place."""
+    for name, value in PROTECTION.items():
+        if name in headers:
+            del headers[name]
+        headers[name] = value
+
+
+def _same(found: str, expected: str) -> bool:
+    """Compares in constant time; `found` may hold any characters."""
+    return secrets.compare_digest(found.encode(errors="surrogateescape"), expected.encode())
+
+
+def _page(status: HTTPStatus, text: str, headers: dict[str, str] | None = None) -> Response:
+    body = f"<!doctype html><html lang='en'>{_HEAD}<p>{text}</p></html>\n".encode()
+    fields = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body)), "Connection": "close"}
+    return Response(status, status.phrase, Headers({**fields, **(headers or {})}), body)
+
+
+_HEAD = (
+    "<meta charset='utf-8'><meta name='viewport' content='width=device-width'><title>tcfit</title><style>"
+    "html{color-scheme:light dark;font:1.1em/1.5 system-ui,sans-serif}body{max-width:36em;margin:20vh auto;padding:1em}"
+    "</style>"
+)
+_UNKNOWN = (
+    "This review opens through the link that tcfit printed where it was started. Each link works in one browser, "
+    "once, and until tcfit is stopped; after each use a fresh one is printed."
+)
+_FOREIGN = "Refused: this request comes from another web page."
+_WRONG_HOST = (
+    "Refused: tcfit does not answer to this host name. Use the link as it was printed, or this computer's "
+    "address in place of the name, or start tcfit with <code>--host</code> and this name."
+)

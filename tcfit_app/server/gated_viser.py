@@ -1,0 +1,153 @@
+"""viser's server behind the gate: no request reaches it that the gate has not let through.
+
+viser takes neither a socket nor a check of requests, and a proxy in front would leave its own port open to everybody on
+this computer. So the one call with which it starts its network server is answered here. That, the share tunnel's
+handlers and its console are its internals; the range of versions in pyproject.toml is narrow for that reason.
+"""
+
+import logging
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from threading import Lock
+from traceback import walk_tb
+from types import SimpleNamespace
+from typing import Any
+from zipfile import ZipFile
+
+import rich
+import viser
+import websockets.asyncio.server
+from viser import _gui_api, _gui_handles, _icons, _messages
+from viser.infra import _infra
+from websockets.exceptions import InvalidMessage
+from websockets.http11 import Request, Response
+from websockets.protocol import State
+
+from tcfit_app.server.gate import Gate, protect
+
+REQUEST_SECONDS = 30.0
+"""How long one request may take, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
+GOODBYE_SECONDS = 1.0
+"""How long browsers have to hang up when the server stops."""
+
+_starting = Lock()
+
+# Below INFO, websockets logs whole requests, with tokens and cookies.
+_log = logging.getLogger("tcfit_app.requests")
+_log.setLevel(logging.INFO)
+
+
+def _is_no_noise(record: logging.LogRecord) -> bool:
+    """Drops the tracebacks about connections that sent no proper request, for they quote it, or no message of viser's.
+
+    Such a connection is closed. What goes wrong in the handling of a message is another's traceback.
+    """
+    error = record.exc_info[1] if record.exc_info else None
+    if error is None:
+        return True
+    in_consumer = any(frame.f_code is _infra._message_consumer.__code__ for frame, _ in walk_tb(error.__traceback__))
+    return not (in_consumer or isinstance(error, InvalidMessage))
+
+
+_log.addFilter(_is_no_noise)
+
+
+@cache
+def _icons_archive() -> ZipFile:
+    return ZipFile(_icons.ICONS_DIR / "tabler-icons.zip")
+
+
+@cache
+def icon(name: str) -> str:
+    """As viser's `svg_from_icon`, which opens its archive of 5000 icons anew for each: 60 ms, in front of every tab."""
+    return _icons_archive().read(f"{name}.svg").decode()
+
+
+for _user in (_gui_api, _gui_handles):
+    setattr(_user, "svg_from_icon", icon)  # noqa: B010
+
+
+@contextmanager
+def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserServer]:
+    """A viser server on that socket (which it closes) behind that gate, without the share tunnel; stops at the end."""
+    started: list[websockets.asyncio.server.Server] = []
+
+    def serve(handler: Any, host: str, port: int, **options: Any) -> websockets.asyncio.server.serve:
+        """In place of websockets' own; host and port are the socket's."""
+        options |= {"process_request": _checked(gate, options["process_request"]), "logger": _log}
+        options |= {"open_timeout": REQUEST_SECONDS, "close_timeout": REQUEST_SECONDS, "server_header": None}
+        serving = websockets.asyncio.server.serve(handler, sock=listening, **options)
+        started.append(serving.server)
+        return serving
+
+    host, port = listening.getsockname()[:2]
+    with _network_from(serve), _quiet():  # viser prints an address that would be refused
+        server = viser.ViserServer(host=host, port=port, verbose=False)
+    try:
+        if not started:
+            raise RuntimeError(f"viser {viser.__version__} starts its server in a way that tcfit does not know")
+        # They would put the server onto the internet at the request of any page that is connected.
+        for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+            server._websock_server.unregister_handler(message)
+        yield server
+    finally:
+        with suppress(RuntimeError):  # somebody stopped viser before: its loop is closed
+            for network in started:
+                server.get_event_loop().call_soon_threadsafe(_hang_up, network)
+        with _quiet():
+            server.stop()
+
+
+def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> Callable[..., Response | None]:
+    """viser's answers to requests, where the gate has none."""
+
+    def checked(connection: Any, request: Request) -> Response | None:
+        response = gate.answer(request)
+        if response is None:
+            response = answer(connection, request)
+        if response is not None:
+            protect(response.headers)
+        return response
+
+    return checked
+
+
+def _hang_up(server: websockets.asyncio.server.Server) -> None:
+    """Ends connections that stopping would wait for: browsers keep idle ones in reserve, and a sleeping tab is silent.
+
+    viser's stop waited 6 s for each such connection, and left its thread behind.
+    """
+    for connection in list(server.handlers):
+        if connection.protocol.state is State.CONNECTING:
+            connection.transport.abort()
+    server.get_loop().call_later(GOODBYE_SECONDS, lambda: [c.transport.abort() for c in list(server.handlers)])
+
+
+@contextmanager
+def _network_from(serve: Callable[..., Any]) -> Iterator[None]:
+    """For its duration viser, and nobody else, finds `serve` where it looks for that of websockets."""
+    stand_in = SimpleNamespace(
+        asyncio=SimpleNamespace(server=SimpleNamespace(serve=serve)),
+        datastructures=websockets.datastructures,
+        exceptions=websockets.exceptions,
+    )
+    with _starting:
+        seen_by_viser: Any = _infra
+        original, seen_by_viser.websockets = seen_by_viser.websockets, stand_in
+        try:
+            yield
+        finally:
+            seen_by_viser.websockets = original
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keeps viser's notices about its start and end off the terminal."""
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before

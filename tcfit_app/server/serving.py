@@ -1,0 +1,118 @@
+"""The review app's server: viser behind the gate, with the app's looks, and its link in the terminal and a browser."""
+
+import json
+import os
+import sys
+import webbrowser
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Thread
+
+import viser
+from viser import _messages
+
+from tcfit_app.server.address import Address, listen
+from tcfit_app.server.gate import Gate
+from tcfit_app.server.gated_viser import gated_viser
+
+HOST = "127.0.0.1"
+PORT = 8080
+BRAND_COLOR = (40, 140, 220)
+"""Of buttons and sliders, RGB."""
+PANEL_WIDTH = 340
+"""CSS pixels of the panels at the right."""
+
+Say = Callable[[str], None]
+"""Tells the user something, normally in the terminal."""
+
+
+def tell(text: str) -> None:
+    """Prints at once, also into a file or a pipe."""
+    print(text, flush=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReviewServer:
+    """A running server."""
+
+    viser: viser.ViserServer
+    """For what is drawn and clicked."""
+    gate: Gate
+    """For links to further browsers."""
+    address: Address
+
+
+@contextmanager
+def review_server(
+    title: str,
+    *,
+    host: str = HOST,
+    port: int = PORT,
+    open_browser: bool = True,
+    say: Say = tell,
+) -> Iterator[ReviewServer]:
+    """Serve until the end of the `with` block, which closes all connections and ends all of the server's threads.
+
+    Args:
+        title: Above the panels and in the browser's tab.
+        host: Name or address of this computer to listen at; whatever other computers reach brings a warning.
+        port: From here upwards the first that is free is taken; 0 takes any.
+        open_browser: Open the link in a browser, where there is one to see it.
+        say: Gets the link, a fresh one after each use, and warnings.
+
+    Raises:
+        InputError: Nothing can listen there.
+    """
+    listening, address = listen(host, port)
+    with listening:
+        gate = Gate(address, admitted=lambda: _aside(say, f"A browser is connected. Link for another one: {gate.link}"))
+        with gated_viser(listening, gate) as server:
+            _dress(server, title)
+            for line in _greeting(address, port, gate.link):
+                say(line)
+            if open_browser and browser_at_hand(os.environ, sys.platform):
+                webbrowser.open(gate.link)
+            yield ReviewServer(viser=server, gate=gate, address=address)
+
+
+def browser_at_hand(environment: Mapping[str, str], platform: str) -> bool:
+    """Whether a browser that is opened here is seen by the user, judged from environment variables."""
+    if environment.get("CI"):
+        return False
+    if environment.get("BROWSER"):  # chosen by the user, or by an editor that opens it at the other end
+        return True
+    if environment.get("SSH_CONNECTION"):
+        return False
+    # Without a display, webbrowser would find a text browser and take the terminal for it.
+    return platform in ("darwin", "win32") or bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+
+
+def _greeting(address: Address, asked_port: int, link: str) -> Iterator[str]:
+    """What the user should know at the start, line by line."""
+    if asked_port not in (0, address.port):
+        yield f"Port {asked_port} is in use, so this is {address.port}."
+    if not address.loopback:
+        yield (
+            "Warning: other computers can connect. Whoever has the link, or listens in on the network (nothing is "
+            "encrypted), can see and change this project. Safer: leave out --host, and reach it through "
+            f"ssh -L {address.port}:127.0.0.1:{address.port} ..."
+        )
+    if address.ip.is_unspecified:
+        yield "From another computer, put this computer's address in place of the one in the link."
+    yield f"Review: {link}"
+
+
+def _aside(say: Say, text: str) -> None:
+    """Says it in a thread of its own: a terminal that is held or closed must not hold or break the server's loop."""
+    Thread(target=say, args=(text,), daemon=True).start()
+
+
+def _dress(server: viser.ViserServer, title: str) -> None:
+    server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND_COLOR)
+    server.gui.set_panel_label(title)
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(PANEL_WIDTH)
+    # viser has no setting for the tab's title.
+    script = f"document.title = {json.dumps(title)};"
+    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=script))

@@ -1,0 +1,189 @@
+"""A page of the review app without a browser: its panels are real, what it sends is kept in a list."""
+
+import asyncio
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import unescape
+from pathlib import Path
+from typing import Any, cast
+from unittest.mock import MagicMock
+
+import viser
+
+from fitting_core.body.model import BodyModel
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.fitting.notices import Notice
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.runs import Run
+from tcfit_app.review.browser.page_events import Press
+from tcfit_app.review.page import Page
+from tcfit_app.review.session import Session
+from tcfit_app.review.shared.desk import Desk
+from tcfit_app.review.view_state import FitSettings
+from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
+from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
+
+_BUTTON = re.compile(r'<button type="button" data-tcfit="([^"]*)" data-value="([^"]*)"([^>]*)><span>(.*?)</span>')
+
+
+def sample_project(folder: Path, *names: str) -> Project:
+    """A project of six frames with a finished run for each name."""
+    project = Project.create(folder, sample_clip())
+    for seed, name in enumerate(names):
+        run = project.runs.start(CONFIG, body=BODY, edits_seen=0, name=name)
+        project.runs.finish(run.id, sample_fit(seed))
+    return project
+
+
+@dataclass(frozen=True)
+class Button:
+    """One of a panel's HTML."""
+
+    label: str
+    command: str
+    value: str
+    disabled: bool
+
+
+class LonePage:
+    """A page, what its panels send, and what a user does to them."""
+
+    def __init__(self, page: Page, sent: list[Any]) -> None:
+        self.page, self.sent = page, sent
+        self.panels: list[Any] = list(page.panels)
+        """Those that are drawn."""
+        self.notices: list[Notice] = []
+        self.downloads: dict[str, bytes] = {}
+        page.notify = page.session.tell = self.notices.append
+        page.client.send_file_download = self._download  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _download(self, name: str, content: bytes, save_immediately: bool) -> None:
+        self.downloads[name] = content
+
+    def only(self, kind: type) -> None:
+        """Leave the other panels alone from now on: what they show may come at any time."""
+        self.panels = [panel for panel in self.page.panels if isinstance(panel, kind)]
+
+    # --- what is seen ---
+
+    def draw(self) -> list[Any]:
+        """Let the panels draw; the messages that this took."""
+        self.sent.clear()
+        for panel in self.panels:
+            panel.draw()
+        return list(self.sent)
+
+    def html(self) -> str:
+        """All HTML that the panels show."""
+        self.draw()
+        handles = [h for h in self._children() if isinstance(h, viser.GuiHtmlHandle)]
+        return "\n".join(handle.content for handle in handles)
+
+    def _children(self) -> list[Any]:
+        containers = self.page.client.gui._container_handle_from_uuid.values()
+        return [child for container in containers for child in container._children.values()]
+
+    def field(self, label: str) -> Any:
+        """viser's input with this label."""
+        return next(h for h in self._children() if getattr(h, "label", None) == label)
+
+    def button(self, label: str) -> Button:
+        """The button whose label begins so."""
+        found = _BUTTON.finditer(self.html())
+        made = (Button(_plain(m[4]), unescape(m[1]), unescape(m[2]), " disabled" in m[3]) for m in found)
+        return next(button for button in made if button.label.startswith(label))
+
+    # --- what the user does ---
+
+    def press(self, command: str, value: str = "") -> None:
+        """As if a button was pressed; what cannot be done is raised."""
+        self.page.receive(Press(command, value))
+
+    def click(self, label: str) -> None:
+        """As if the button whose label begins so was pressed; what cannot be done is told."""
+        button = self.button(label)
+        assert not button.disabled, f"{button.label} is off"
+        self.page.do(lambda: self.press(button.command, button.value))
+
+    def enter(self, label: str, value: Any) -> None:
+        """As if the user had set an input."""
+        handle = self.field(label)
+        handle._impl.value = value  # so viser does before it calls
+        self.call_back(handle, MagicMock())
+
+    def call_back(self, handle: Any, client: Any) -> None:
+        """Run an input's callbacks, for an event of a client or, with None, of the server."""
+        for callback in handle._impl.update_cb:
+            asyncio.run(callback(viser.GuiEvent(client=client, client_id=None, target=handle)))
+
+    # --- fits ---
+
+    def until(self, there: Callable[[], object]) -> None:
+        """Take the worker's news, and draw, until something is there."""
+        end = time.monotonic() + PATIENCE
+        while not there():
+            assert time.monotonic() < end, "waited too long"
+            self.page.session.take_news()
+            self.draw()
+            time.sleep(0.005)
+
+    def fit(self) -> Run:
+        """A whole fit to its end."""
+        session = self.page.session
+        run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        self.until(lambda: not session.jobs)
+        return session.project.runs.get(run.id)
+
+
+def _plain(html: str) -> str:
+    return unescape(re.sub("<[^>]*>", "", html))
+
+
+@contextmanager
+def lone_page(
+    server: viser.ViserServer,
+    project: Project,
+    do: Callable[[Callable[[], None]], None] | None = None,
+    *,
+    bodies: Any = None,
+) -> Iterator[LonePage]:
+    """A page of a project whose elements belong to a server that nobody is connected to.
+
+    Args:
+        server: gets the elements.
+        project: open.
+        do: how callbacks get to the drawing thread; at once by default.
+        bodies: where body models come from; by default those of this computer.
+    """
+    client = MagicMock()
+    client.gui, client.scene, client.client_id = server.gui, server.scene, 0
+    client.camera.image_width, client.camera.image_height = 1000, 700
+    session = Session(project, bodies or Bodies())
+    desk = Desk(session, lambda: None)
+    sent: list[Any] = []
+    queue = server.gui._websock_interface.queue_message
+    server.gui._websock_interface.queue_message = sent.append  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        run = do or (lambda command: command())
+        yield LonePage(Page(cast(viser.ClientHandle, client), desk, run, {}), sent)
+    finally:
+        server.gui._websock_interface.queue_message = queue
+        server.gui.reset()
+        session.close()
+        desk.close()
+
+
+@contextmanager
+def tiny_page(server: viser.ViserServer, folder: Path, body: BodyModel, kind: type) -> Iterator[LonePage]:
+    """One panel on a new project of the tiny body, with settings that fit quickly."""
+    with (
+        Project.create(folder, small_clip(body)) as project,
+        lone_page(server, project, bodies=OneBody(body)) as tested,
+    ):
+        tested.only(kind)
+        tested.page.set(settings=FitSettings(config=QUICK, preset="paper"))
+        tested.draw()
+        yield tested

@@ -1,0 +1,182 @@
+"""A page with the app's script alone, in a real browser, and the server's end of it."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+import viser
+
+from fitting_core.keypoints import COUNT, INDEX
+from tcfit_app.review.browser import page_states as states
+from tcfit_app.review.browser.channel import Channel
+from tcfit_app.review.browser.page_events import Drawn, Hello, PageEvent
+from tcfit_app.server.serving import ReviewServer
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+WIDTH, HEIGHT = 320, 240
+FOV = 0.004
+LENGTH = 300
+WRIST, ELBOW, KNEE, MISSING = (INDEX[n] for n in ("right_wrist", "right_elbow", "left_knee", "left_ear"))
+PLACES = {WRIST: (80.0, 120.0), ELBOW: (120.0, 90.0), KNEE: (220.0, 180.0)}
+POSTER_X = WIDTH / HEIGHT / 2 + 0.015
+TABS: list["Tab"] = []
+"""The last one is the one that connects."""
+HTML = "<img src=x onerror=alert(1)> & </script>"
+
+E = TypeVar("E", bound=PageEvent)
+
+
+@dataclass
+class Tab:
+    """A page, and the server's end of it."""
+
+    page: "Page"
+    clients: list[viser.ClientHandle] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    events: list[PageEvent] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+    sent: int = 0
+    frame: int = 0
+    """Of the keypoints: another one for each test, so that a drag of the one before is over."""
+
+    def connect(self, client: viser.ClientHandle) -> None:
+        """As a server's callback."""
+        self.clients.append(client)
+        self.channels.append(Channel(client, self.events.append))
+
+    def send(self, name: str, state: states.PageState | None) -> None:
+        self.channels[-1].send(name, state)
+
+    def await_event(self, kind: type[E], count: int = 1) -> E:
+        """The latest event of the kind, once there are that many."""
+        for _ in range(500):
+            found = [event for event in self.events if isinstance(event, kind)]
+            if len(found) >= count:
+                return found[-1]
+            self.page.wait_for_timeout(20)
+        raise AssertionError(f"no {count} {kind.__name__} in {self.events}")
+
+    def settle(self) -> None:
+        """Waits until all that was sent is drawn, and all that the page had to tell is here."""
+        self.sent += 1
+        frame = self.sent % LENGTH
+        self.send("cursor", states.Cursor(frame=frame))
+        self.await_drawn(frame)
+
+    def await_drawn(self, frame: int) -> None:
+        """Waits until the page tells that it has drawn a frame, and forgets what it told of others."""
+        for _ in range(500):
+            if Drawn(frame=frame) in self.events:
+                for event in [event for event in self.events if isinstance(event, Drawn)]:
+                    self.events.remove(event)  # one by one: more may come meanwhile
+                return
+            self.page.wait_for_timeout(20)
+        raise AssertionError("the page did not draw")
+
+    def look(self, distance: float, x: float = 0.0) -> None:
+        """Puts the camera that far before the posters."""
+        camera = self.clients[-1].camera
+        with self.clients[-1].atomic():
+            camera.near, camera.far, camera.fov = 1.0, 4000.0, FOV
+            camera.position, camera.look_at, camera.up_direction = (x, 0.0, -distance), (x, 0.0, 0.0), (0.0, -1.0, 0.0)
+        there = "(distance) => Math.abs(__viserMutable.camera.position.length() - distance) < 1e-3"
+        self.page.wait_for_function(there, arg=math.hypot(distance, x))
+        self.settle()
+
+    def screen(self, u: float, v: float, *, poster: float = 0.0) -> tuple[float, float]:
+        """Where an image's pixel is on the screen, from the camera that viser reports."""
+        camera = self.clients[-1].camera
+        x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
+        # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
+        width, height = self.page.evaluate(
+            "() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]"
+        )
+        scale = height / 2 / math.tan(camera.fov / 2) / distance
+        world = ((u - WIDTH / 2) / HEIGHT + poster, (v - HEIGHT / 2) / HEIGHT)
+        return (width / 2 + (world[0] - x) * scale, height / 2 + (world[1] - y) * scale)
+
+    def scale(self) -> float:
+        """Screen pixels of an image's pixel."""
+        return self.screen(1, 0)[0] - self.screen(0, 0)[0]
+
+    def painted(self, x: float, y: float) -> bool:
+        """Whether the overlay has something there, once all that was sent is drawn."""
+        self.settle()
+        return self.painted_now(x, y)
+
+    def painted_now(self, x: float, y: float) -> bool:
+        """Whether it has something there, after the frames that the page draws by itself."""
+        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 1, 1).data[3]"
+        return self.page.evaluate(look, [round(x), round(y)]) > 100
+
+    def text(self, selector: str) -> str | None:
+        """Of an element on show."""
+        found = self.page.locator(selector)
+        return found.text_content() if found.is_visible() else None
+
+    def show(self, *, joints: dict[int, tuple[float, float]] = PLACES, selection: tuple[int, ...] = ()) -> None:
+        """All states for one poster."""
+        xy, confidence = np.zeros((COUNT, 2)), np.zeros(COUNT)
+        for joint, place in joints.items():
+            xy[joint], confidence[joint] = place, 0.83
+        state = states.Keypoints(
+            frame=self.frame,
+            xy=states.pixel_pairs(xy),
+            confidence=states.shares(confidence),
+            edited=(WRIST,),
+            bad=(KNEE,),
+        )
+        self.send("keypoints", state)
+        self.send("selection", states.Selection(joints=selection))
+
+    def drag(self, start: tuple[float, float], way: tuple[float, float]) -> None:
+        mouse = self.page.mouse
+        mouse.move(*start)
+        mouse.down()
+        mouse.move(start[0] + way[0], start[1] + way[1], steps=4)
+        mouse.up()
+
+
+POSTER = states.Layout(mode="poster", image=(WIDTH, HEIGHT), posters=(states.Poster(x=0.0, label="Edit"),))
+PAIR = states.Layout(
+    mode="poster",
+    image=(WIDTH, HEIGHT),
+    posters=(states.Poster(x=-POSTER_X, label="A"), states.Poster(x=POSTER_X, label="B")),
+)
+SPACE = states.Layout(mode="space")
+KEYS = states.Keys(
+    bindings=(
+        states.KeyBinding(key="ArrowRight", action="next"),
+        states.KeyBinding(key="KeyB", action="bad"),
+        states.KeyBinding(key="KeyB", shift=True, action="bad range"),
+        states.KeyBinding(key="KeyZ", ctrl=True, action="undo"),
+        states.KeyBinding(key="?", action="help"),
+        states.KeyBinding(key="Space", action="play"),
+    )
+)
+TIMELINE = states.Timeline(
+    length=LENGTH,
+    frame_rate=30.0,
+    title="Error",
+    unit="px",
+    curves=(
+        states.Curve(label="run A", color="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
+        states.Curve(label="run B", color="#ff963c", values=(None,) * LENGTH),
+    ),
+)
+
+
+def open_tab(server: ReviewServer, browser: "Browser") -> Tab:
+    """A page of the server, with one poster."""
+    # The panels take 344 of them.
+    tab = Tab(browser.new_page(viewport={"width": 1244, "height": 640}))
+    tab.page.on("pageerror", lambda error: tab.complaints.append(str(error)))
+    TABS.append(tab)
+    tab.page.goto(server.gate.link)
+    tab.await_event(Hello)
+    tab.page.locator(".mantine-Notification-closeButton").click()  # viser's remark about software WebGL
+    return tab

@@ -1,0 +1,132 @@
+"""The whole review app in a real browser, for tests: served from a thread of this process."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitting_core.config.schema import PRESETS
+from fitting_core.keypoints import INDEX
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.project.project import Project
+from tcfit_app.review.app import ReviewApp
+from tcfit_app.review.page import Page
+from tcfit_app.review.session import Session
+from tcfit_app.server.serving import ReviewServer, review_server
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+    from playwright.sync_api import Page as Tab
+
+QUICK = replace(
+    PRESETS["tcfit"],
+    relay_rounds=0,
+    yaws="side_view",
+    sharper_keypoints=False,
+    settings=replace(PRESETS["tcfit"].settings, iterations=8),
+)
+"""The default but for what takes long."""
+PATIENCE = 60.0
+"""Seconds after which a test gives up."""
+_HARMLESS = ("WebGL", "GPU", "THREE.Clock", "GL Driver")
+"""Console messages of the browser and of viser's libraries that say nothing about the app."""
+
+
+def until(condition: Callable[[], Any], what: str = "") -> Any:
+    """Wait for something to be so; what it is."""
+    end = time.monotonic() + PATIENCE
+    while not (found := condition()):
+        assert time.monotonic() < end, f"waited too long for {what or condition}"
+        time.sleep(0.02)
+    return found
+
+
+@dataclass
+class Reviewing:
+    """A review with one tab."""
+
+    app: ReviewApp
+    server: ReviewServer
+    tab: "Tab"
+    complaints: list[str] = field(default_factory=list)
+    """Errors in the tab's console."""
+
+    @property
+    def session(self) -> Session:
+        """The project's."""
+        return self.app.session
+
+    @property
+    def page(self) -> Page:
+        """The tab's side in the server: the last that connected."""
+        return list(self.app.pages.values())[-1]
+
+    @property
+    def frame(self) -> int:
+        """The tab's."""
+        return self.page.state.frame
+
+    def press(self, key: str, condition: Callable[[], Any]) -> None:
+        """Press a key and wait for what it does."""
+        self.tab.keyboard.press(key)
+        until(condition, f"the effect of {key}")
+
+    def place(self, joint: str, poster: int = 0) -> tuple[float, float]:
+        """Where a keypoint of the frame on show is in the window."""
+        x, y = self.session.project.corrected.xy[self.frame, INDEX[joint]].tolist()
+        return tuple(self.tab.evaluate("([x, y, p]) => tcfit.place(x, y, p)", [x, y, poster]))
+
+    def scale(self) -> float:
+        """Window pixels for each pixel of the image."""
+        a, b = self.tab.evaluate("() => [tcfit.place(0, 0), tcfit.place(100, 0)]")
+        return float(np.hypot(b[0] - a[0], b[1] - a[1]) / 100)
+
+    def rest(self) -> None:
+        """Until the camera stands still and nothing is being fitted."""
+        until(lambda: not self.session.jobs and not self.session.following.busy, "the fits")
+        before = None
+        while (now := self.tab.evaluate("() => tcfit.place(0, 0).concat(tcfit.place(100, 100))")) != before:
+            before = now
+            self.tab.wait_for_timeout(400)
+
+
+@contextmanager
+def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, title: str = "test") -> Iterator[Reviewing]:
+    """Serve a project and open it in a tab."""
+    with Project.open(folder, read_only=read_only) as project:
+        server = review_server(title, port=0, open_browser=False, say=lambda text: None)
+        with server as running:
+            app = ReviewApp(Session(project, Bodies()), running.viser)
+            thread = threading.Thread(target=app.run)
+            thread.start()
+            try:
+                yield opened(app, running, browser)
+            finally:
+                app.stop()
+                thread.join(PATIENCE)
+                app.close()
+                for context in browser.contexts:
+                    context.close()
+
+
+def opened(app: ReviewApp, server: ReviewServer, browser: "Browser") -> Reviewing:
+    """One more tab, in a context of its own, as another person's browser has it."""
+    known = len(app.pages)
+    tab = browser.new_context(viewport={"width": 1200, "height": 800}).new_page()
+    made = Reviewing(app=app, server=server, tab=tab)
+
+    def note(text: str) -> None:
+        if not any(word in text for word in _HARMLESS):
+            made.complaints.append(text)
+
+    tab.on("console", lambda message: note(message.text) if message.type == "error" else None)
+    tab.on("pageerror", lambda error: note(str(error)))
+    tab.goto(server.gate.link)
+    until(lambda: len(app.pages) > known and made.page.ready, "the page")
+    tab.evaluate("() => document.querySelectorAll('.mantine-Notification-closeButton').forEach((b) => b.click())")
+    return made

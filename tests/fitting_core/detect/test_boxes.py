@@ -1,0 +1,144 @@
+"""RTMDet and YOLOX: their outputs against values computed by hand, and real people."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core.detect import DETECTORS, family_of, load_box_model
+from fitting_core.detect.boxes import Boxes, grid, intersection_over_union, letterboxed, without_doubles
+from fitting_core.detect.onnx_graph import consumers
+from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.detect.rtmdet import RTMDet
+from fitting_core.detect.yolox import YOLOX
+from fitting_core.errors import InputError
+from fitting_core.video.frames import FrameSource
+from tests.fitting_core.detect.onnx_files import constant_model
+
+IMAGE = np.zeros((96, 128, 3), dtype=np.uint8)
+"""Twice as wide and high as what fits into the models' 64 x 48 of 64 x 64 pixels."""
+INPUT = (1, 3, 64, 64)
+CELLS = 8 * 8 + 4 * 4 + 2 * 2
+DETS = np.array([[[10, 5, 30, 40, 0.9], [40, 10, 60, 30, 0.8], [11, 6, 31, 41, 0.7], [1, 1, 9, 9, 0.2]]])
+LABELS = np.array([[0, 17, 0, 0]])
+"""A person, a horse, the person again, and somebody below the threshold."""
+
+
+def only_box(model: RTMDet | YOLOX) -> tuple[list[float], float]:
+    (found,) = model.find([IMAGE])
+    assert len(found) == 1
+    return found.corners[0].tolist(), float(found.scores[0])
+
+
+@pytest.mark.parametrize(("focus", "kind"), [(False, RTMDet), (True, YOLOX)])
+def test_boxes_of_a_model_with_suppression(tmp_path: Path, focus: bool, kind: type):
+    outputs = {"dets": DETS, "labels": LABELS}
+    model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT, focus=focus), threads=1)
+    assert isinstance(model, kind)
+    assert only_box(model) == ([20.0, 10.0, 60.0, 80.0], pytest.approx(0.9))
+
+
+def test_labels_before_boxes(tmp_path: Path):
+    path = constant_model(tmp_path / "m.onnx", {"labels": LABELS, "dets": DETS}, image=INPUT)
+    assert only_box(RTMDet(OnnxModel(path, threads=1)))[0] == [20.0, 10.0, 60.0, 80.0]
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_rtmdet_as_corners_and_scores(tmp_path: Path, swapped: bool):
+    corners, scores = np.zeros((1, CELLS, 4)), np.zeros((1, CELLS, 80))
+    corners[0, 7], scores[0, 7, 0] = (8, 12, 20, 44), 0.6
+    corners[0, 9], scores[0, 9, 3] = (0, 0, 40, 40), 0.9
+    outputs = {"scores": scores, "boxes": corners} if swapped else {"boxes": corners, "scores": scores}
+    model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
+    assert isinstance(model, RTMDet)
+    assert only_box(model) == ([16.0, 24.0, 40.0, 88.0], pytest.approx(0.6))
+
+
+def test_rtmdet_as_the_head_is(tmp_path: Path):
+    sides = {8: 8, 16: 4, 32: 2}
+    outputs = {f"class{s}": np.full((1, 1, n, n), -9.0) for s, n in sides.items()}
+    outputs |= {f"box{s}": np.zeros((1, 4, n, n)) for s, n in sides.items()}
+    # Row 1, column 2 of the grid of stride 16: the point (32, 16).
+    outputs["class16"][0, 0, 1, 2] = np.log(0.8 / 0.2)
+    outputs["box16"][0, :, 1, 2] = (12, 6, 10, 20)
+    model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
+    assert isinstance(model, RTMDet)
+    corners, score = only_box(model)
+    assert np.allclose(corners, [40, 20, 84, 72]) and score == pytest.approx(0.8)
+
+
+def test_yolox_as_the_grid_is(tmp_path: Path):
+    numbers = np.zeros((1, CELLS, 85))
+    # Row 2, column 3 of the grid of stride 8: the centre (28, 18), 16 wide and 24 high.
+    numbers[0, 2 * 8 + 3, :6] = (0.5, 0.25, np.log(2), np.log(3), 0.8, 0.75)
+    # Row 1, column 0 of the grid of stride 32: a dog.
+    numbers[0, 64 + 16 + 2, [4, 5 + 16]] = 1.0
+    model = load_box_model(constant_model(tmp_path / "m.onnx", {"output": numbers}, image=INPUT, focus=True), threads=1)
+    assert isinstance(model, YOLOX)
+    corners, score = only_box(model)
+    assert np.allclose(corners, [40, 12, 72, 60]) and score == pytest.approx(0.6)
+
+
+def test_numbers_beyond_all_bounds_are_no_boxes(tmp_path: Path):
+    numbers = np.zeros((1, CELLS, 85))
+    numbers[0, 0, :6] = (np.nan, 0, 0, 0, 1, 1)
+    numbers[0, 1, :6] = (0, 0, 1e5, 0, 1, 1)
+    numbers[0, 2, :6] = (0, 0, -1e5, 0, 1, 1)
+    model = load_box_model(constant_model(tmp_path / "m.onnx", {"output": numbers}, image=INPUT, focus=True), threads=1)
+    (found,) = model.find([IMAGE])
+    assert np.isfinite(found.corners).all()
+    assert (found.corners >= 0).all() and (found.corners <= [128, 96, 128, 96]).all()
+
+
+def test_the_grid_runs_row_by_row_from_the_finest():
+    cells, strides = grid((64, 32))
+    assert len(cells) == 8 * 4 + 4 * 2 + 2 * 1
+    assert cells[9].tolist() == [1, 1] and strides[9] == 8
+    assert cells[32 + 5].tolist() == [1, 1] and strides[32 + 5] == 16
+
+
+def test_the_image_keeps_its_aspect_ratio_and_turns_blue_green_red():
+    image = np.zeros((50, 200, 3), np.uint8)
+    image[..., 0] = 200
+    whole, scale = letterboxed(image, (100, 60))
+    assert scale == 0.5 and whole.shape == (60, 100, 3)
+    assert (whole[:25] == [0, 0, 200]).all() and (whole[25:] == 114).all()
+
+
+def test_overlaps():
+    box, others = np.array([0.0, 0, 10, 10]), np.array([[0.0, 0, 10, 10], [5, 0, 15, 10], [20, 20, 30, 30]])
+    assert np.allclose(intersection_over_union(box, others), [1, 1 / 3, 0])
+    boxes = Boxes(
+        corners=np.array([[0.0, 0, 10, 10], [0, 1, 10, 10], [8, 0, 20, 10]]), scores=np.array([0.9, 0.8, 0.7])
+    )
+    assert without_doubles(boxes).scores.tolist() == [0.9, 0.7]
+
+
+def test_every_family_recognises_its_models_alone(tmp_path: Path):
+    path = constant_model(tmp_path / "m.onnx", {"y": np.zeros((1, 3))}, image=INPUT)
+    assert family_of(OnnxModel(path, threads=1)) is None
+    with pytest.raises(InputError, match="unknown kind: input image 1 x 3 x 64 x 64"):
+        load_box_model(path, threads=1)
+    assert {family.finds for family in DETECTORS.values()} == {"points", "boxes"}
+
+
+def test_which_operators_take_the_image(tmp_path: Path):
+    path = constant_model(tmp_path / "m.onnx", {"y": np.zeros((1, 3))}, focus=True)
+    assert consumers(path, "image") == ("Slice",) and consumers(path, "nothing at all") == ()
+    (tmp_path / "cut.onnx").write_bytes(path.read_bytes()[:-7])
+    with pytest.raises(InputError, match="not an ONNX model"):
+        consumers(tmp_path / "cut.onnx", "image")
+
+
+# Read off the video by eye, at frame 60: the man on the wall, and the woman who walks.
+PEOPLE = np.array([[515.0, 48, 735, 460], [1278, 543, 1502, 944]])
+
+
+def test_real_people_are_found(shared_data: Path):
+    model = load_box_model(shared_data / "onnx" / "rtmdet_nano.onnx", threads=1)
+    assert isinstance(model, RTMDet)
+    with FrameSource(shared_data / "video" / "walk_two_people.mp4") as video:
+        found, nobody = model.find([video.frame(60), np.full((300, 400, 3), 90, np.uint8)])
+    for person in PEOPLE:
+        assert intersection_over_union(person, found.corners).max() > 0.85
+    assert len(found) == 2 and len(nobody) == 0

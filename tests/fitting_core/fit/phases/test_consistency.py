@@ -1,0 +1,157 @@
+"""Phase 3 on its own: windows, the order of stages, and what a re-run may touch."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
+from fitting_core.fit.phases.consistency import Consistency, coupled
+from fitting_core.fit.phases.progress import Step
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.temporal import Coupling
+from fitting_core.fit.variables.state import State
+from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
+
+FRAMES = 6
+CONFIG = FitConfig(
+    weights=replace(Weights(), collision=(0.0,) * 5),
+    temporal=Temporal(window_size=3, stages=(4, 5)),
+    settings=SolverSettings(iterations=3),
+)
+
+
+def start_of(body: BodyModel, config: FitConfig) -> tuple[Consistency, State]:
+    stages = stages_of(body, hidden(keypoints_of(body, random_params(FRAMES)), kp.HANDS, kp.FACE), config)
+    state = random_state(stages.parametrisation, FRAMES, 0)
+    betas = stages.parametrisation.columns.betas
+    state = state.with_columns(betas, state.vector[:1, betas].expand(FRAMES, 10))
+    return Consistency(stages, make_solver("lm", config.settings)), state
+
+
+def listed(steps) -> tuple[list[Step], State]:
+    found = []
+    while True:
+        try:
+            found.append(next(steps))
+        except StopIteration as stop:
+            return found, stop.value
+
+
+def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
+    consistency, state = start_of(tiny_body, CONFIG)
+    steps, _ = listed(consistency.sliding_window(state))
+    labels = list(dict.fromkeys(s.label for s in steps if s.final is None))
+    assert labels == [f"window {w} of 4, stage {s}" for w in (1, 2, 3, 4) for s in (4, 5)]
+    shares = [s.share for s in steps]
+    assert shares == sorted(shares) and shares[-1] == 1.0
+
+
+def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """The paper's: those around all its frames but the last."""
+    asked, of = [], Coupling.of
+
+    def noted(free: range, centres: range, frames: int, device: torch.device) -> Coupling:
+        asked.append((free, centres))
+        return of(free, centres, frames, device)
+
+    monkeypatch.setattr(Coupling, "of", noted)
+    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
+    finished(consistency.sliding_window(state))
+    windows = [(free, centres) for free, centres in asked if centres]
+    assert windows == [(range(k, k + 3), range(k, k + 2)) for k in range(4)]
+
+
+def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
+    consistency, state = start_of(tiny_body, CONFIG)
+    steps, end = listed(consistency.sliding_window(state))
+    params = consistency.stages.parametrisation.to_params(end)
+    told = [s.final for s in steps if s.final is not None]
+    assert [list(frames) for frames, _ in told] == [[0], [1], [2], [3, 4, 5]]
+    for frames, final in told:
+        # Decoded among other frames the last digits differ.
+        torch.testing.assert_close(final.body_pose, params.body_pose[list(frames)], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [FRAMES, FRAMES + 5])
+def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size: int):
+    config = replace(CONFIG, temporal=replace(CONFIG.temporal, window_size=size))
+    consistency, state = start_of(tiny_body, config)
+    window, together = finished(consistency.sliding_window(state)), finished(consistency.all_at_once(state))
+    assert torch.equal(window.vector, together.vector) and torch.equal(window.orient, together.orient)
+    assert not torch.equal(window.vector, state.vector)
+
+
+def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):
+    consistency, state = start_of(tiny_body, CONFIG)
+    end, c = finished(consistency.all_at_once(state)), consistency.stages.parametrisation.columns
+    for columns in (c.betas, c.hands, c.jaw, c.expression):  # no hand and no face is in the clip
+        assert torch.equal(end.vector[:, columns], state.vector[:, columns])
+    assert not torch.equal(end.vector[:, c.translation], state.vector[:, c.translation])
+
+
+@pytest.mark.parametrize("frames", [range(0, 2), range(2, 4), range(3, 4), range(5, 6), range(0, 6)])
+def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: BodyModel, frames: range):
+    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
+    end = finished(consistency.rerun(state, frames))
+    for i in range(FRAMES):
+        assert torch.equal(end.vector[i], state.vector[i]) == (i not in frames)
+    stages = consistency.stages
+
+    def whole(s: State) -> float:
+        objective = stages.objective(5, state, stages.free(5, betas=False))
+        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+
+    assert whole(end) < whole(state)
+
+
+def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyModel):
+    """Where all frames are near their optimum already, a re-run cannot lower its part at the cost of the whole."""
+    temporal = replace(CONFIG.temporal, weight=1000.0, stages=(5,))
+    consistency, state = start_of(
+        tiny_body, replace(CONFIG, temporal=temporal, settings=SolverSettings(iterations=40, sequence_tolerance=1e-9))
+    )
+    best = finished(consistency.all_at_once(state))
+    stages = consistency.stages
+    objective = stages.objective(5, state, stages.free(5, betas=False))
+
+    def whole(s: State) -> float:
+        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+
+    for frames in (range(2, 4), range(0, 1), range(5, 6)):
+        assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("frames", [range(0, 2), range(2, 4), range(5, 6)])
+def test_a_rerun_among_what_is_coupled_is_that_of_the_whole_clip(tiny_body: BodyModel, frames: range):
+    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
+    near = coupled(frames, FRAMES)
+    part = Consistency(consistency.stages.within(near), consistency.solver)
+    inner = range(frames.start - near.start, frames.stop - near.start)
+    alone = finished(part.rerun(state[slice(near.start, near.stop)], inner))
+    whole = finished(consistency.rerun(state, frames))
+    torch.testing.assert_close(alone.vector, whole.vector[near.start : near.stop], rtol=0, atol=1e-9)
+    torch.testing.assert_close(alone.orient, whole.orient[near.start : near.stop], rtol=0, atol=1e-9)
+
+
+def test_more_weight_makes_smoother(tiny_body: BodyModel):
+    costs = []
+    for weight in (10.0, 100.0, 1000.0):
+        temporal = replace(CONFIG.temporal, weight=weight, stages=(5,))
+        settings = SolverSettings(iterations=25)
+        consistency, state = start_of(tiny_body, replace(CONFIG, temporal=temporal, settings=settings))
+        costs.append(consistency.temporal_cost(finished(consistency.all_at_once(state))) / weight**2)
+    assert costs[0] > costs[1] > costs[2]
+
+
+def test_weight_follows_the_frame_rate_where_asked(tiny_body: BodyModel):
+    """Twice the frames of one motion: second differences a quarter as long, so w_T four times as large."""
+    config = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0, reference_rate=25.0))
+    keypoints = hidden(keypoints_of(tiny_body, random_params(2)), kp.HANDS, kp.FACE)
+    built = {rate: Stages(keypoints, CAMERA, tiny_body, config, frame_rate=rate) for rate in (25.0, 50.0)}
+    assert built[25.0].temporal_weight == 80.0 and built[50.0].temporal_weight == 320.0
+    plain = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0))
+    assert Stages(keypoints, CAMERA, tiny_body, plain, frame_rate=50.0).temporal_weight == 80.0

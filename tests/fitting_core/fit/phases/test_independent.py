@@ -1,0 +1,172 @@
+"""Phase 1: filling gaps, the relay between neighbours, side views, and frames that do not know each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from fitting_core import keypoints as kp
+from fitting_core import rotations
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.initialize import turned
+from fitting_core.fit.phases.independent import _Frames, _with_fresh_neighbour, filled, fit_frames
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import State
+from fitting_core.keypoints import Keypoints
+from fitting_core.video.frame_names import spans
+from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, noisy, stages_of
+
+QUICK = FitConfig(
+    pose_prior="axis_angle",
+    weights=replace(Weights(), collision=(0.0,) * 5),
+    hip_weight=1.0,
+    settings=SolverSettings(iterations=12),
+)
+
+
+def bodies(frames: int, seed: int = 0) -> State:
+    """Random states, no two alike."""
+    g = torch.Generator().manual_seed(seed)
+    vector = torch.randn(frames, 20, generator=g, dtype=torch.float64)
+    return State(rotations.exp(torch.randn(frames, 3, generator=g, dtype=torch.float64)), vector)
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=9))
+def test_filled_frames_lie_between_good_ones(good: list[bool]):
+    """Numbers linear, orientation along the shortest turn, the nearest good frame beyond the ends."""
+    state, mask = bodies(len(good)), torch.tensor(good)
+    result = filled(state, mask)
+    at = [i for i, g in enumerate(good) if g]
+    assert torch.equal(result.vector[mask], state.vector[mask]) and torch.equal(result.orient[mask], state.orient[mask])
+    for i in [i for i, g in enumerate(good) if not g and at]:
+        before, after = max((a for a in at if a < i), default=None), min((a for a in at if a > i), default=None)
+        if before is None or after is None:
+            nearest = after if before is None else before
+            torch.testing.assert_close(result.vector[i], state.vector[nearest], rtol=0, atol=1e-12)
+            torch.testing.assert_close(result.orient[i], state.orient[nearest], rtol=0, atol=1e-9)
+            continue
+        share = (i - before) / (after - before)
+        expected = (1 - share) * state.vector[before] + share * state.vector[after]
+        torch.testing.assert_close(result.vector[i], expected, rtol=0, atol=1e-12)
+        turn = Slerp([0, 1], Rotation.from_matrix(state.orient[[before, after]].numpy()))(share).as_matrix()
+        torch.testing.assert_close(result.orient[i], torch.as_tensor(turn), rtol=0, atol=1e-7)
+
+
+def test_filled_without_any_good_frame_changes_nothing():
+    state = bodies(3)
+    assert torch.equal(filled(state, torch.zeros(3, dtype=torch.bool)).vector, state.vector)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "text"),
+    [([4], "4"), ([0, 1], "0-1"), ([1, 2, 3, 7], "1-3, 7"), ([0, 2, 4], "0, 2, 4"), ([3, 4, 8, 9], "3-4, 8-9")],
+)
+def test_frames_are_named_in_ranges(numbers: list[int], text: str):
+    assert spans(numbers) == text
+
+
+@pytest.mark.parametrize(("offset", "expected"), [(1, [0, 3]), (-1, [2, 5])])
+def test_only_fresh_neighbours_are_tried(offset: int, expected: list[int]):
+    fresh = torch.tensor([False, True, False, False, True, False])
+    assert _with_fresh_neighbour(torch.tensor([0, 2, 3, 5]), fresh, offset).tolist() == expected
+
+
+def solver_of(stages: Stages):
+    return make_solver("lm", stages.config.settings)
+
+
+@pytest.fixture(scope="module")
+def clip(free_body: BodyModel) -> Keypoints:
+    return hidden(noisy(keypoints_of(free_body, arms_in_motion(5, depth=3.5)), 3.0), kp.HANDS, kp.FACE)
+
+
+def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel, clip: Keypoints):
+    config = replace(QUICK, relay_rounds=2)
+    stages = stages_of(free_body, clip, config)
+    alone = finished(fit_frames(stages_of(free_body, clip, QUICK), solver_of(stages)))
+    stuck = alone.state.put(torch.tensor([2]), turned(alone.state[2:3]))  # seen from behind
+    run = _Frames(stages, solver_of(stages), torch.arange(5))
+    objective = stages.objective(N_STAGES, stuck, stages.free(N_STAGES, betas=True))
+    before = objective.cost(stuck, torch.arange(5))
+    state, cost = finished(run.relay(stuck, alone.state))
+    assert (cost <= before).all()
+    torch.testing.assert_close(cost, objective.cost(state, torch.arange(5)), rtol=1e-9, atol=0)
+    assert float(before[2]) > 100 * float(alone.cost[2])
+    assert float(cost[2]) < 1.2 * float(alone.cost[2])
+
+
+def test_frames_are_independent_without_relay(free_body: BodyModel, clip: Keypoints):
+    """What other frames show changes nothing."""
+    whole = finished(fit_frames(stages_of(free_body, clip, QUICK), make_solver("lm", QUICK.settings)))
+    part = finished(fit_frames(stages_of(free_body, clip[1:3], QUICK), make_solver("lm", QUICK.settings)))
+    torch.testing.assert_close(part.cost, whole.cost[1:3], rtol=1e-6, atol=0)
+    torch.testing.assert_close(part.state.vector, whole.state.vector[1:3], rtol=0, atol=1e-4)
+
+
+def profile(body: BodyModel) -> Keypoints:
+    """A walking pose seen from the side, to the left and to the right."""
+    params = arms_in_motion(2, depth=3.5)
+    turns = [rotations.exp(FACING) @ rotations.yaw(angle, FACING) for angle in (85.0, -85.0)]
+    params = replace(params, global_orient=torch.stack([rotations.log(t) for t in turns]))
+    return hidden(keypoints_of(body, params), kp.HANDS, kp.FACE)
+
+
+def heading(state: State) -> list[float]:
+    """To which side of the image the body looks: x of its forward axis."""
+    return state.orient[:, 0, 2].tolist()
+
+
+def test_side_views_take_the_better_of_both_orientations(free_body: BodyModel):
+    stages = stages_of(free_body, profile(free_body), QUICK)
+    run = _Frames(stages, solver_of(stages), torch.arange(2))
+    truth = stages.parametrisation.neutral(2)
+    turn = torch.stack([rotations.exp(FACING) @ rotations.yaw(angle, FACING) for angle in (85.0, -85.0)])
+    place = stages.parametrisation.columns.translation
+    right = State(turn, truth.with_columns(place, torch.tensor([[0.05, 0.2, 3.5]]).double()).vector)
+    wrong = turned(right)
+    _, high = finished(run.five_stages(wrong))
+    state, cost = finished(run.both_sides(wrong))
+    assert (cost <= high).all() and float(cost.sum()) < 0.5 * float(high.sum())
+    assert heading(state)[0] > 0.5 and heading(state)[1] < -0.5
+
+
+def test_frozen_camera_keeps_the_translation_of_the_camera_step(free_body: BodyModel, clip: Keypoints):
+    """SMPLify-X's way: the five stages leave the translation alone."""
+    stages = stages_of(free_body, clip, replace(QUICK, camera_frozen=True))
+    run = _Frames(stages, solver_of(stages), torch.arange(5))
+    start = stages.parametrisation.from_params(arms_in_motion(5, depth=3.6))
+    state, _ = finished(run.five_stages(start))
+    place = stages.parametrisation.columns.translation
+    assert torch.equal(state.vector[:, place], start.vector[:, place])
+    free, _ = finished(
+        _Frames(stages_of(free_body, clip, QUICK), solver_of(stages), torch.arange(5)).five_stages(start)
+    )
+    assert float((free.vector[:, place] - start.vector[:, place]).norm()) > 0.01
+
+
+def test_a_frame_that_fails_is_filled_and_told(free_body: BodyModel, clip: Keypoints):
+    """Keypoints as large as if the person touched the lens: no valid start, so its neighbours stand in."""
+    xy = clip.xy.copy()
+    xy[2, kp.BODY] = np.random.default_rng(1).uniform(-1e5, 1e5, (25, 2))
+    stages = stages_of(free_body, replace(clip, xy=xy), QUICK)
+    fits = finished(fit_frames(stages, solver_of(stages)))
+    assert fits.cost.isfinite().tolist() == [True, True, False, True, True]
+    assert any("fit failed" in note and note.endswith(": 2") for note in fits.notes)
+    between = (fits.state.vector[1] + fits.state.vector[3]) / 2
+    torch.testing.assert_close(fits.state.vector[2], between, rtol=0, atol=1e-12)
+
+
+def test_nobody_at_all(tiny_body: BodyModel):
+    blank = Keypoints(xy=np.zeros((3, kp.COUNT, 2)), confidence=np.zeros((3, kp.COUNT)))
+    stages = stages_of(tiny_body, blank, QUICK)
+    fits = finished(fit_frames(stages, solver_of(stages)))
+    assert fits.cost.isinf().all() and fits.notes == ("no frame shows four body keypoints",)
+    params: BodyParams = stages.parametrisation.to_params(fits.state)
+    assert bool(params.camera_translation.isfinite().all())

@@ -1,0 +1,131 @@
+"""Limbs mirrored in depth: the same pixels, the other depth, natural bends, and starts that free a mirrored limb."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.phases.independent import _Frames
+from fitting_core.fit.phases.search.limb_flips import FLIPS, LIMBS, LimbFlips
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import State
+from fitting_core.keypoints import Keypoints
+from tests.samples.scenes import arms_in_motion, finished, hidden, keypoints_of, stages_of
+
+CONFIG = FitConfig(
+    pose_prior="axis_angle",  # holds every pose exactly
+    weights=replace(Weights(), collision=(0.0,) * 5, limits=(100.0,) * 5),
+    hip_weight=1.0,
+    settings=SolverSettings(iterations=20),
+)
+FRAMES = torch.arange(3)
+
+
+@pytest.fixture(scope="module")
+def scene(free_body: BodyModel) -> tuple[Stages, State]:
+    """Stages of a person with bent arms and legs before the camera, and the truth."""
+    params = arms_in_motion(3, depth=3.5)
+    keypoints: Keypoints = hidden(keypoints_of(free_body, params), kp.HANDS, kp.FACE)
+    stages = stages_of(free_body, keypoints, CONFIG)
+    return stages, stages.parametrisation.from_params(params)
+
+
+@pytest.mark.parametrize("limb", LIMBS)
+@pytest.mark.parametrize(("upper", "lower"), FLIPS)
+def test_flipped_limbs_look_the_same(scene: tuple[Stages, State], limb: str, upper: bool, lower: bool):
+    """Joints stay on their rays and bones keep their lengths; what was mirrored turns from the camera or to it."""
+    stages, truth = scene
+    flips = LimbFlips(stages)
+    before, after = (
+        flips.positions(s).numpy() for s in (truth, flips.flipped(truth, LIMBS[limb], upper=upper, lower=lower))
+    )
+    rays = [a / np.linalg.norm(a, axis=-1, keepdims=True) for a in (before, after)]
+    chain = [JOINT[name] for name in LIMBS[limb].joints]
+    np.testing.assert_allclose(rays[1][:, chain], rays[0][:, chain], atol=1e-9)
+    untouched = [j for j in range(22) if j not in chain and not _below(stages.body, j, chain[0])]
+    np.testing.assert_allclose(after[:, untouched], before[:, untouched], atol=1e-9)
+    for start, end, mirrored in ((*chain[:2], upper), (*chain[1:], lower)):
+        bones = [a[:, end] - a[:, start] for a in (before, after)]
+        np.testing.assert_allclose(*(np.linalg.norm(b, axis=-1) for b in bones), atol=1e-9)
+        depths = [(bone * ray[:, end]).sum(-1) for bone, ray in zip(bones, rays, strict=True)]
+        assert ((np.sign(depths[0]) != np.sign(depths[1])) == mirrored).all()
+
+
+def _below(body: BodyModel, joint: int, ancestor: int) -> bool:
+    while joint > 0:
+        joint = int(body.parents[joint])
+        if joint == ancestor:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("limb", LIMBS)
+@pytest.mark.parametrize(("upper", "lower"), FLIPS)
+def test_elbows_and_knees_stay_hinges(scene: tuple[Stages, State], limb: str, upper: bool, lower: bool):
+    """The middle joint turns about its hinge in the natural sense, but for the forearm's twist."""
+    stages, truth = scene
+    flipped = LimbFlips(stages).flipped(truth, LIMBS[limb], upper=upper, lower=lower)
+    pose = stages.parametrisation.body_pose(flipped).view(-1, 21, 3)[:, JOINT[LIMBS[limb].joints[1]] - 1].numpy()
+    hinge = np.array(LIMBS[limb].hinge)
+    assert (pose @ hinge > -0.1).all()  # a nearly straight limb keeps the hinge that it had
+    across = pose - (pose @ hinge)[:, None] * hinge
+    assert np.linalg.norm(across, axis=1).max() < 0.15
+
+
+@pytest.mark.parametrize("limb", LIMBS)
+def test_flipping_twice_changes_nothing(scene: tuple[Stages, State], limb: str):
+    stages, truth = scene
+    flips = LimbFlips(stages)
+    twice = flips.flipped(
+        flips.flipped(truth, LIMBS[limb], upper=True, lower=True), LIMBS[limb], upper=True, lower=True
+    )
+    chain = [JOINT[name] for name in LIMBS[limb].joints]
+    np.testing.assert_allclose(flips.positions(twice)[:, chain], flips.positions(truth)[:, chain], atol=1e-9)
+
+
+def stuck_of(stages: Stages, truth: State) -> tuple[State, Tensor, Tensor]:
+    """Fits whose left forearm points away, though the cost is lower where it points to the camera; it and theirs."""
+    run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
+    objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
+    right, lowest = finished(run._minimise(objective, truth, "", (0, 1)))
+    mirrored = LimbFlips(stages).flipped(right, LIMBS["left_arm"], upper=False, lower=True)
+    stuck, cost = finished(run._minimise(objective, mirrored, "", (0, 1)))
+    assert (cost > 1.05 * lowest).all()  # else the descent alone finds back, and these tests show nothing
+    return stuck, cost, lowest
+
+
+def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State]):
+    stages, truth = scene
+    stuck, cost, lowest = stuck_of(stages, truth)
+    run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
+    objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
+    state, freed = finished(run.flip_limbs(objective, stuck, cost))
+    assert (freed <= cost).all() and (freed < 1.02 * lowest).all()
+    torch.testing.assert_close(objective.cost(state, FRAMES), freed, rtol=1e-9, atol=0)
+
+
+@pytest.mark.parametrize("every", [1, 3, 0])
+def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, State], every: int):
+    """Of three frames only the first has its limbs mirrored, and all three are freed; without any they stay."""
+    stages, truth = scene
+    config = replace(CONFIG, relay_rounds=2, limb_flips=every > 0, limb_flips_every=max(every, 1))
+    stuck, cost, lowest = stuck_of(stages, truth)
+    stages = Stages(stages.keypoints, stages.camera, stages.body, config)
+    run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
+    _, freed = finished(run.relay(stuck, stuck))
+    assert (freed < 1.02 * lowest).all() if every else (freed > 0.99 * cost).any()
+
+
+def test_frames_that_failed_are_left_alone(scene: tuple[Stages, State]):
+    stages, truth = scene
+    run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
+    objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
+    nothing = torch.full((3,), torch.inf, dtype=torch.float64)
+    state, cost = finished(run.flip_limbs(objective, truth, nothing))
+    assert torch.equal(state.vector, truth.vector) and torch.equal(cost, nothing)

@@ -1,0 +1,117 @@
+"""Phase 2: which frames are sampled, and what their common shape minimises."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Weights
+from fitting_core.fit.phases.shared_shape import STRATEGIES, fit_shape, sample_frames
+from fitting_core.fit.solvers import make_solver
+from tests.samples.scenes import finished, hidden, keypoints_of, random_params, random_state, stages_of
+
+
+@given(
+    frames=st.integers(1, 60),
+    size=st.integers(1, 20),
+    seed=st.integers(0, 1000),
+    strategy=st.sampled_from(sorted(STRATEGIES)),
+)
+def test_samples_are_frames_of_the_clip_each_once(frames: int, size: int, seed: int, strategy: str):
+    confidence = np.random.default_rng(seed).random((frames, 25))
+    sample = ShapeSample(size=size, strategy=strategy, seed=seed)  # pyright: ignore
+    chosen = sample_frames(confidence, sample)
+    assert len(chosen) == min(size, frames)
+    assert len(set(chosen.tolist())) == len(chosen) and list(chosen) == sorted(chosen)
+    assert chosen.min() >= 0 and chosen.max() < frames
+    assert np.array_equal(chosen, sample_frames(confidence, sample))
+
+
+def test_seed_decides_the_random_sample():
+    confidence = np.ones((100, 25))
+    samples = {tuple(sample_frames(confidence, ShapeSample(seed=seed))) for seed in range(5)}
+    assert len(samples) == 5
+
+
+def test_confident_takes_the_highest_mean():
+    confidence = np.full((20, 25), 0.3)
+    confidence[[4, 11, 17]] = 0.9
+    confidence[0, 0] = 1.0
+    chosen = sample_frames(confidence, ShapeSample(size=3, strategy="confident"))
+    assert chosen.tolist() == [4, 11, 17]
+
+
+def test_coverage_shows_every_part_though_few_frames_do():
+    """Legs are seen in frame 13 alone, and at low confidence."""
+    confidence = np.zeros((40, 25))
+    confidence[:, :8] = 0.9
+    confidence[13, 9:15] = 0.4
+    chosen = sample_frames(confidence, ShapeSample(size=4, strategy="coverage"))
+    assert 13 in chosen
+    assert np.diff(chosen).min() > 40 // (2 * 4)
+
+
+def fitted_shape(body: BodyModel, config: FitConfig, usable: list[int] | None = None):
+    truth = random_params(6, 2, size=0.15)
+    truth = replace(truth, betas=truth.betas[:1].expand(6, 10))
+    detections = hidden(keypoints_of(body, truth), kp.HANDS, kp.FACE)
+    stages = stages_of(body, detections, config)
+    state = stages.parametrisation.from_params(truth)
+    betas = stages.parametrisation.columns.betas
+    spread = random_state(stages.parametrisation, 6, 9).vector[:, betas]
+    start = state.with_columns(betas, spread)
+    frames = torch.arange(6) if usable is None else torch.tensor(usable)
+    sampled, chosen = finished(fit_shape(stages, make_solver("lm", config.settings), start, frames))
+    return stages, truth, start, sampled, chosen
+
+
+CONFIG = FitConfig(
+    weights=replace(Weights(), shape=(0.01,) * 5, collision=(0.0,) * 5, body_pose=(1.0,) * 5, bending=(0.1,) * 5),
+    hip_weight=1.0,
+    shape_sample=ShapeSample(size=4, stages=(5,)),
+    settings=SolverSettings(iterations=80, final_tolerance=1e-10),
+)
+
+
+def test_one_shape_for_all_sampled_frames(tiny_body: BodyModel):
+    stages, _, start, sampled, chosen = fitted_shape(tiny_body, CONFIG)
+    betas = stages.parametrisation.columns.betas
+    found = sampled.vector[:, betas]
+    assert len(chosen) == 4 and torch.equal(found, found[:1].expand(4, 10))
+    assert not torch.allclose(found[0], start.vector[chosen][:, betas].mean(0), atol=0.05)
+
+
+def test_start_is_the_mean_of_the_sampled_betas(tiny_body: BodyModel):
+    config = replace(CONFIG, settings=SolverSettings(iterations=0))
+    stages, _, start, sampled, chosen = fitted_shape(tiny_body, config)
+    betas = stages.parametrisation.columns.betas
+    torch.testing.assert_close(sampled.vector[0, betas], start.vector[chosen][:, betas].mean(0))
+    frame = slice(0, betas.start)
+    assert torch.equal(sampled.vector[:, frame], start.vector[chosen][:, frame])  # poses start from phase 1
+
+
+def test_only_usable_frames_are_sampled(tiny_body: BodyModel):
+    *_, chosen = fitted_shape(tiny_body, replace(CONFIG, settings=SolverSettings(iterations=1)), usable=[0, 2, 5])
+    assert chosen.tolist() == [0, 2, 5]
+
+
+def test_the_prior_of_the_shared_shape_pulls_it_to_the_mean_body(tiny_body: BodyModel):
+    strong = replace(CONFIG, weights=replace(CONFIG.weights, shape=(1e5,) * 5))
+    stages, *_, sampled, _ = fitted_shape(tiny_body, strong)
+    assert float(sampled.vector[:, stages.parametrisation.columns.betas].abs().max()) < 1e-3
+
+
+@pytest.mark.parametrize("stages", [(5,), (1, 3), (1, 2, 3, 4, 5)])
+def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[int, ...]):
+    config = replace(
+        CONFIG, shape_sample=replace(CONFIG.shape_sample, stages=stages), settings=SolverSettings(iterations=2)
+    )
+    built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
+    state = random_state(built.parametrisation, 3, 0)
+    labels = [s.label for s in fit_shape(built, make_solver("lm", config.settings), state, torch.arange(3))]
+    assert list(dict.fromkeys(labels)) == [f"stage {s}" for s in stages]

@@ -1,0 +1,374 @@
+"""Batched L-BFGS: known optima, PyTorch's own L-BFGS, independence of rows, and costs that leave the finite."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from fitting_core.fit.solvers.curvature import CurvatureHistory
+from fitting_core.fit.solvers.lbfgs import CostFunction, Reason, minimise_lbfgs
+from fitting_core.fit.solvers.line_search import CURVATURE, SUFFICIENT_DECREASE, LineSearches
+
+Cost = Callable[[Tensor, Tensor], Tensor]
+
+
+def with_gradient(cost: Cost) -> CostFunction:
+    """cost(x, rows) -> (m,) together with its gradient by automatic differentiation."""
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        x = x.detach().requires_grad_()
+        value = cost(x, rows)
+        return value.detach(), torch.autograd.grad(value.sum(), x)[0]
+
+    return function
+
+
+def random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def rosenbrock(x: Tensor, rows: Tensor) -> Tensor:
+    return (100 * (x[:, 1:] - x[:, :-1].square()).square() + (1 - x[:, :-1]).square()).sum(-1)
+
+
+def robust(x: Tensor, rows: Tensor) -> Tensor:
+    """Geman-McClure of nonlinear residuals, another problem in every row: what keypoints look like to the solver."""
+    matrix = random(24, x.shape[1]) + 0.3 * (rows[:, None, None] + 1) * random(24, x.shape[1], seed=1)
+    squared = ((matrix @ x.sin()[:, :, None])[:, :, 0] - random(24, seed=2)).square()
+    return (squared / (1 + 0.1 * squared)).sum(-1) + 0.01 * x.square().sum(-1)
+
+
+def exponential(x: Tensor, rows: Tensor) -> Tensor:
+    """Convex, with slopes from 1e-3 to 1e40 over the starts used."""
+    return (x.exp() - 2 * x).sum(-1) + 1e-3 * (rows + 1) * x.square().sum(-1)
+
+
+def rotated_powers(x: Tensor, rows: Tensor) -> Tensor:
+    """Curvatures over six decades along rotated axes, with quartic parts."""
+    axes = torch.linalg.qr(random(x.shape[1], x.shape[1], seed=3))[0]
+    y = x @ axes - 1
+    scales = torch.logspace(-3, 3, x.shape[1], dtype=x.dtype)
+    return (scales * y.square() + 0.1 * (rows[:, None] + 1) * y.pow(4)).sum(-1)
+
+
+COSTS: dict[str, Cost] = {
+    "rosenbrock": rosenbrock,
+    "robust": robust,
+    "exponential": exponential,
+    "rotated powers": rotated_powers,
+}
+
+
+def torch_lbfgs(cost: Cost, x0: Tensor, row: int, *, rounds: int = 30) -> tuple[float, int]:
+    """Cost and evaluations of torch.optim.LBFGS by the same schedule, one row alone."""
+    x = x0[row : row + 1].clone().requires_grad_()
+    optimiser = torch.optim.LBFGS(
+        [x],
+        max_iter=30,
+        history_size=100,
+        line_search_fn="strong_wolfe",
+        tolerance_grad=1e-9,
+        tolerance_change=1e-12,
+    )
+    evaluations, last = 0, None
+
+    def closure() -> Tensor:
+        nonlocal evaluations
+        evaluations += 1
+        optimiser.zero_grad()
+        value = cost(x, torch.tensor([row])).sum()
+        value.backward()
+        return value
+
+    for _ in range(rounds):
+        value = float(optimiser.step(closure).detach())
+        if last is not None and abs(last - value) <= 1e-9 * max(abs(last), abs(value), 1):
+            break
+        last = value
+    return float(cost(x.detach(), torch.tensor([row]))), evaluations
+
+
+def bowls(n: int) -> tuple[CostFunction, Tensor]:
+    """Four quadratics with minimum 0 and curvatures of at least one, and where their minima lie."""
+    roots = random(4, n, n)
+    matrix = roots @ roots.mT / n + torch.eye(n, dtype=torch.float64)
+    optimum = random(4, n, seed=1)
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        gradient = (matrix[rows] @ (x - optimum[rows])[:, :, None])[:, :, 0]
+        return ((x - optimum[rows]) * gradient).sum(-1) / 2, gradient
+
+    return function, optimum
+
+
+@pytest.mark.parametrize("n", [1, 2, 10, 40])
+def test_quadratics_reach_their_optimum(n: int):
+    function, optimum = bowls(n)
+    result = minimise_lbfgs(function, optimum + 10 * random(4, n, seed=2), relative_tolerance=0, change_tolerance=0)
+    assert result.reasons == (Reason.GRADIENT,) * 4
+    # With curvatures of at least one the error is no larger than the gradient.
+    assert float((result.x - optimum).norm(dim=1).max()) <= 1e-9 * n**0.5
+    assert float(result.cost.max()) <= 1e-17 * n
+
+
+def test_quadratics_by_the_default_tolerances():
+    function, optimum = bowls(20)
+    result = minimise_lbfgs(function, optimum + 10 * random(4, 20, seed=2))
+    assert result.reasons == (Reason.CONVERGED,) * 4
+    assert float(result.cost.max()) <= 1e-9
+
+
+@pytest.mark.parametrize("n", [2, 4, 10, 30])
+def test_rosenbrock_reaches_a_stationary_point(n: int):
+    classic = torch.tensor([-1.2, 1.0], dtype=torch.float64).repeat(n // 2)[None]
+    starts = torch.cat([classic, random(5, n)])
+    result = minimise_lbfgs(with_gradient(rosenbrock), starts, relative_tolerance=0, change_tolerance=0)
+    _, gradient = with_gradient(rosenbrock)(result.x, torch.arange(6))
+    # Curvatures reach 1e3 and the second minimum costs 4: gradients below (2 1e3 4 eps)^(1/2) lie within its rounding.
+    assert float(gradient.abs().max()) < 1.4e-6
+    if n == 2:  # From four dimensions on there is a second minimum near (-1, 1, ..., 1).
+        torch.testing.assert_close(result.x, torch.ones_like(result.x), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", COSTS)
+def test_no_worse_than_pytorch(name: str):
+    # "robust" has many minima: starts close to one another's basin, so that both solvers look for the same one.
+    starts = (0.2 if name == "robust" else 2) * random(6, 12, seed=5)
+    result = minimise_lbfgs(with_gradient(COSTS[name]), starts)
+    theirs = [torch_lbfgs(COSTS[name], starts, row) for row in range(6)]
+    for row, (cost, _) in enumerate(theirs):
+        assert float(result.cost[row]) <= cost + 1e-6 * max(abs(cost), 1), row
+    assert int(result.evaluations.sum()) <= 1.1 * sum(evaluations for _, evaluations in theirs)
+
+
+def test_no_worse_than_pytorch_on_average_where_there_are_many_minima():
+    starts = 2 * random(30, 6, seed=5)
+    result = minimise_lbfgs(with_gradient(robust), starts)
+    theirs = [torch_lbfgs(robust, starts, row) for row in range(30)]
+    assert float(result.cost.mean()) <= 1.02 * sum(cost for cost, _ in theirs) / 30
+    assert int(result.evaluations.sum()) <= 1.1 * sum(evaluations for _, evaluations in theirs)
+
+
+@pytest.mark.parametrize("name", COSTS)
+def test_rows_are_independent(name: str):
+    starts = random(5, 8, seed=6)
+    together = minimise_lbfgs(with_gradient(COSTS[name]), starts)
+    for row in range(5):
+        alone = minimise_lbfgs(
+            with_gradient(lambda x, rows, row=row: COSTS[name](x, torch.full_like(rows, row))), starts[row : row + 1]
+        )
+        torch.testing.assert_close(alone.cost[0], together.cost[row], rtol=1e-12, atol=1e-12)
+        torch.testing.assert_close(alone.x[0], together.x[row], rtol=1e-6, atol=1e-7)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**31), name=st.sampled_from(sorted(COSTS)), spread=st.floats(0.1, 3))
+def test_never_above_the_start_and_always_the_best_point_seen(seed: int, name: str, spread: float):
+    starts = spread * random(3, 5, seed=seed)
+    best = torch.full((3,), torch.inf, dtype=torch.float64)
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        cost, gradient = with_gradient(COSTS[name])(x, rows)
+        best[rows] = torch.minimum(best[rows], cost)
+        return cost, gradient
+
+    result = minimise_lbfgs(function, starts, rounds=3)
+    assert torch.equal(result.cost, best)
+    at_x, _ = with_gradient(COSTS[name])(result.x, torch.arange(3))
+    torch.testing.assert_close(at_x, best, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("what", ["cost", "gradient"])
+@pytest.mark.parametrize("outside", [torch.inf, -torch.inf, torch.nan])
+def test_walls_of_cost_that_is_not_finite(outside: float, what: str):
+    """Minimum of a linear cost with a logarithmic barrier: x = 1 / slope, and nothing finite at x <= 0."""
+    slopes = torch.logspace(-1, 3, 6, dtype=torch.float64)[:, None] * torch.ones(3, dtype=torch.float64)
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        inside = (x > 0).all(-1)
+        safe = x.clamp(min=1e-300)
+        cost, gradient = (slopes[rows] * x - safe.log()).sum(-1), slopes[rows] - 1 / safe
+        if what == "gradient":
+            return cost, torch.where(inside[:, None], gradient, outside)
+        return torch.where(inside, cost, outside), gradient
+
+    result = minimise_lbfgs(function, torch.full((6, 3), 5.0, dtype=torch.float64), change_tolerance=1e-14)
+    torch.testing.assert_close(result.x, 1 / slopes, rtol=1e-5, atol=0)
+    assert bool(result.cost.isfinite().all())
+
+
+def test_rows_that_start_at_nan_come_back_and_disturb_no_other():
+    starts = random(4, 6)
+    clean = minimise_lbfgs(with_gradient(rosenbrock), starts[[0, 2]])
+    starts[1, 3], starts[3, 0] = torch.nan, torch.inf
+    result = minimise_lbfgs(with_gradient(rosenbrock), starts)
+    assert result.reasons[1] == result.reasons[3] == Reason.START_NOT_FINITE
+    torch.testing.assert_close(result.x[[1, 3]], starts[[1, 3]], rtol=0, atol=0, equal_nan=True)
+    assert result.evaluations[[1, 3]].tolist() == [1, 1] and bool(result.cost[[1, 3]].isinf().all())
+    torch.testing.assert_close(result.cost[[0, 2]], clean.cost, rtol=1e-12, atol=1e-12)
+
+
+def test_start_at_the_optimum_takes_one_evaluation():
+    starts = torch.ones(2, 4, dtype=torch.float64)
+    starts[1, 0] = 3
+    result = minimise_lbfgs(with_gradient(rosenbrock), starts)
+    assert result.reasons[0] == Reason.GRADIENT and result.evaluations[0] == 1 and result.iterations[0] == 0
+    assert torch.equal(result.x[0], starts[0]) and result.iterations[1] > 10
+
+
+def test_wrong_gradient_ends_in_the_line_search():
+    result = minimise_lbfgs(lambda x, rows: (x.square().sum(-1), -2 * x), torch.ones(1, 3, dtype=torch.float64))
+    assert result.reasons == (Reason.LINE_SEARCH,) and result.evaluations[0] <= 2 + 25
+
+
+def test_failed_line_search_is_tried_again_along_the_steepest_descent():
+    calls = 0
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        nonlocal calls
+        calls += 1
+        cost, gradient = with_gradient(rosenbrock)(x, rows)
+        return (torch.full_like(cost, torch.nan) if 20 < calls <= 45 else cost), gradient
+
+    result = minimise_lbfgs(function, -torch.ones(1, 3, dtype=torch.float64), line_evaluations=10)
+    assert result.reasons[0] in (Reason.CONVERGED, Reason.GRADIENT)
+    torch.testing.assert_close(result.x, torch.ones_like(result.x), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("slope", [torch.nan, torch.inf, -torch.inf])
+def test_slope_that_overflows_is_too_long(slope: float):
+    row, one = torch.tensor([0]), torch.ones(1, dtype=torch.float64)
+    lines = LineSearches(one[:, None], evaluations=25, smallest_move=0.0)
+    lines.begin(row, step=one, cost=0 * one, gradient=-one[:, None], direction=one[:, None])
+    found, failed = lines.advance(row, cost=-one, gradient=one[:, None], slope=slope * one)
+    assert not found[0] and not failed[0]
+    assert lines.low.tolist() == [[0, 0, -1]] and 0 < float(lines.step[0]) < 1
+
+
+def test_unbounded_cost_ends_finite():
+    result = minimise_lbfgs(lambda x, rows: (x.sum(-1), torch.ones_like(x)), torch.zeros(1, 3), rounds=2)
+    assert bool(result.x.isfinite().all()) and -torch.inf < float(result.cost[0]) < -1e6
+
+
+def test_finished_rows_leave_and_no_call_is_empty():
+    sizes: list[int] = []
+    starts = torch.tensor([[1.0, 1.0], [-1.2, 1.0], [1.1, 1.2]], dtype=torch.float64)
+    calls = torch.zeros(3, dtype=torch.long)
+
+    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+        sizes.append(len(rows))
+        calls[rows] += 1
+        return with_gradient(rosenbrock)(x, rows)
+
+    result = minimise_lbfgs(function, starts)
+    assert sizes[0] == 3 and min(sizes) == 1 and sizes == sorted(sizes, reverse=True)
+    assert torch.equal(calls, result.evaluations) and len(sizes) == int(calls.max())
+
+
+def test_no_rows():
+    result = minimise_lbfgs(with_gradient(rosenbrock), torch.zeros(0, 3))
+    assert result.x.shape == (0, 3) and result.cost.shape == (0,) and result.reasons == ()
+
+
+def test_float32_and_start_unchanged():
+    starts = random(3, 4).float()
+    copy = starts.clone()
+    result = minimise_lbfgs(with_gradient(rosenbrock), starts)
+    assert result.x.dtype == result.cost.dtype == torch.float32 and torch.equal(starts, copy)
+    _, gradient = with_gradient(rosenbrock)(result.x, torch.arange(3))
+    assert float(gradient.abs().max()) < 0.1 and int(result.evaluations.max()) < 500
+
+
+def test_limits_hold():
+    result = minimise_lbfgs(with_gradient(rosenbrock), -random(3, 10).abs(), rounds=2, iterations=3)
+    assert result.reasons == (Reason.ROUNDS,) * 3 and result.iterations.tolist() == [6] * 3
+    assert result.rounds.tolist() == [2] * 3
+
+
+# Line search problems by Moré and Thuente (1994), section 5, and two with walls: value and slope at a step.
+LINES: dict[str, Cost] = {
+    "more-thuente 1": lambda t, _: -t / (t.square() + 2),
+    "more-thuente 2": lambda t, _: (t + 0.004).pow(5) - 2 * (t + 0.004).pow(4),
+    "wavy": lambda t, _: (t - 3).square() + 2 * (5 * t).sin() - 10 * t,
+    "wall": lambda t, _: t.neg() - 0.1 * (2 - t).log(),
+    "overflow": lambda t, _: (50 * t).exp() - 1e4 * t,
+    "cliff": lambda t, _: (1e4 * (t - 1)).clamp(max=200).exp() - t,
+    "flat, far": lambda t, _: -(1e-4 * t + 1).log() + 1e-10 * t.square(),
+}
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_strong_wolfe_conditions_hold_at_accepted_steps(name: str):
+    line = with_gradient(LINES[name])
+    first = torch.cat([torch.logspace(-3, 3, 13, dtype=torch.float64), torch.tensor([1.02], dtype=torch.float64)])
+    rows = torch.arange(len(first))
+    zeros, ones = torch.zeros_like(first), torch.ones_like(first)[:, None]
+    cost0, slope0 = line(zeros, rows)
+    lines = LineSearches(ones, evaluations=30, smallest_move=0.0)
+    lines.begin(rows, step=first, cost=cost0, gradient=slope0[:, None], direction=ones)
+    going = rows
+    for _ in range(30):
+        cost, slope = line(lines.step[going], going)
+        finite = cost.isfinite() & slope.isfinite()
+        cost, slope = torch.where(finite, cost, torch.inf), torch.where(finite, slope, 0)
+        last = lines.low[going, 1]
+        found, failed = lines.advance(going, cost=cost, gradient=slope[:, None], slope=slope)
+        assert not bool(failed.any()) and bool((lines.low[going, 1] <= last).all())
+        going = going[~found]
+        if not len(going):
+            break
+    assert not len(going)
+    step = lines.low[:, 0]
+    cost, slope = line(step, rows)
+    torch.testing.assert_close(lines.low, torch.stack([step, cost, slope], -1), rtol=0, atol=0)
+    torch.testing.assert_close(lines.low_gradient[:, 0], slope, rtol=0, atol=0)
+    assert bool((cost <= cost0 + SUFFICIENT_DECREASE * step * slope0).all())
+    assert bool((slope.abs() <= -CURVATURE * slope0).all())
+
+
+def test_directions_agree_with_the_two_loop_recursion_over_a_full_ring():
+    size, n = 5, 9
+    history = CurvatureHistory(torch.zeros(3, n, dtype=torch.float64), size=size)
+    pairs: list[list[tuple[Tensor, Tensor]]] = [[], [], []]
+    for k, rows in enumerate([[0, 1], [0], [0, 1], [0], [0, 1], [0], [0, 1], [0, 1], [0]]):
+        steps = random(len(rows), n, seed=k)
+        changes = steps + 0.3 * random(len(rows), n, seed=100 + k)
+        changes[0] *= -1 if k == 3 else 1  # a pair without curvature, which must be skipped
+        history.add(torch.tensor(rows), steps, changes)
+        for row, s, y in zip(rows, steps, changes, strict=True):
+            if s @ y > 0:
+                pairs[row] = [*pairs[row], (s, y)][-size:]
+    gradient = random(3, n, seed=50)
+    directions = history.direction(torch.tensor([2, 1, 0]), gradient)
+    for row, g, direction in zip([2, 1, 0], gradient, directions, strict=True):
+        torch.testing.assert_close(direction, two_loops(pairs[row], g), rtol=1e-11, atol=1e-11)
+    history.forget(torch.tensor([0]))
+    torch.testing.assert_close(history.direction(torch.tensor([0]), gradient[:1]), -gradient[:1], rtol=0, atol=0)
+    both = history.direction(torch.tensor([1, 0]), gradient[[1, 0]])
+    torch.testing.assert_close(both, torch.stack([directions[1], -gradient[0]]))
+
+
+def two_loops(pairs: list[tuple[Tensor, Tensor]], gradient: Tensor) -> Tensor:
+    """Nocedal and Wright, algorithm 7.4, as it stands there."""
+    q, alphas = gradient.clone(), []
+    for s, y in reversed(pairs):
+        alphas.append((s @ q) / (s @ y))
+        q -= alphas[-1] * y
+    if pairs:
+        s, y = pairs[-1]
+        q *= (s @ y) / (y @ y)
+    for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
+        q += s * (alpha - (y @ q) / (s @ y))
+    return -q
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
+def test_cuda_agrees_with_cpu():
+    starts = random(4, 6)
+    result = minimise_lbfgs(with_gradient(rosenbrock), starts.cuda())
+    expected = minimise_lbfgs(with_gradient(rosenbrock), starts)
+    assert result.x.is_cuda
+    torch.testing.assert_close(result.cost.cpu(), expected.cost, rtol=1e-9, atol=1e-9)

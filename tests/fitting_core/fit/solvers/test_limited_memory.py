@@ -1,0 +1,209 @@
+"""L-BFGS behind the solvers' interface: the same optima as Levenberg-Marquardt on all three problems."""
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from fitting_core.body.params import BodyParams
+from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.solvers import SOLVERS, make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames, Problem, SharedShape
+from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
+from fitting_core.fit.variables.state import State
+from tests.samples.posed_clips import clip_of, motion, shipped_body
+
+FRAMES = 5
+WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5), pose_prior="axis_angle")
+"""For speed; tests/fitting_core/fit/terms/test_collision_term.py has both solvers on the collision term."""
+TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iterations=200)
+
+
+@pytest.fixture(scope="module")
+def stages() -> Stages:
+    clip = clip_of(motion(FRAMES), noise=1.0)
+    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
+
+
+@pytest.fixture(scope="module")
+def near_truth(stages) -> State:
+    """The true motion, joints off by 0.05 rad: from here every solver falls into the same valley."""
+    state = stages.parametrisation.from_params(motion(FRAMES))
+    move = 0.05 * torch.randn(state.vector.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    betas = stages.parametrisation.columns.betas
+    state = state.moved(move)
+    return state.with_columns(betas, state.vector[:1, betas].expand(FRAMES, -1))
+
+
+def every_frame(stages: Stages, state: State) -> Problem:
+    return IndependentFrames(stages.objective(2, state, stages.free(2, betas=True)), stages.all_frames)
+
+
+def one_shape(stages: Stages, state: State) -> Problem:
+    objective = stages.objective(2, state, stages.free(2, betas=True))
+    objective.terms = [t for t in objective.terms if t.name != "shape"]
+    return SharedShape(objective, stages.all_frames, 50.0)
+
+
+def sequence(stages: Stages, state: State) -> Problem:
+    objective = stages.objective(2, state, stages.free(2, betas=False))
+    joints = JointPositions(stages.body, stages.parametrisation, in_camera=True)
+    coupling = Coupling.of(range(FRAMES), range(FRAMES), FRAMES)
+    return Sequence(objective, joints, joints(state), coupling, 100.0)
+
+
+PROBLEMS = [every_frame, one_shape, sequence]
+
+
+def solve(steps: Generator[Progress, None, Solution]) -> tuple[list[Progress], Solution]:
+    progress = []
+    while True:
+        try:
+            progress.append(next(steps))
+        except StopIteration as stop:
+            return progress, stop.value
+
+
+def minimise(name: str, problem: Problem, start: State, settings: SolverSettings = TIGHT) -> Solution:
+    return solve(make_solver(name, settings).minimise(problem, start, final=True))[1]
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_ends_where_levenberg_marquardt_ends(stages, near_truth, make):
+    problem = make(stages, near_truth)
+    lm, lbfgs = (minimise(name, problem, near_truth) for name in ("lm", "lbfgs"))
+    assert set(lbfgs.reason) == {"converged"}
+    torch.testing.assert_close(lbfgs.cost, lm.cost, rtol=1e-6, atol=0)
+    torch.testing.assert_close(lbfgs.state.orient, lm.state.orient, rtol=0, atol=2e-3)
+    torch.testing.assert_close(lbfgs.state.vector, lm.state.vector, rtol=0, atol=5e-3)
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_cost_is_that_of_the_state(stages, near_truth, make):
+    problem = make(stages, near_truth)
+    solution = minimise("lbfgs", problem, near_truth, replace(TIGHT, rounds=1))
+    assert set(solution.reason) == {"iterations"}
+    groups = torch.arange(problem.groups)
+    torch.testing.assert_close(solution.cost, problem.cost(solution.state, groups))
+    assert (solution.cost < problem.cost(near_truth, groups)).all()
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_unknowns_are_the_steps_that_a_normal_matrix_would_solve_for(stages, near_truth, make):
+    """A damped Gauss-Newton step lies in the space that the unknowns span, and they span no more than it."""
+    problem = make(stages, near_truth)
+    x = torch.eye(problem.unknowns, dtype=torch.float64)
+    if problem.groups == 1:
+        spread = torch.stack([problem.spread(e[None]).flatten() for e in x])
+        groups = torch.arange(1)
+        target = problem.solve(problem.normal(near_truth, groups), torch.ones(1)).move.flatten()[None]
+    else:
+        spread = problem.spread(x)
+        groups = torch.arange(problem.groups)
+        target = problem.solve(problem.normal(near_truth, groups), torch.ones(problem.groups)).move
+    assert torch.linalg.matrix_rank(spread) == problem.unknowns
+    coordinates = torch.linalg.lstsq(spread.T, target.T).solution
+    torch.testing.assert_close(spread.T @ coordinates, target.T, rtol=0, atol=1e-9)
+
+
+def test_shared_betas_stay_shared(stages, near_truth):
+    solution = minimise("lbfgs", one_shape(stages, near_truth), near_truth)
+    betas = solution.state.vector[:, stages.parametrisation.columns.betas]
+    assert torch.equal(betas, betas[:1].expand_as(betas))
+    assert (betas - near_truth.vector[:, stages.parametrisation.columns.betas]).abs().max() > 0.01
+
+
+def test_groups_do_not_see_each_other(stages, near_truth):
+    problem = every_frame(stages, near_truth)
+    every = minimise("lbfgs", problem, near_truth)
+    alone = minimise("lbfgs", IndependentFrames(problem.objective, torch.tensor([2])), near_truth[2:3])
+    torch.testing.assert_close(every.cost[2:3], alone.cost, rtol=1e-8, atol=0)
+
+
+def test_frame_behind_the_camera_is_returned_as_it_came(stages, near_truth):
+    where = stages.parametrisation.columns.translation
+    start = near_truth.put(torch.tensor([3]), near_truth[3:4].with_columns(where, torch.tensor([[0.0, 0.0, -2.0]])))
+    solution = minimise("lbfgs", every_frame(stages, start), start)
+    assert solution.reason[3] == "failed" and solution.cost[3] == torch.inf
+    assert torch.equal(solution.state.vector[3], start.vector[3])
+    assert torch.equal(solution.state.orient[3], start.orient[3])
+    assert solution.cost[[0, 1, 2, 4]].isfinite().all() and solution.state.vector.isfinite().all()
+
+
+def test_overflowing_bend_does_not_leave_a_trace(stages, near_truth):
+    """A knee bent by 400 rad overflows the exponential prior: METHOD tells of a run that it killed."""
+    start = near_truth.put(torch.tensor([1]), near_truth[1:2].with_columns(slice(12, 13), torch.tensor([[-400.0]])))
+    solution = minimise("lbfgs", every_frame(stages, start), start)
+    assert solution.reason[1] == "failed"
+    assert solution.cost[[0, 2, 3, 4]].isfinite().all() and solution.state.vector.isfinite().all()
+
+
+def test_yields_between_evaluations_and_can_be_closed(stages, near_truth):
+    solver = make_solver("lbfgs", TIGHT)
+    steps = solver.minimise(every_frame(stages, near_truth), near_truth, final=False)
+    progress, _ = solve(steps)
+    assert len(progress) > 20
+    iterations = [p.iteration for p in progress]
+    assert iterations == sorted(iterations) and 10 < iterations[-1] <= solver.iterations
+    costs = torch.stack([p.cost for p in progress])
+    assert (costs.diff(dim=0) <= 0).all() and (costs[-1] < costs[0]).all()
+    assert progress[-1].running == 0
+
+    again = solver.minimise(every_frame(stages, near_truth), near_truth, final=False)
+    torch.testing.assert_close(next(again).cost, costs[0])
+    again.close()
+    assert torch.is_grad_enabled()
+    with pytest.raises(StopIteration):
+        next(again)
+
+
+def test_works_where_the_caller_switched_gradients_off(stages, near_truth):
+    problem = every_frame(stages, near_truth)
+    with torch.no_grad():
+        inside = minimise("lbfgs", problem, near_truth, replace(TIGHT, rounds=1))
+    assert torch.equal(inside.cost, minimise("lbfgs", problem, near_truth, replace(TIGHT, rounds=1)).cost)
+    assert not inside.cost.requires_grad and not inside.state.vector.requires_grad
+
+
+def staged(stages: Stages, name: str, start: State) -> Tensor:
+    """Final costs after five stages from the same start, with the settings that users get."""
+    state, solver = start, make_solver(name, SolverSettings())
+    for stage in range(1, 6):
+        problem = every_frame_at(stages, stage, state)
+        solution = solve(solver.minimise(problem, state, final=stage == 5))[1]
+        state = solution.state
+    return solution.cost
+
+
+def every_frame_at(stages: Stages, stage: int, state: State) -> Problem:
+    free = stages.free(stage, betas=True, resting=True)
+    return IndependentFrames(stages.objective(stage, state, free), stages.all_frames)
+
+
+def test_levenberg_marquardt_ends_no_higher_on_average_after_five_stages():
+    """Frame by frame either may find the lower valley.
+
+    Means of lm and lbfgs over 20 frames of 10 motions: 173.4 and 173.7 at 0.2 rad, 230.7 and 228.0 at 0.3 rad (one of
+    the 20 frames makes the difference); over 10 real frames 196.2 and 199.7.
+    """
+    motions = [motion(2, seed=seed) for seed in range(5)]
+    params = BodyParams(**{name: torch.cat([getattr(m, name) for m in motions]) for name in vars(motions[0])})
+    clip = clip_of(params, noise=3.0, seed=2)
+    stages = Stages(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
+    truth, neutral = stages.parametrisation.from_params(params), stages.parametrisation.neutral(len(params))
+    where = stages.parametrisation.columns.translation
+    start = State(truth.orient, neutral.with_columns(where, truth.vector[:, where]).vector)
+    lm, lbfgs = (staged(stages, name, start) for name in ("lm", "lbfgs"))
+    assert lm.mean() <= 1.005 * lbfgs.mean()
+
+
+def test_every_solver_of_the_table_obeys_the_protocol(stages, near_truth):
+    for name in SOLVERS:
+        solver = make_solver(name, SolverSettings(iterations=2, rounds=1))
+        assert solver.iterations >= 2
+        progress, solution = solve(solver.minimise(every_frame(stages, near_truth), near_truth, final=False))
+        assert progress and len(solution.reason) == FRAMES and solution.evaluations >= FRAMES

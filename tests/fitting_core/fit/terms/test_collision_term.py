@@ -1,0 +1,274 @@
+"""The collision term in E_o: its value, its derivatives, and that both solvers free what it sees."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT
+from fitting_core.body.params import BodyParams
+from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
+from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.solvers.solution import Solution
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.terms.collision import body_collision_finder, penetration
+from fitting_core.fit.terms.collision.term import SOFT_SIGMA, CollidingBody, Collision
+from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.variables.state import State
+from tests.samples.posed_clips import clip_of, motion, shipped_body
+
+
+def arms_down(*angles: float) -> BodyParams:
+    """Both upper arms lowered from the T-pose by these angles (radians): from 1.5 on the hands are in the thighs."""
+    params = motion(len(angles), seed=3, amplitude=0.02)
+    pose = params.body_pose.clone()
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        pose[:, 3 * (JOINT[f"{side}_shoulder"] - 1) + 2] = sign * torch.tensor(angles, dtype=torch.float64)
+    return replace(params, body_pose=pose)
+
+
+@pytest.fixture(scope="module")
+def body() -> CollidingBody:
+    return CollidingBody(shipped_body(), dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def params() -> BodyParams:
+    """A free frame, fingertips that touch the thighs, and hands inside them."""
+    return arms_down(0.3, 1.5, 1.55)
+
+
+@pytest.fixture(scope="module")
+def stages(params) -> Stages:
+    clip = clip_of(params)
+    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
+
+
+@pytest.fixture(scope="module")
+def objective(stages, body, params) -> FrameObjective:
+    """Collision alone, everything free."""
+    state = stages.parametrisation.from_params(params)
+    free = replace(stages.free(5, betas=True), hands=True, face=True)
+    whole = stages.objective(5, state, free)
+    return FrameObjective([Collision(0.7, body)], whole.view, free)
+
+
+@pytest.fixture(scope="module")
+def state(stages, params) -> State:
+    return stages.parametrisation.from_params(params)
+
+
+def test_value_is_the_penalty_of_the_whole_mesh(objective, state, params):
+    vertices = Mesh(shipped_body(), dtype=torch.float64)(params)
+    finder, faces = body_collision_finder(shipped_body()), torch.as_tensor(shipped_body().faces.astype(np.int64))
+    expected = []
+    for frame in vertices:
+        pairs = torch.as_tensor(finder.find(frame.numpy()))
+        expected.append(0.7**2 * penetration(frame, faces, pairs).square().sum())
+    cost = objective.costs(state, torch.arange(3))["collision"]
+    assert expected[0] == 0 and min(expected[1:]) > 1
+    torch.testing.assert_close(cost, torch.stack(expected), rtol=1e-6, atol=0)
+
+
+def test_frames_do_not_see_each_other(objective, state):
+    together = objective.costs(state, torch.arange(3))["collision"]
+    for i in (2, 0, 1):
+        alone = objective.costs(state[i : i + 1], torch.tensor([i]))["collision"]
+        torch.testing.assert_close(alone[0], together[i])
+
+
+def test_pairs_found_last_do_not_outlive_their_state(objective, state):
+    frames = torch.arange(3)
+    before = objective.costs(state, frames)["collision"]
+    rested = state.with_columns(objective.view.parametrisation.columns.body, torch.zeros(63, dtype=torch.float64))
+    assert (objective.costs(rested, frames)["collision"] == 0).all()
+    assert torch.equal(objective.costs(state, frames)["collision"], before)
+
+
+def gradient_by_autograd(objective: FrameObjective, state: State) -> Tensor:
+    move = torch.zeros(len(state), len(objective.index), dtype=torch.float64, requires_grad=True)
+    cost = objective.cost(state.moved(objective.step(move)), torch.arange(len(state)))
+    return torch.autograd.grad(cost.sum(), move)[0]
+
+
+def test_gradient_is_that_of_finite_differences(objective, state):
+    """Where no triangle begins or ceases to touch, the cost is smooth."""
+    gradient = gradient_by_autograd(objective, state)[1:]
+    draw = torch.Generator().manual_seed(0)
+    frames = torch.arange(1, 3)
+    contacts = objective.terms[0].body.pairs(Estimate(objective.view, state[1:], frames))
+    for _ in range(3):
+        direction = torch.randn(2, gradient.shape[1], generator=draw, dtype=torch.float64)
+        costs = []
+        for step in (1e-8, -1e-8):
+            moved = state[1:].moved(objective.step(step * direction))
+            pairs = objective.terms[0].body.pairs(Estimate(objective.view, moved, frames))
+            assert all(a.equal(b) for a, b in zip(pairs, contacts, strict=True))
+            costs.append(objective.cost(moved, frames))
+        slope = (costs[0] - costs[1]) / 2e-8
+        torch.testing.assert_close((gradient * direction).sum(1), slope, rtol=1e-4, atol=1e-3)
+
+
+def test_closed_form_gradient_is_that_of_automatic_differentiation(objective, state):
+    normal = objective.normal(state, torch.arange(3))
+    expected = gradient_by_autograd(objective, state) / 2
+    torch.testing.assert_close(normal.gradient, expected, rtol=1e-9, atol=1e-9 * float(expected.abs().max()))
+    assert (normal.gradient[0] == 0).all() and (normal.matrix[0] == 0).all()
+    assert expected[1].abs().max() > 1
+
+
+def test_normal_matrix_is_that_of_automatic_differentiation_but_for_the_correctives(objective, state):
+    """Correctives are left out of the matrix: with a body that has none it is exact."""
+    plain = replace(shipped_body(), pose_directions=np.zeros_like(shipped_body().pose_directions))
+    term = Collision(0.7, CollidingBody(plain, dtype=torch.float64))
+    bare = FrameObjective([term], objective.view, objective.free)
+    frame = torch.tensor([1])
+    move = torch.zeros(1, len(bare.index), dtype=torch.float64, requires_grad=True)
+    residual = term.residual(Estimate(bare.view, state[1:2].moved(bare.step(move)), frame))[0]
+    residual = residual[residual > 0]
+    rows = torch.stack([torch.autograd.grad(r, move, retain_graph=True)[0][0] for r in residual])
+    expected = rows.T @ rows
+    assert len(rows) > 20
+    torch.testing.assert_close(
+        bare.normal(state[1:2], frame).matrix[0], expected, rtol=1e-9, atol=1e-9 * expected.max()
+    )
+
+
+@pytest.mark.parametrize("free", ["hands", "face", "betas", "body", "translation"])
+def test_columns_of_groups_that_rest_are_left_out(objective, state, free):
+    fewer = replace(objective.free, **{free: False})
+    bare = FrameObjective(objective.terms, objective.view, fewer)
+    kept = torch.isin(objective.index, bare.index)
+    full, part = (o.normal(state[2:], torch.tensor([2])) for o in (objective, bare))
+    torch.testing.assert_close(part.gradient, full.gradient[:, kept])
+    torch.testing.assert_close(part.matrix, full.matrix[:, kept][:, :, kept])
+
+
+def test_rest_pose_does_not_collide(objective):
+    rest = objective.view.parametrisation.neutral(1)
+    assert objective.costs(rest, torch.tensor([0]))["collision"] == 0
+
+
+@pytest.mark.parametrize("wild", [torch.nan, torch.inf, 1e4])
+def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
+    betas = objective.view.parametrisation.columns.betas
+    broken = state.put(
+        torch.tensor([1]), state[1:2].with_columns(betas, torch.full((1, 10), wild, dtype=torch.float64))
+    )
+    cost = objective.cost(broken, torch.arange(3))
+    assert cost[1] == torch.inf
+    torch.testing.assert_close(cost[[0, 2]], objective.cost(state, torch.arange(3))[[0, 2]])
+
+
+def test_float32_sees_the_same(objective, state, stages, params):
+    clip = clip_of(params)
+    single = Stages(
+        clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle", precision="float32")
+    )
+    start = single.parametrisation.from_params(params)
+    term = Collision(0.7, single.colliding_body)
+    cost = FrameObjective([term], single.objective(5, start, objective.free).view, objective.free).costs(
+        start, torch.arange(3)
+    )
+    torch.testing.assert_close(
+        cost["collision"].double(), objective.costs(state, torch.arange(3))["collision"], rtol=0.02, atol=0
+    )
+
+
+def minimised(solver: str, problem: IndependentFrames, start: State) -> Solution:
+    steps = make_solver(solver, SolverSettings(rounds=1)).minimise(problem, start, final=True)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+
+
+@pytest.fixture(scope="module")
+def hands_in_thighs() -> tuple[Stages, State, IndependentFrames]:
+    """From the very pose that the keypoints come from, with fingertips in the thighs."""
+    params = arms_down(1.52)
+    clip = clip_of(params)
+    stages = Stages(clip.keypoints, clip.camera, shipped_body(), PRESETS["paper"])
+    start = stages.parametrisation.from_params(params)
+    objective = stages.objective(5, start, stages.free(5, betas=True))
+    return stages, start, IndependentFrames(objective, stages.all_frames)
+
+
+@pytest.fixture(scope="module")
+def ends(hands_in_thighs) -> dict[str, Solution]:
+    _, start, problem = hands_in_thighs
+    return {solver: minimised(solver, problem, start) for solver in ("lm", "lbfgs")}
+
+
+def test_levenberg_marquardt_frees_hands(hands_in_thighs, ends):
+    stages, start, problem = hands_in_thighs
+    assert freed(stages, start, problem, ends["lm"]) < 0.5
+
+
+def test_lbfgs_frees_hands(hands_in_thighs, ends):
+    """It ends somewhere on the term's stairs, at 0.45 to 0.53 of the cost for starts that differ by 1e-11: so the hands
+    are free from every start, and the best of three has the limit that holds for Levenberg-Marquardt."""
+    stages, start, problem = hands_in_thighs
+    generator = torch.Generator().manual_seed(0)
+    shares = [freed(stages, start, problem, ends["lbfgs"])]
+    for _ in range(2):
+        noise = 1e-11 * torch.randn(start.vector.shape, generator=generator, dtype=torch.float64)
+        end = minimised("lbfgs", problem, State(start.orient, start.vector + noise))
+        shares.append(freed(stages, start, problem, end))
+    assert min(shares) < 0.5
+
+
+def freed(stages: Stages, start: State, problem: IndependentFrames, end: Solution) -> float:
+    """The share of the cost that is left, of an end with the hands out of the thighs."""
+    before, after = (problem.objective.costs(s, stages.all_frames) for s in (start, end.state))
+    torch.testing.assert_close(end.cost, sum(after.values()))
+    assert before["collision"] > 500 and after["collision"] < 0.1 * before["collision"]
+    assert end.cost < sum(before.values())
+    return float(end.cost / sum(before.values()))
+
+
+class Faithful:
+    """A term that cannot be softened."""
+
+    def __init__(self, term: Collision) -> None:
+        self.name, self.residual, self.rows = term.name, term.residual, term.rows
+
+
+def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs, ends):
+    """Levenberg-Marquardt on the faithful term alone stops on its staircase."""
+    _, start, problem = hands_in_thighs
+    terms = [Faithful(t) if isinstance(t, Collision) else t for t in problem.objective.terms]
+    rigid = FrameObjective(terms, problem.objective.view, problem.objective.free)
+    stuck = minimised("lm", IndependentFrames(rigid, problem.frames), start)
+    assert ends["lm"].cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
+
+
+def test_a_softened_end_that_is_worse_is_not_taken(hands_in_thighs, ends):
+    """From where the faithful cost is lowest, minimising it again raises nothing."""
+    _, _, problem = hands_in_thighs
+    assert (minimised("lm", problem, ends["lm"].state).cost <= ends["lm"].cost).all()
+
+
+def test_softened_term_has_higher_cones(body):
+    assert Collision(0.7, body).softened() == Collision(0.7, body, SOFT_SIGMA)
+    assert Collision(0.7, body, 0.01).softened().sigma == 0.01
+
+
+def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):
+    def names(stage: int) -> list[str]:
+        return [t.name for t in stages.objective(stage, state, stages.free(stage, betas=True)).terms]
+
+    assert [("collision" in names(stage)) for stage in range(1, 6)] == [False, False, False, True, True]
+    depth = stages.xy.new_full((3,), 3.5)
+    assert "collision" not in [t.name for t in stages.camera_objective(depth).terms]
+
+
+def test_faithful_presets_contain_it():
+    for name in ("paper", "smplifyx"):
+        assert PRESETS[name].weights.collision == (0.0, 0.0, 0.0, 0.1, 1.0)

@@ -1,0 +1,442 @@
+"""Every term of E_o: its value written out by hand, its derivatives by automatic differentiation, all in float64."""
+
+import inspect
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from fitting_core import keypoints as kp
+from fitting_core import rotations
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.pairs import Contour, Joint, Surface
+from fitting_core.config.schema import FitConfig, Weights
+from fitting_core.fit.objective import FrameObjective, Normal
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.terms import terms
+from fitting_core.fit.terms.terms import Data, Term
+from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.variables.state import Free, State
+from tests.samples.scenes import (
+    CAMERA,
+    differentiated,
+    hidden,
+    keypoints_of,
+    noisy,
+    random_params,
+    random_state,
+    stages_of,
+    without_correctives,
+)
+
+T = 4
+FRAMES = torch.tensor([2, 0, 3])
+"""Of the clip, not in order: terms must look up each frame's own data."""
+CONFIG = FitConfig(
+    weights=replace(
+        Weights(),
+        body_pose=(0, 0, 0, 0, 3.0), hand_pose=(0, 0, 0, 0, 5.0), shape=(0, 0, 0, 0, 7.0),
+        expression=(0, 0, 0, 0, 11.0), jaw_open=(0, 0, 0, 0, 13.0), jaw_sideways=(0, 0, 0, 0, 17.0),
+        bending=(0, 0, 0, 0, 19.0), collision=(0,) * 5, lean=(0, 0, 0, 0, 23.0), turn=(0, 0, 0, 0, 29.0),
+        rest=(0, 0, 0, 0, 31.0),
+        body_keypoints=(0, 0, 0, 0, 1.5), hand_keypoints=(0, 0, 0, 0, 2.0), face_keypoints=(0, 0, 0, 0, 0.5),
+    ),
+    pose_prior="relaxed", neck_weight=0.25, hip_weight=0.75, robust_pixels=80.0, robust_pixels_fine=30.0,
+    robust_at_height=1000.0, one_sided_cut_off=True,
+)  # fmt: skip
+"""Every weight another, so that no term can take another's. Collision and limits have tests of their own."""
+LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
+LEFT_ARM = [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"], kp.LEFT_HAND]
+
+
+class Huddle:
+    """A user's own term, of which nothing is known but its residual: pixels in one place, pose and root at rest."""
+
+    name = "huddle"
+
+    def residual(self, e: Estimate) -> Tensor:
+        return torch.cat([0.01 * e.pixels.std(1), torch.sin(e.body_pose[:, 50:53]), e.state.orient[:, 0, :2]], 1)
+
+
+@dataclass(eq=False)
+class Scene:
+    """A clip of noisy detections, and a state somewhere else."""
+
+    body: BodyModel
+    stages: Stages
+    state: State
+    """Of FRAMES."""
+    params: BodyParams
+    """The same as a user knows it."""
+    objectives: dict[str, FrameObjective]
+    """E_o of stage 5, and the camera step."""
+
+    def term(self, name: str) -> Term:
+        if name == Huddle.name:
+            return Huddle()
+        objective = "camera" if name == "depth" else "stage 5"
+        return next(t for t in self.objectives[objective].terms if t.name == name)
+
+    def estimate(self, state: State | None = None) -> Estimate:
+        return Estimate(self.objectives["stage 5"].view, state or self.state, FRAMES)
+
+    def alone(self, term: Term, free: Free) -> FrameObjective:
+        """An objective of one term."""
+        return FrameObjective([term], self.objectives["stage 5"].view, free)
+
+    def _everything(self, state: State) -> dict[str, Tensor]:
+        estimate = self.estimate(state)
+        residuals = {name: self.term(name).residual(estimate) for name in (*BY_HAND, Huddle.name)}
+        return {"pixels": estimate.pixels, **residuals}
+
+    @cached_property
+    def values(self) -> dict[str, Tensor]:
+        """Residuals of every term, and the pixels."""
+        return self._everything(self.state)
+
+    @cached_property
+    def jacobians(self) -> dict[str, Tensor]:
+        """Their derivatives by all columns, by automatic differentiation."""
+        every = torch.arange(self.stages.parametrisation.columns.total)
+        return differentiated(self._everything, self.state, every)
+
+    def jacobian(self, name: str, free: Free) -> Tensor:
+        """The same by the free columns."""
+        return self.jacobians[name][..., free.index(self.stages.parametrisation.columns)]
+
+
+def make_scene(body: BodyModel, *, latent: bool = False) -> Scene:
+    """Some limbs unseen in some frames, some detections at the image border, errors from 1 to 1000 pixels."""
+    detections = noisy(keypoints_of(body, random_params(T, 5)), 15.0)
+    detections = hidden(detections, *LEGS, frames=slice(2, 4))
+    detections = hidden(detections, *LEFT_ARM, frames=slice(0, 2))
+    detections.xy[0, kp.INDEX["nose"]] += (400, -700)
+    detections.xy[:, kp.INDEX["right_wrist"]] = (798.0, 500.0)
+    detections.xy[2, kp.INDEX["right_ankle"]] = (300.0, 797.0)
+    detections.confidence[2, kp.INDEX["right_ankle"]] = 0.4
+    detections.xy[3, kp.INDEX["left_ear"]] = (3.0, 2.0)
+    stages = stages_of(body, detections, CONFIG, latent=latent)
+    p = stages.parametrisation
+    whole = random_state(p, T, 11)
+    depth = torch.tensor([2.0, 3.0, 4.0, 5.0], dtype=torch.float64)
+    objectives = {"stage 5": stages.objective(5, whole, Free()), "camera": stages.camera_objective(depth)}
+    state = whole[FRAMES]
+    return Scene(body, stages, state, p.to_params(state), objectives)
+
+
+@pytest.fixture(scope="module")
+def scene(tiny_body: BodyModel) -> Scene:
+    return make_scene(tiny_body)
+
+
+@pytest.fixture(scope="module")
+def latent_scene(tiny_body: BodyModel) -> Scene:
+    return make_scene(tiny_body, latent=True)
+
+
+@pytest.fixture(scope="module")
+def rigid_scene(tiny_body: BodyModel) -> Scene:
+    return make_scene(without_correctives(tiny_body))
+
+
+def keypoint_in_pixels(scene: Scene, b: int, i: int, vertices: np.ndarray, joints: np.ndarray) -> np.ndarray | None:
+    """Projection of a keypoint of the posed mesh, its place looked up without BodyPoints."""
+    p = scene.stages.keypoint_points[i]
+    if p is None:
+        return None
+    if isinstance(p, Joint):
+        x, y, z = joints[b, p.joint]
+    elif isinstance(p, Contour):
+        bins = scene.objectives["stage 5"].view.contour_bin
+        assert bins is not None
+        table = int(bins[FRAMES[b]])
+        corners, weights = scene.body.contour_vertices[table, p.landmark], scene.body.contour_weights[table, p.landmark]
+        x, y, z = weights @ vertices[b, corners]
+    else:
+        assert isinstance(p, Surface)
+        x, y, z = np.array(p.weights) @ vertices[b, list(p.vertices)]
+    return np.array([900.0 * x / z + 410.0, 940.0 * y / z + 395.0])
+
+
+def joint_weight(i: int) -> float:
+    """The factors of CONFIG, by the keypoint's number in OpenPose's documentation."""
+    if i >= 67:
+        return 0.5
+    if i >= 25:
+        return 2.0
+    return {1: 0.25 * 1.5, 9: 0.75 * 1.5, 12: 0.75 * 1.5}.get(i, 1.5)
+
+
+def data_by_hand(scene: Scene) -> list[float]:
+    mesh, detections = Mesh(scene.body, dtype=torch.float64), scene.stages.keypoints
+    vertices, joints = mesh(scene.params).numpy(), mesh.joints(scene.params).numpy()
+    costs = []
+    for b, frame in enumerate(FRAMES.tolist()):
+        cost = 0.0
+        for i in range(137):
+            pixel = keypoint_in_pixels(scene, b, i, vertices, joints)
+            if pixel is None:
+                continue
+            rho = (30.0 if i >= 25 else 80.0) * 800 / 1000
+            weight = detections.confidence[frame, i] * joint_weight(i) * 1000 / 800
+            for axis in (0, 1):
+                found = detections.xy[frame, i, axis]
+                error = pixel[axis] - found
+                side = one_side(scene, frame, i, axis)
+                if side * error > 0:  # the detection says no more than "at least so far out"
+                    continue
+                cost += weight**2 * rho**2 * error**2 / (error**2 + rho**2)
+        costs.append(cost)
+    return costs
+
+
+def one_side(scene: Scene, frame: int, i: int, axis: int) -> int:
+    """The detections that make_scene put within 1.5 % of the 800 pixels to the border; hips without a knee."""
+    detections = scene.stages.keypoints
+    if detections.confidence[frame, i] == 0:
+        return 0
+    found = detections.xy[frame, i, axis]
+    side = int(found > 799 - 12) - int(found < 12)
+    return 1 if axis == 1 and i == kp.INDEX["mid_hip"] and frame >= 2 else side
+
+
+def rest_by_hand(scene: Scene) -> list[float]:
+    costs = []
+    for b, frame in enumerate(FRAMES.tolist()):
+        cost = 0.0
+        for j in range(1, 22):
+            if not scene.stages.observed[frame, j]:
+                target = neutral_pose(scene)[3 * (j - 1) : 3 * j]
+                cost += 31.0**2 * sum((scene.params.body_pose[b, 3 * (j - 1) : 3 * j].numpy() - target) ** 2)
+        costs.append(cost)
+    return costs
+
+
+def neutral_pose(scene: Scene) -> np.ndarray:
+    prior = scene.stages.parametrisation.prior
+    return prior.decode(prior.neutral[None])[0].numpy()
+
+
+def squares(values: Tensor, weight: float) -> list[float]:
+    return [weight**2 * sum(float(x) ** 2 for x in row) for row in values]
+
+
+def body_pose_by_hand(scene: Scene) -> list[float]:
+    p = scene.stages.parametrisation
+    return squares(scene.state.vector[:, p.columns.body] - p.prior.neutral, 3.0)
+
+
+def jaw_by_hand(scene: Scene) -> list[float]:
+    return [(13 * x) ** 2 + (17 * y) ** 2 + (17 * z) ** 2 for x, y, z in scene.params.jaw_pose.tolist()]
+
+
+def bending_by_hand(scene: Scene) -> list[float]:
+    angles = scene.params.body_pose.view(-1, 21, 3)
+
+    def angle(b: int, joint: str, axis: int) -> float:
+        return float(angles[b, JOINT[joint] - 1, axis])
+
+    return [
+        19.0**2
+        * (
+            np.exp(angle(b, "left_elbow", 1)) ** 2
+            + np.exp(-angle(b, "right_elbow", 1)) ** 2
+            + np.exp(-angle(b, "left_knee", 0)) ** 2
+            + np.exp(-angle(b, "right_knee", 0)) ** 2
+        )
+        for b in range(len(FRAMES))
+    ]
+
+
+def upright_by_hand(scene: Scene) -> list[float]:
+    """Legs are hidden in frames 2 and 3 only."""
+    costs = []
+    for b, frame in enumerate(FRAMES.tolist()):
+        turn = rotations.exp(scene.params.global_orient[b]).numpy()
+        up, forward = turn @ (0, 1, 0), turn @ (0, 0, 1)
+        held = 23.0**2 * (up[0] ** 2 + up[2] ** 2) + 29.0**2 * forward[0] ** 2
+        costs.append(held if frame >= 2 else 0.0)
+    return costs
+
+
+def depth_by_hand(scene: Scene) -> list[float]:
+    guesses = [2.0, 3.0, 4.0, 5.0]
+    depths = scene.params.camera_translation[:, 2].tolist()
+    return [100.0**2 * (z - guesses[frame]) ** 2 for z, frame in zip(depths, FRAMES.tolist(), strict=True)]
+
+
+BY_HAND = {
+    "data": data_by_hand,
+    "body_pose": body_pose_by_hand,
+    "hand_pose": lambda s: squares(torch.cat([s.params.left_hand_pose, s.params.right_hand_pose], 1), 5.0),
+    "shape": lambda s: squares(s.params.betas, 7.0),
+    "expression": lambda s: squares(s.params.expression, 11.0),
+    "jaw": jaw_by_hand,
+    "bending": bending_by_hand,
+    "upright": upright_by_hand,
+    "rest": rest_by_hand,
+    "depth": depth_by_hand,
+}
+"""Cost of each term in FRAMES, from the formulas of the method."""
+
+
+def test_every_term_is_written_out_by_hand(scene: Scene):
+    tested = {type(scene.term(name)) for name in BY_HAND}
+    classes = {c for _, c in inspect.getmembers(terms, inspect.isclass) if c.__module__ == terms.__name__}
+    assert tested == {c for c in classes if "residual" in vars(c) and not getattr(c, "_is_protocol", False)}
+    assert {t.name for o in scene.objectives.values() for t in o.terms} == set(BY_HAND)
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+@pytest.mark.parametrize("which", ["scene", "latent_scene"])
+def test_value_by_hand(name: str, which: str, request: pytest.FixtureRequest):
+    scene = request.getfixturevalue(which)
+    cost = scene.values[name].square().sum(1)
+    np.testing.assert_allclose(cost, BY_HAND[name](scene), rtol=1e-9)
+    assert float(cost.max()) > 0
+
+
+def test_costs_are_the_terms_and_their_sum(scene: Scene):
+    objective = scene.objectives["stage 5"]
+    costs = objective.costs(scene.state, FRAMES)
+    assert set(costs) == set(BY_HAND) - {"depth"}
+    for name, cost in costs.items():
+        np.testing.assert_allclose(cost, BY_HAND[name](scene), rtol=1e-9)
+    total = torch.stack(list(costs.values())).sum(0)
+    torch.testing.assert_close(objective.cost(scene.state, FRAMES), total, rtol=1e-12, atol=0)
+    torch.testing.assert_close(objective.normal(scene.state, FRAMES).cost, total, rtol=1e-12, atol=0)
+
+
+def test_camera_step_looks_at_the_torso_and_at_the_head_where_hips_are_hidden(scene: Scene):
+    """Weights 1, also of neck and hips, whatever the stages' factors are."""
+    data = next(t for t in scene.objectives["camera"].terms if isinstance(t, Data))
+    confidence = scene.stages.confidence * 1000 / 800
+    torso = [1, 2, 5, 8, 9, 12]
+    used = [i for i in range(25) if i in torso or i in (0, 15, 16, 17, 18)]
+    torch.testing.assert_close(data.weight[0].sum(), confidence[0, torso].sum())
+    torch.testing.assert_close(data.weight[2].sum(), confidence[2, used].sum())
+    assert {t.name for t in scene.objectives["camera"].terms} == {"data", "depth", "upright"}
+
+
+FREES = {
+    "all": Free(),
+    "camera step": Free(body=False, hands=False, face=False, betas=False),
+    "no hands": Free(hands=False, betas=False),
+    "no body": Free(body=False),
+    "frozen camera": Free(face=False, translation=False),
+}
+
+
+@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
+@pytest.mark.parametrize("name", [*BY_HAND, Huddle.name])
+@pytest.mark.parametrize("which", ["scene", "latent_scene"])
+def test_gradient_is_exact(name: str, free: Free, which: str, request: pytest.FixtureRequest):
+    """Also of the data term on a body with pose correctives, and through a non-linear prior's decoder."""
+    scene = request.getfixturevalue(which)
+    gradient = scene.alone(scene.term(name), free).normal(scene.state, FRAMES).gradient
+    expected = (scene.jacobian(name, free).mT @ scene.values[name][..., None])[..., 0]
+    scale = max(float(expected.abs().max()), 1.0)
+    torch.testing.assert_close(gradient, expected, rtol=1e-9, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
+@pytest.mark.parametrize("name", [*(name for name in BY_HAND if name != "data"), Huddle.name])
+@pytest.mark.parametrize("which", ["scene", "latent_scene"])
+def test_matrix_is_gauss_newton(name: str, free: Free, which: str, request: pytest.FixtureRequest):
+    """J^T J; Huddle gives no closed form and takes the automatic path."""
+    scene = request.getfixturevalue(which)
+    matrix = scene.alone(scene.term(name), free).normal(scene.state, FRAMES).matrix
+    jacobian = scene.jacobian(name, free)
+    torch.testing.assert_close(matrix, jacobian.mT @ jacobian, rtol=1e-10, atol=1e-10)
+    assert not matrix.requires_grad
+
+
+@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
+def test_matrix_of_the_data_term_is_reweighted_least_squares(rigid_scene: Scene, free: Free):
+    """IRLS: J^T W J of the projections' Jacobian, W = weight^2 rho^4 / (r^2 + rho^2)^2, which is g'(r) / 2 r.
+
+    Exact where the body has no pose correctives: these are left out of the matrix, not of the gradient.
+    """
+    scene, data = rigid_scene, rigid_scene.term("data")
+    assert isinstance(data, Data)
+    error = scene.values["pixels"] - data.xy[FRAMES]
+    error = torch.where(error * data.side[FRAMES] > 0, 0.0, error)
+    weight = data.weight[FRAMES][..., None] ** 2 * data.rho**4 / (error**2 + data.rho**2) ** 2
+    jacobian = scene.jacobian("pixels", free)
+    expected = torch.einsum("bnrd,bnr,bnre->bde", jacobian, weight, jacobian)
+    matrix = scene.alone(data, free).normal(scene.state, FRAMES).matrix
+    torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
+
+
+def test_matrix_of_the_data_term_through_a_latent_prior(rigid_scene: Scene, tiny_body: BodyModel):
+    """chain^T H chain, with the decoder's derivative in the place of the pose columns."""
+    latent = make_scene(without_correctives(tiny_body), latent=True)
+    objective = latent.alone(latent.term("data"), Free())
+    p = latent.stages.parametrisation
+    decoder = torch.func.vmap(torch.func.jacfwd(p.prior.decode))(latent.state.vector[:, p.columns.body])
+    decoded = p.prior.decode(latent.state.vector[:, p.columns.body])
+    direct = rigid_scene.alone(rigid_scene.term("data"), Free())
+    vector = torch.cat([latent.state.vector[:, :3], decoded, latent.state.vector[:, p.columns.body.stop :]], 1)
+    view = replace(direct.view, contour_bin=objective.view.contour_bin)
+    plain = FrameObjective([latent.term("data")], view, Free()).normal(State(latent.state.orient, vector), FRAMES)
+    before, after = torch.eye(3, dtype=torch.float64), torch.eye(vector.shape[1] - 66, dtype=torch.float64)
+    chain = torch.stack([torch.block_diag(before, d, after) for d in decoder])
+    expected = chain.mT @ plain.matrix @ chain
+    matrix = objective.normal(latent.state, FRAMES).matrix
+    torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
+
+
+def test_normal_equations_add_up(scene: Scene):
+    """The whole objective is the sum of its terms, each in whatever space it counts."""
+    objective = scene.objectives["stage 5"]
+    whole = objective.normal(scene.state, FRAMES)
+    parts: list[Normal] = [scene.alone(t, Free()).normal(scene.state, FRAMES) for t in objective.terms]
+    for name in ("cost", "gradient", "matrix"):
+        expected = torch.stack([getattr(p, name) for p in parts]).sum(0)
+        torch.testing.assert_close(getattr(whole, name), expected, rtol=1e-10, atol=1e-9 * float(expected.abs().max()))
+
+
+def test_chunks_change_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    objective = scene.objectives["stage 5"]
+    whole = objective.normal(scene.state, FRAMES)
+    monkeypatch.setattr("fitting_core.fit.objective.CHUNK", 2)
+    parts = objective.normal(scene.state, FRAMES)
+    for name in ("cost", "gradient", "matrix"):
+        expected = getattr(whole, name)
+        torch.testing.assert_close(getattr(parts, name), expected, rtol=1e-11, atol=1e-10 * float(expected.abs().max()))
+
+
+def test_points_behind_the_camera_cost_infinity(scene: Scene):
+    behind = scene.state.vector.clone()
+    behind[1, scene.stages.parametrisation.columns.translation] = torch.tensor([0.0, 0.0, -3.0], dtype=torch.float64)
+    objective, state = scene.objectives["stage 5"], State(scene.state.orient, behind)
+    assert objective.cost(state, FRAMES).isinf().tolist() == [False, True, False]
+    assert objective.normal(state, FRAMES).cost.isinf().tolist() == [False, True, False]
+
+
+def test_a_trusting_data_term_is_plain_least_squares(scene: Scene):
+    """Pixels times the weight, however far off: its slope does not let go."""
+    objective, estimate = scene.objectives["stage 5"], scene.estimate()
+    data = objective.terms[0]
+    assert isinstance(data, Data)
+    plain = (data.weight[estimate.frames][..., None] * data.errors(estimate)).flatten(1)
+    trusted = next(t for t in objective.trusting().terms if isinstance(t, Data))
+    torch.testing.assert_close(trusted.residual(estimate), plain, rtol=1e-2, atol=1e-6)
+    assert (data.residual(estimate).abs() < 0.9 * plain.abs()).any()
+
+
+def test_undetected_keypoints_do_not_count(scene: Scene):
+    """Where a detector puts a keypoint that it has not found means nothing."""
+    detections = scene.stages.keypoints
+    moved = detections.xy.copy()
+    moved[detections.confidence == 0] = -1234.5
+    stages = stages_of(scene.body, replace(detections, xy=moved), CONFIG, camera=CAMERA)
+    whole = random_state(stages.parametrisation, T, 11)
+    before, after = (s.objective(5, whole, Free()).normal(whole[FRAMES], FRAMES) for s in (scene.stages, stages))
+    for name in ("cost", "gradient", "matrix"):
+        assert torch.equal(getattr(before, name), getattr(after, name))

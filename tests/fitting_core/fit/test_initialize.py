@@ -1,0 +1,180 @@
+"""Where fits start: depth from similar triangles, gaps, anchored translation, and which frames are side views."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fitting_core import keypoints as kp
+from fitting_core import rotations
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.initialize import (
+    fill_gaps,
+    guess_depth,
+    seen_from_side,
+    starting_state,
+    thighs_foreshortened,
+    turned,
+)
+from fitting_core.fit.stages import Stages
+from fitting_core.keypoints import Keypoints
+from tests.samples.scenes import FACING, hidden, keypoints_of, stages_of
+
+CAMERA = Camera(focal=(1000.0, 1000.0), center=(400.0, 400.0), size=(800, 800))
+DEPTHS = torch.tensor([2.5, 4.0, 8.0], dtype=torch.float64)
+HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"], kp.INDEX["mid_hip"]]
+
+
+def standing(yaw: float = 0.0) -> BodyParams:
+    """The mean body upright at three depths, off the image's centre."""
+    turn = rotations.exp(FACING) @ rotations.yaw(yaw, FACING)
+    place = torch.stack([torch.tensor([0.3, -0.1, float(z)]) for z in DEPTHS]).double()
+    return replace(BodyParams.neutral(3), global_orient=rotations.log(turn).expand(3, 3), camera_translation=place)
+
+
+def stages_for(body: BodyModel, keypoints: Keypoints) -> Stages:
+    return stages_of(body, keypoints, FitConfig(), camera=CAMERA)
+
+
+def test_depth_from_the_torso(tiny_body: BodyModel):
+    """Shoulders and hips of a person who faces the camera lie nearly in one plane: the guess is good to 2 %."""
+    stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(), CAMERA))
+    guess = guess_depth(stages)
+    torch.testing.assert_close(guess.depth, DEPTHS, rtol=0.02, atol=0)
+    assert guess.from_torso.all() and not guess.from_limbs.any()
+    assert guess.note() == "depth was first guessed from the torso in 3 frames"
+
+
+def test_depth_by_hand(tiny_body: BodyModel):
+    """focal x metres of both edges / pixels of both edges."""
+    keypoints = keypoints_of(tiny_body, standing(), CAMERA)
+    stages = stages_for(tiny_body, keypoints)
+    rest = tiny_body.joint_regressor @ tiny_body.template
+    metres = pixels = 0.0
+    for side in ("left", "right"):
+        metres += np.linalg.norm(rest[JOINT[f"{side}_shoulder"]] - rest[JOINT[f"{side}_hip"]])
+        edge = keypoints.xy[:, kp.INDEX[f"{side}_shoulder"]] - keypoints.xy[:, kp.INDEX[f"{side}_hip"]]
+        pixels = pixels + np.linalg.norm(edge, axis=1)
+    np.testing.assert_allclose(guess_depth(stages).depth, 1000.0 * metres / pixels, rtol=1e-12)
+
+
+def test_without_hips_the_limbs_tell(tiny_body: BodyModel):
+    keypoints = hidden(keypoints_of(tiny_body, standing(), CAMERA), *HIPS, frames=slice(1, 2))
+    guess = guess_depth(stages_for(tiny_body, keypoints))
+    torch.testing.assert_close(guess.depth, DEPTHS, rtol=0.05, atol=0)
+    assert guess.from_torso.tolist() == [True, False, True] and guess.from_limbs.tolist() == [False, True, False]
+    assert "shoulders and limbs in 1 (hips not seen)" in guess.note()
+
+
+@pytest.mark.parametrize("missing", ["left_hip", "right_shoulder"])
+def test_half_a_torso_tells_nothing(tiny_body: BodyModel, missing: str):
+    keypoints = hidden(keypoints_of(tiny_body, standing(), CAMERA), kp.INDEX[missing], frames=slice(1, 2))
+    guess = guess_depth(stages_for(tiny_body, keypoints))
+    torch.testing.assert_close(guess.depth, DEPTHS, rtol=0.05, atol=0)
+    assert guess.from_torso.tolist() == [True, False, True]
+
+
+def test_foreshortened_limbs_do_not_push_the_body_away(tiny_body: BodyModel):
+    """Of several limbs the one least foreshortened counts: turned by 60 degrees shoulders look half as wide."""
+    keypoints = hidden(keypoints_of(tiny_body, standing(60.0), CAMERA), *HIPS)
+    torch.testing.assert_close(guess_depth(stages_for(tiny_body, keypoints)).depth, DEPTHS, rtol=0.15, atol=0)
+
+
+def test_frames_without_edges_take_their_neighbours_depth(tiny_body: BodyModel):
+    keypoints = hidden(keypoints_of(tiny_body, standing(), CAMERA), slice(None), frames=slice(1, 2))
+    guess = guess_depth(stages_for(tiny_body, keypoints))
+    assert float(guess.depth[1]) == pytest.approx(float(guess.depth[0] + guess.depth[2]) / 2)
+    assert "neighbouring frames in 1" in guess.note()
+
+
+def test_points_in_one_place_are_no_guess(tiny_body: BodyModel):
+    keypoints = keypoints_of(tiny_body, standing(), CAMERA)
+    keypoints.xy[:] = 300.0
+    guess = guess_depth(stages_for(tiny_body, keypoints))
+    assert guess.depth.tolist() == [4.0, 4.0, 4.0]
+
+
+@given(st.lists(st.one_of(st.none(), st.floats(0.1, 50)), min_size=1, max_size=12))
+def test_fill_gaps_is_linear_between_and_constant_beyond(values: list[float | None]):
+    known = torch.tensor([v is not None for v in values])
+    given_values = torch.tensor([float("nan") if v is None else v for v in values], dtype=torch.float64)
+    filled = fill_gaps(given_values, known, otherwise=7.0)
+    if not known.any():
+        assert filled.tolist() == [7.0] * len(values)
+        return
+    assert torch.equal(filled[known], given_values[known])
+    at = known.nonzero()[:, 0].tolist()
+    for i in range(len(values)):
+        before, after = max((a for a in at if a <= i), default=at[0]), min((a for a in at if a >= i), default=at[-1])
+        share = (i - before) / (after - before) if after > before else 0.0
+        share = min(max(share, 0.0), 1.0)
+        expected = (1 - share) * given_values[before] + share * given_values[after]
+        assert float(filled[i]) == pytest.approx(float(expected))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 90.0, 180.0, 270.0])
+def test_start_is_upright_turned_and_on_its_keypoints(tiny_body: BodyModel, yaw: float):
+    keypoints = keypoints_of(tiny_body, standing(yaw), CAMERA)
+    stages = stages_for(tiny_body, keypoints)
+    state = starting_state(stages, DEPTHS, yaw)
+    up, forward = state.orient[:, :, 1], state.orient[:, :, 2]
+    torch.testing.assert_close(up, torch.tensor([0.0, -1, 0]).double().expand(3, 3), rtol=0, atol=1e-12)
+    angle = np.radians(yaw)  # facing the camera is -z; turned by 90 degrees about its own up axis it looks to +x
+    expected = torch.tensor([np.sin(angle), 0, -np.cos(angle)]).expand(3, 3)
+    torch.testing.assert_close(forward, expected, rtol=0, atol=1e-12)
+    start = stages.parametrisation.to_params(state)
+    torch.testing.assert_close(start.camera_translation[:, 2], DEPTHS)
+    joints = Mesh(tiny_body, dtype=torch.float64).joints(start)[:, JOINT["spine3"]]
+    truth = Mesh(tiny_body, dtype=torch.float64).joints(standing(yaw))[:, JOINT["spine3"]]
+    assert float((joints - truth)[:, :2].norm(dim=1).max()) < 0.06
+
+
+def test_start_without_anchors_is_on_the_axis(tiny_body: BodyModel):
+    keypoints = hidden(keypoints_of(tiny_body, standing(), CAMERA), slice(None))
+    state = starting_state(stages_for(tiny_body, keypoints), DEPTHS, 0.0)
+    place = state.vector[:, -13:-10]
+    torch.testing.assert_close(place, torch.stack([0 * DEPTHS, 0 * DEPTHS, DEPTHS], 1), rtol=0, atol=0)
+
+
+def test_turned_keeps_the_vertical(tiny_body: BodyModel):
+    state = starting_state(stages_for(tiny_body, keypoints_of(tiny_body, standing(), CAMERA)), DEPTHS, 30.0)
+    other = turned(state)
+    torch.testing.assert_close(other.orient[:, :, 1], state.orient[:, :, 1], rtol=0, atol=1e-12)
+    torch.testing.assert_close(other.orient[:, :, [0, 2]], -state.orient[:, :, [0, 2]], rtol=0, atol=1e-12)
+    assert torch.equal(other.vector, state.vector)
+
+
+@pytest.mark.parametrize(
+    ("yaw", "expected"), [(0.0, False), (40.0, False), (85.0, True), (-90.0, True), (180.0, False)]
+)
+def test_side_views_at_any_size(tiny_body: BodyModel, yaw: int, expected: bool):
+    """Near or far: it is the shoulders' width against the torso that counts, not pixels."""
+    stages = stages_for(tiny_body, keypoints_of(tiny_body, standing(float(yaw)), CAMERA))
+    assert seen_from_side(stages).tolist() == [expected] * 3
+
+
+def test_side_views_need_hips_and_shoulders(tiny_body: BodyModel):
+    keypoints = keypoints_of(tiny_body, standing(90.0), CAMERA)
+    keypoints = hidden(keypoints, kp.INDEX["left_hip"], frames=slice(0, 1))
+    keypoints = hidden(keypoints, kp.INDEX["right_shoulder"], frames=slice(2, 3))
+    assert seen_from_side(stages_for(tiny_body, keypoints)).tolist() == [False, True, False]
+
+
+def test_a_seat_is_tried_where_thighs_are_foreshortened(tiny_body: BodyModel):
+    """Thighs that point at the camera look short against the torso; those of somebody who stands do not."""
+    upright = standing(0.0)
+    parametrisation = stages_for(tiny_body, keypoints_of(tiny_body, upright, CAMERA)).parametrisation
+    seated = parametrisation.to_params(parametrisation.with_seat(parametrisation.from_params(upright)))
+    legs = seated.body_pose.view(-1, 21, 3)
+    assert (legs[:, [0, 1], 0] < -1).all() and (legs[:, [3, 4], 0] > 1).all()
+    assert torch.equal(seated.global_orient, upright.global_orient)
+    for params, expected in ((upright, False), (seated, True)):
+        stages = stages_for(tiny_body, keypoints_of(tiny_body, params, CAMERA))
+        assert thighs_foreshortened(stages).tolist() == [expected] * 3

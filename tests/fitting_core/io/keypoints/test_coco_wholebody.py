@@ -1,0 +1,132 @@
+"""COCO-WholeBody JSON: its three forms, the points that it has and lacks, and what is read of what was written."""
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import given
+
+from fitting_core.io import read_detections
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.keypoints import coco_wholebody_layout as layout
+from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
+from fitting_core.keypoints import FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints
+
+LACKING = [INDEX[name] for name in (*layout.MEANS, *layout.ABSENT)]
+KEPT = [k for k in range(137) if k not in LACKING]
+
+
+def whole(seed: int = 0, score: float = 0.9) -> np.ndarray:
+    """133 points of a person."""
+    points = np.random.default_rng(seed).uniform(50, 400, (133, 3))
+    points[:, 2] = score
+    return points
+
+
+def written(folder: Path, content: Any) -> Path:
+    path = folder / "clip.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_the_layout_is_the_one_of_the_paper():
+    """Figure 2 of Jin et al.: body 0-16, feet 17-22, face 23-90, left hand 91-111, right hand 112-132."""
+    names = layout.WHOLEBODY_NAMES
+    expected = {0: "nose", 1: "left_eye", 2: "right_eye", 5: "left_shoulder", 10: "right_wrist", 16: "right_ankle",
+                17: "left_big_toe", 19: "left_heel", 20: "right_big_toe", 22: "right_heel"}  # fmt: skip
+    assert {k: names[k] for k in expected} == expected
+    assert layout.PLACES[23:91] == tuple(range(FACE.start, FACE.start + 68))
+    assert layout.PLACES[91:112] == tuple(range(LEFT_HAND.start, LEFT_HAND.stop))
+    assert layout.PLACES[112:] == tuple(range(RIGHT_HAND.start, RIGHT_HAND.stop))
+
+
+def test_neck_and_mid_hip_are_means_with_the_smaller_confidence():
+    points = whole()
+    points[5], points[6] = (100, 50, 0.4), (200, 70, 0.8)
+    points[11, 2] = 0
+    found = layout.from_wholebody(points)
+    assert np.allclose(found[INDEX["neck"]], (150, 60, 0.4))
+    assert not found[INDEX["mid_hip"]].any() and not found[INDEX["left_hip"]].any()
+
+
+@given(keypoints())
+def test_what_was_written_reads_back(clip: Keypoints):
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "clip.json"
+        write_coco_wholebody(file, clip, name="walk", size=SIZE, frame_rate=29.97, first_frame=3)
+        found = read_detections(file)
+    points = as_points(clip)
+    assert np.array_equal(by_frame(found.frames)[:, KEPT], points[:, KEPT])
+    assert np.array_equal(by_frame(found.frames), layout.from_wholebody(layout.to_wholebody(points)))
+    assert (found.size, found.frame_rate, found.numbers) == (SIZE, 29.97, tuple(range(3, 3 + len(clip))))
+
+
+def test_the_file_is_what_cocos_tools_expect(tmp_path: Path):
+    """Keys of the annotations of COCO-WholeBody 1.0, one by one."""
+    clip = Keypoints(xy=np.full((2, 137, 2), 9.0), confidence=np.stack([np.ones(137), np.zeros(137)]))
+    write_coco_wholebody(tmp_path / "a.json", clip, name="walk", size=SIZE, frame_rate=25)
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert [image["file_name"] for image in content["images"]] == ["walk_000000000000.jpg", "walk_000000000001.jpg"]
+    [person] = content["annotations"]
+    lengths = {"keypoints": 51, "foot_kpts": 18, "face_kpts": 204, "lefthand_kpts": 63, "righthand_kpts": 63}
+    assert {key: len(person[key]) for key in lengths} == lengths
+    assert person["image_id"] == 0 and person["num_keypoints"] == 17 and person["face_valid"] is True
+
+
+def test_results_of_several_people_with_gaps(tmp_path: Path):
+    """As mmpose 0.x and DWPose write them: flat lists of 133 x 3, in no order, frames without anybody left out."""
+    a, b, c = whole(1), whole(2), whole(3)
+    results = [
+        {"image_id": image, "category_id": 1, "keypoints": points.ravel().tolist(), "score": 0.8}
+        for image, points in ((12, c), (7, a), (7, b))
+    ]
+    found = read_detections(written(tmp_path, results))
+    assert found.numbers == (7, 12) and [len(people) for people in found.frames] == [2, 1]
+    assert np.allclose(found.frames[0], layout.from_wholebody(np.stack([a, b])))
+    clip = read_clip(None, tmp_path / "clip.json", person=1, image_size=(640, 480))
+    assert len(clip) == 6 and clip.first_frame == 7 and not clip.keypoints.confidence[1:].any()
+    assert any("clip.json has 2 frames" in note and "4 frames have no keypoints" in note for note in clip.notes)
+
+
+def test_results_named_by_their_images(tmp_path: Path):
+    results = [{"image_id": f"images/{k}.jpg", "keypoints": whole(k).tolist()} for k in (10, 9)]
+    assert read_detections(written(tmp_path, results)).stems == ("9", "10")
+
+
+def test_predictions_of_mmpose(tmp_path: Path):
+    """Pairs with scores beside them, frames counted from 1, and scores of SimCC heads above 1."""
+    frames = [
+        {"frame_id": k + 1, "instances": [{"keypoints": whole(k)[:, :2].tolist(), "keypoint_scores": [1.6] * 133}]}
+        for k in range(3)
+    ]
+    found = read_detections(written(tmp_path, {"meta_info": {}, "instance_info": frames}))
+    assert found.numbers == (0, 1, 2)
+    assert np.allclose(found.frames[1][0], layout.from_wholebody(whole(1, score=1.0)))
+    assert found.notes == ("The keypoints' scores reach 1.6; those above 1 count as confidence 1.",)
+
+
+def test_visibilities_are_no_confidences(tmp_path: Path):
+    """Annotations by people: 0 not labelled, 1 hidden, 2 visible; and a hand that is marked as not valid."""
+    points = whole(4, score=2)
+    points[[3, 95], 2] = 1
+    points[100, 2] = 0
+    parts = {"foot_kpts": 17, "face_kpts": 23, "lefthand_kpts": 91, "righthand_kpts": 112, "": 133}
+    lists = {
+        key: points[start:stop].ravel().tolist()
+        for (key, start), stop in zip(list(parts.items())[:-1], list(parts.values())[1:], strict=True)
+    }
+    person = {"image_id": 1, "keypoints": points[:17].ravel().tolist(), **lists, "righthand_valid": False}
+    images = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "b.jpg"}]
+    found = read_detections(written(tmp_path, {"images": images, "annotations": [person]}))
+    one = found.frames[0][0]
+    assert one[INDEX["left_ear"], 2] == 0.5 and one[INDEX["nose"], 2] == 1 and len(found.frames[1]) == 0
+    assert not one[RIGHT_HAND].any() and one[LEFT_HAND.start + 4, 2] == 0.5 and not one[LEFT_HAND.start + 9].any()
+    assert "visibilities" in found.notes[0]
+
+
+def test_pupils_are_never_detected():
+    found = layout.from_wholebody(whole())
+    assert [NAMES[k] for k in np.flatnonzero(found[:, 2] == 0)] == ["face_right_pupil", "face_left_pupil"]

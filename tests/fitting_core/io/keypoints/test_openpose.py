@@ -1,0 +1,388 @@
+"""Reading OpenPose JSON in its variants, real and broken, and writing it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.keypoints.detections import guess_scale, to_pixels
+from fitting_core.io.keypoints.openpose import read_openpose, write_openpose
+from fitting_core.keypoints import BODY, BODY_25, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
+
+COCO = [
+    "nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist",
+    "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle",
+    "right_eye", "left_eye", "right_ear", "left_ear",
+]  # fmt: skip
+
+
+def triples(count: int, *, start: float = 10.0, confidence: float = 0.5) -> list[float]:
+    return [value for k in range(count) for value in (start + k, start + 2 * k, confidence)]
+
+
+BODY_LIST = triples(25)
+PERSON = {"pose_keypoints_2d": BODY_LIST}
+
+
+def changed(values: list, index: int, value: object) -> list:
+    return [*values[:index], value, *values[index + 1 :]]
+
+
+def test_numbers_start_above_zero_and_have_gaps(write_people):
+    folder = write_people({f"walk_{n:012d}": [PERSON] for n in (12, 7, 100)})
+    detections = read_openpose(folder)
+    assert detections.numbers == (7, 12, 100)
+    assert detections.stems[0] == "walk_000000000007"
+
+
+def test_numbers_without_leading_zeros_are_in_natural_order(write_people):
+    folder = write_people({f"f{n}": [{"pose_keypoints_2d": triples(25, start=n)}] for n in (2, 10, 1)})
+    detections = read_openpose(folder)
+    assert detections.numbers == (1, 2, 10)
+    assert [people[0, 0, 0] for people in detections.frames] == [1, 2, 10]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_people_per_frame(write_people, count):
+    detections = read_openpose(write_people({"a_0": [PERSON] * count}))
+    assert detections.frames[0].shape == (count, 137, 3)
+    assert detections.most_people == count
+
+
+@pytest.mark.parametrize("suffix", ["_2d", ""])
+@pytest.mark.parametrize(
+    "key, part, count",
+    [
+        ("pose_keypoints", BODY, 25),
+        ("hand_left_keypoints", LEFT_HAND, 21),
+        ("hand_right_keypoints", RIGHT_HAND, 21),
+        ("face_keypoints", FACE, 70),
+    ],
+)
+def test_each_list_alone_goes_to_its_part(write_people, key, part, count, suffix):
+    person = {f"{key}{suffix}": triples(count)}
+    points = read_openpose(write_people({"a_0": [person]})).frames[0][0]
+    assert points[part].ravel().tolist() == triples(count)
+    assert points[:, 2].sum() == pytest.approx(0.5 * count)
+
+
+def test_empty_lists_count_as_not_detected(write_people):
+    empty = {f"{part}_keypoints_2d": [] for part in ("face", "hand_left", "hand_right")}
+    points = read_openpose(write_people({"a_0": [PERSON | empty]})).frames[0][0]
+    assert (points[25:] == 0).all() and (points[BODY, 2] == 0.5).all()
+
+
+@pytest.mark.parametrize("identity", [{"person_id": [-1]}, {"person_id": 3}, {"person_id": [2]}, {}])
+def test_person_id_in_any_form(write_people, identity):
+    assert read_openpose(write_people({"a_0": [identity | PERSON]})).most_people == 1
+
+
+def test_3d_lists_and_unknown_keys_are_not_used(write_people):
+    extra = {"pose_keypoints_3d": [], "gender_pd": "female", "id": "x"}
+    assert read_openpose(write_people({"a_0": [PERSON | extra]})).most_people == 1
+
+
+@pytest.mark.parametrize("key", ["pose_keypoints_2d", "pose_keypoints"])
+def test_coco_18(write_people, key):
+    points = read_openpose(write_people({"a_0": [{key: triples(18)}]})).frames[0][0]
+    for k, name in enumerate(COCO):
+        assert points[INDEX[name]].tolist() == [10 + k, 10 + 2 * k, 0.5]
+    hips = points[[INDEX["right_hip"], INDEX["left_hip"]]]
+    assert points[INDEX["mid_hip"]].tolist() == pytest.approx(hips.mean(0).tolist())
+    assert (points[[INDEX[name] for name in BODY_25 if "toe" in name or "heel" in name], 2] == 0).all()
+
+
+def test_coco_mid_hip_needs_both_hips(write_people):
+    values = triples(18)
+    hip = 3 * COCO.index("left_hip")
+    values[hip : hip + 3] = [0, 0, 0]
+    points = read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0]
+    assert points[INDEX["mid_hip"]].tolist() == [0, 0, 0]
+
+
+def test_a_single_file_is_one_frame(write_people):
+    file = write_people({"photo": [PERSON]}) / "photo_keypoints.json"
+    detections = read_detections(file)
+    assert len(detections) == 1 and detections.stems == ("photo",) and detections.numbers is None
+
+
+def test_a_single_file_of_another_name_is_known_by_its_content(tmp_path):
+    file = tmp_path / "pose.json"
+    file.write_text(json.dumps({"people": [PERSON]}))
+    assert read_detections(file).most_people == 1
+
+
+def test_byte_order_mark_and_hidden_files(write_people):
+    folder = write_people({"a_0": [PERSON]})
+    file = folder / "a_0_keypoints.json"
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    (folder / "._a_0_keypoints.json").write_bytes(b"\x00\x05\x16\x07")
+    assert len(read_openpose(folder)) == 1
+
+
+def test_position_of_an_undetected_point_is_dropped(write_people):
+    values = changed(BODY_LIST, 2, 0.0)
+    assert read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0, 0].tolist() == [0, 0, 0]
+
+
+def test_overshooting_confidence_is_one(write_people):
+    values = changed(BODY_LIST, 2, 1.006)
+    assert read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0, 0, 2] == 1.0
+
+
+def with_value(index: int, value: object) -> list:
+    return [{"pose_keypoints_2d": changed(BODY_LIST, index, value)}]
+
+
+MALFORMED_PEOPLE = {
+    "people is an object": ({}, "found an object with version, people; expected an object with a list 'people'"),
+    "people is null": (None, "expected an object with a list 'people'"),
+    "person is a list": ([[1, 2]], "person 0 is a list; expected an object"),
+    "person without lists": (
+        [{"person_id": [-1]}],
+        "person 0 has no list of keypoints; expected at least one of pose_key",
+    ),
+    "second person": ([PERSON, {"pose_keypoints_2d": [1, 2]}], "person 1, pose_keypoints: found 2 values"),
+    "74 values": ([{"pose_keypoints_2d": BODY_LIST[:-1]}], r"found 74 values; expected 75 \(25 points\) or 54"),
+    "MPI's 45 values": ([{"pose_keypoints_2d": triples(15)}], r"found 45 values; expected 75 \(25 points\) or 54"),
+    "hand of 20": ([{"hand_left_keypoints_2d": triples(20)}], r"hand_left_keypoints: found 60 values; expected 63"),
+    "face of 68": ([{"face_keypoints_2d": triples(68)}], r"found 204 values; expected 210"),
+    "list is a text": ([{"pose_keypoints_2d": "1,2,3"}], "pose_keypoints: found a text; expected a list of numbers"),
+    "list is an object": ([{"pose_keypoints_2d": {"0": 1}}], "pose_keypoints: found an object; expected a list"),
+    "list is an empty text": ([{"pose_keypoints_2d": ""}], "pose_keypoints: found a text; expected a list"),
+    "list is false": ([{"pose_keypoints_2d": False}], "pose_keypoints: found a truth value; expected a list"),
+    "x is NaN": (with_value(12, float("nan")), r"right_wrist \(pose_keypoints\): found position \(nan"),
+    "y is infinite": (with_value(13, float("inf")), r"right_wrist .*found position \(14, inf\)"),
+    "x is huge": (with_value(12, 1e7), r"right_wrist .*found position \(1e\+07, 18\); expected numbers up to 1e\+06"),
+    "x has 400 digits": (with_value(12, -(10**400)), r"right_wrist .*found position"),
+    "x is a text": (with_value(12, "14"), r"right_wrist \(pose_keypoints\): found '14'; expected a number"),
+    "x is null": (with_value(12, None), r"right_wrist .*found None; expected a number"),
+    "x is a list": (with_value(12, [1]), r"right_wrist .*found \[1\]; expected a number"),
+    "x is true": (with_value(12, True), r"right_wrist .*found True; expected a number"),
+    "confidence is negative": (with_value(14, -0.25), r"right_wrist .*found confidence -0.25; expected 0 "),
+    "confidence is percent": (with_value(14, 87.0), r"right_wrist .*found confidence 87; expected 0 "),
+    "confidence is NaN": (with_value(14, float("nan")), r"right_wrist .*found confidence nan"),
+}
+
+
+@pytest.mark.parametrize("people, message", MALFORMED_PEOPLE.values(), ids=MALFORMED_PEOPLE)
+def test_malformed_people_are_named(write_people, people, message):
+    folder = write_people({"walk_4": [PERSON], "walk_5": people})
+    with pytest.raises(InputError, match=message) as error:
+        read_openpose(folder)
+    assert "walk_5_keypoints.json" in str(error.value)
+
+
+_NUMBERS = st.one_of(st.floats(), st.integers(), st.none(), st.text(max_size=2), st.floats(0, 1))
+_LISTS = st.one_of(st.lists(_NUMBERS, max_size=3), st.lists(st.floats(0, 1), min_size=54, max_size=54), _NUMBERS)
+_KEYS = st.sampled_from(["pose_keypoints_2d", "pose_keypoints", "face_keypoints_2d", "person_id", "x"])
+_PEOPLE = st.one_of(st.lists(st.one_of(st.dictionaries(_KEYS, _LISTS, max_size=3), _NUMBERS), max_size=3), _NUMBERS)
+
+
+@settings(max_examples=200, deadline=None)
+@given(people=_PEOPLE)
+def test_whatever_a_file_holds_is_read_or_refused_in_words(tmp_path_factory, people):
+    file = tmp_path_factory.getbasetemp() / "any_0_keypoints.json"
+    file.write_text(json.dumps({"people": people}))
+    try:
+        points = read_openpose(file).frames[0]
+    except InputError as error:
+        assert "any_0_keypoints.json" in str(error) and "expected" in str(error)
+    else:
+        assert np.isfinite(points).all() and (points[..., 2] <= 1).all() and (points[..., 2] >= 0).all()
+
+
+MALFORMED_TEXT = {
+    "truncated": (json.dumps({"people": [PERSON]})[:90].encode(), "not readable as JSON .*cut off"),
+    "empty": (b"", "not readable as JSON"),
+    "not JSON": (b"x,y,c\n1,2,3\n", "not readable as JSON"),
+    "binary": (bytes(range(256)), "not readable as JSON"),
+    "nested without end": (b"[" * 100_000, "not readable as JSON"),
+    "a list": (b"[1, 2]", "found a list; expected an object with a list 'people'"),
+    "a number": (b"3", "found the number 3; expected an object"),
+    "null": (b"null", "found null; expected an object"),
+    "another object": (b'{"annotations": []}', "found an object with annotations; expected"),
+    "an empty object": (b"{}", "found an object with nothing; expected"),
+}
+
+
+@pytest.mark.parametrize("content, message", MALFORMED_TEXT.values(), ids=MALFORMED_TEXT)
+def test_malformed_files_are_named(tmp_path, content, message):
+    (tmp_path / "walk_0_keypoints.json").write_bytes(content)
+    with pytest.raises(InputError, match=message) as error:
+        read_detections(tmp_path)
+    assert "walk_0_keypoints.json" in str(error.value)
+
+
+def test_a_missing_path_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"No keypoints at .*gone: there is no such file or folder"):
+        read_detections(tmp_path / "gone")
+    with pytest.raises(InputError, match="gone does not exist"):
+        read_openpose(tmp_path / "gone")
+
+
+def test_a_folder_in_place_of_a_file_is_named(tmp_path):
+    (tmp_path / "a_0_keypoints.json").mkdir()
+    with pytest.raises(InputError, match=r"a_0_keypoints.json cannot be read: "):
+        read_openpose(tmp_path)
+
+
+def test_an_empty_folder(tmp_path):
+    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one file per frame"):
+        read_detections(tmp_path)
+
+
+def test_a_folder_without_keypoint_files(tmp_path):
+    for name in ("0001.png", "0002.png"):
+        (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"found 2 other files, such as 0001.png; expected"):
+        read_detections(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["clip.csv", "coco.json"])
+def test_an_unknown_format(tmp_path, name):
+    (tmp_path / name).write_text('{"frames": []}')
+    with pytest.raises(InputError, match=f"{name} is no keypoint format that can be read: it starts as none"):
+        read_detections(tmp_path / name)
+
+
+def test_two_body_layouts_in_one_clip(write_people):
+    folder = write_people({"a_0": [PERSON], "a_1": [{"pose_keypoints_2d": triples(18)}]})
+    with pytest.raises(InputError, match=r"a_0_keypoints.json has 25 points, a_1_keypoints.json has 18"):
+        read_openpose(folder)
+
+
+def test_the_same_frame_number_twice(write_people):
+    folder = write_people({"a_12": [PERSON], "a_0012": [PERSON]})
+    with pytest.raises(InputError, match=r"Frame 12 is there twice .*a_0012_keypoints.json.*Remove one") as error:
+        read_openpose(folder)
+    assert "a_12_keypoints.json" in str(error.value)
+
+
+SIZE = (641, 481)
+SCALES = {"pixels": (0, 1.0, 1.0), "0..1": (0, 1 / 640, 1 / 480), "-1..1": (-1, 2 / 640, 2 / 480)}
+
+
+def scaled(figure: np.ndarray, scale: str) -> np.ndarray:
+    offset, x, y = SCALES[scale]
+    return np.where(figure[:, 2:] > 0, figure * [x, y, 1] + [offset, offset, 0], [offset, offset, 0])
+
+
+@pytest.mark.parametrize("option", ["auto", "forced"])
+@pytest.mark.parametrize("scale", SCALES)
+def test_normalised_coordinates(write_people, figure, scale, option):
+    person = figure(100.0, 200.0)
+    person[3] = 0
+    detections = read_openpose(write_people({"a_0": [scaled(person, scale)]}))
+    pixels, notes = to_pixels(detections, SIZE, keypoint_scale="auto" if option == "auto" else scale)
+    np.testing.assert_allclose(pixels.frames[0][0], person, atol=1e-9)
+    assert (scale in notes[0]) if scale != "pixels" else notes == ()
+
+
+def test_the_scale_is_judged_by_the_whole_clip(write_people, figure):
+    corner = scaled(figure(630.0, 300.0, height=1.0), "0..1")
+    everywhere = scaled(figure(100.0, 200.0), "-1..1")
+    detections = read_openpose(write_people({"a_0": [np.abs(corner)], "a_1": [everywhere]}))
+    assert guess_scale(detections.detected_points()) == "-1..1"
+    assert guess_scale(np.zeros((0, 2))) == "pixels"
+
+
+def test_normalised_coordinates_need_the_image_size(write_people, figure):
+    detections = read_openpose(write_people({"a_0": [scaled(figure(100.0, 200.0), "0..1")]}))
+    with pytest.raises(InputError, match=r"normalised to 0..1 \(judged by their range\), so the image size is needed"):
+        to_pixels(detections, None)
+
+
+def test_an_unknown_scale(write_people):
+    with pytest.raises(InputError, match=r"keypoint_scale is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
+        to_pixels(read_openpose(write_people({"a_0": [PERSON]})), SIZE, keypoint_scale="0-1")
+
+
+@st.composite
+def clips(draw: st.DrawFn) -> Keypoints:
+    count = draw(st.integers(1, 3))
+    sizes = st.floats(-1e6, 1e6, width=64)
+    confidence = draw(arrays(float, (count, 137), elements=st.floats(0, 1), fill=st.just(0.0)))
+    return Keypoints(xy=draw(arrays(float, (count, 137, 2), elements=sizes)), confidence=confidence)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@given(clip=clips(), first=st.integers(0, 10**12 - 10))
+def test_what_is_written_reads_back_the_same(tmp_path_factory, clip, first):
+    folder = tmp_path_factory.mktemp("written")
+    write_openpose(folder, clip, name="walk", first_frame=first)
+    detections = read_openpose(folder)
+    assert detections.numbers == tuple(range(first, first + len(clip)))
+    for people, xy, confidence in zip(detections.frames, clip.xy, clip.confidence, strict=True):
+        points = people[0] if len(people) else np.zeros((137, 3))
+        detected = confidence > 0
+        assert (points[:, 2] == confidence).all()
+        assert (points[detected, :2] == xy[detected]).all()
+        assert (points[~detected] == 0).all()
+
+
+def test_written_files_look_like_openpose(tmp_path, figure):
+    points = np.stack([figure(50, 200), np.zeros((137, 3))])
+    points[1, :, :2] = 7
+    paths = write_openpose(tmp_path / "new", Keypoints(xy=points[..., :2], confidence=points[..., 2]), name="walk")
+    assert [path.name for path in paths] == ["walk_000000000000_keypoints.json", "walk_000000000001_keypoints.json"]
+    assert sorted(tmp_path.joinpath("new").iterdir()) == paths
+    first, second = (json.loads(path.read_text()) for path in paths)
+    assert {key: len(values) for key, values in first["people"][0].items()} == {
+        "person_id": 1, "pose_keypoints_2d": 75, "face_keypoints_2d": 0, "hand_left_keypoints_2d": 0,
+        "hand_right_keypoints_2d": 0,
+    }  # fmt: skip
+    assert second["people"] == []
+
+
+def test_writing_replaces_own_files_and_refuses_among_others(tmp_path, figure):
+    points = figure(50, 200)[None]
+    clip = Keypoints(xy=points[..., :2], confidence=points[..., 2])
+    write_openpose(tmp_path, clip, name="walk")
+    write_openpose(tmp_path, clip, name="walk")
+    with pytest.raises(InputError, match="already holds 1 other keypoint files, such as walk_000000000000_keypoints"):
+        write_openpose(tmp_path, clip, name="run")
+    assert [path.name for path in tmp_path.iterdir()] == ["walk_000000000000_keypoints.json"]
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path, figure, monkeypatch):
+    points = figure(50, 200)[None]
+    clip = Keypoints(xy=points[..., :2], confidence=points[..., 2])
+    (file,) = write_openpose(tmp_path, clip, name="walk")
+    before = file.read_text()
+
+    def full_disk(self: Path, text: str, **_: object) -> None:
+        self.write_bytes(text[:10].encode())
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(OSError, match="no space"):
+        write_openpose(tmp_path, clip, name="walk")
+    assert file.read_text() == before
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    "folder, frames, parts",
+    [
+        ("balancing/cam03/keypoints", 100, [BODY]),
+        ("signs/gebaerden/keypoints", 149, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
+        ("signs/psychologie/keypoints_body_only", 157, [BODY]),
+        ("openpose_sequences/openpose", 93, [BODY, LEFT_HAND, RIGHT_HAND, FACE]),
+        ("openpose_sequences/example", 66, [BODY, RIGHT_HAND, FACE]),
+    ],
+)
+def test_real_files(shared_data, folder, frames, parts):
+    detections = read_detections(shared_data / folder)
+    assert detections.numbers == tuple(range(frames))
+    assert guess_scale(detections.detected_points()) == "pixels"
+    confidence = np.stack([people[0, :, 2] for people in detections.frames])
+    assert confidence.min() >= 0 and confidence.max() <= 1
+    detected = [part for part in (BODY, LEFT_HAND, RIGHT_HAND, FACE) if confidence[:, part].any()]
+    assert detected == parts

@@ -1,0 +1,206 @@
+"""Choosing one person over a clip."""
+
+import itertools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.person import choose_person
+from fitting_core.video.frame_names import spans
+
+NOBODY = np.zeros((137, 3))
+
+
+def clip(*frames: list[np.ndarray]) -> Detections:
+    """Detections of frames given as lists of people."""
+    people = tuple(np.array(frame).reshape(-1, 137, 3) for frame in frames)
+    return Detections(frames=people, stems=tuple(f"a_{t}" for t in range(len(people))), source=Path("a"))
+
+
+def shuffled(frames: list[list[np.ndarray]], seed: int) -> tuple[list[list[np.ndarray]], list[list[int]]]:
+    """Every frame's people in random order, and where each one went."""
+    rng = np.random.default_rng(seed)
+    orders = [rng.permutation(len(frame)).tolist() for frame in frames]
+    mixed = [[frame[k] for k in order] for frame, order in zip(frames, orders, strict=True)]
+    return mixed, [[order.index(k) for k in range(len(order))] for order in orders]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_larger_person_is_followed_whatever_the_order(figure, seed):
+    frames = [[figure(100 + 5 * t, 300), figure(400 - 3 * t, 250, height=150)] for t in range(20)]
+    mixed, places = shuffled(frames, seed)
+    assert choose_person(clip(*mixed)).entries == tuple(place[0] for place in places)
+
+
+def test_the_surer_of_two_similar_sizes_is_chosen(figure):
+    frames = [[figure(100, 300, height=210, confidence=0.4), figure(400, 300, confidence=0.7)]] * 3
+    assert choose_person(clip(*frames)).entries == (1, 1, 1)
+
+
+def test_presence_outweighs_a_short_close_up(figure):
+    frames = [[figure(100, 300)] for _ in range(20)]
+    frames[7] = [figure(600, 300, height=500), figure(100, 300)]
+    assert choose_person(clip(*frames)).entries == tuple(1 if t == 7 else 0 for t in range(20))
+
+
+@pytest.mark.parametrize("occluded, speed", list(itertools.product([0, 3, 8], [6, 15])))
+def test_people_who_cross_are_not_swapped(figure, occluded, speed):
+    """B, behind A and nearly as large, is not seen around the crossing."""
+    middle, frames = 30, []
+    for t in range(2 * middle):
+        a, b = figure(500 + speed * (t - middle), 300), figure(500 - speed * (t - middle), 290, height=180)
+        frames.append([a] if abs(t - middle) <= occluded // 2 and occluded else [a, b])
+    mixed, places = shuffled(frames, seed=occluded)
+    choice = choose_person(clip(*mixed))
+    assert choice.entries == tuple(place[0] for place in places)
+
+
+def test_the_front_person_of_a_crossing_can_be_the_smaller_one(figure):
+    """The chosen person is the hidden one: the other must not be taken meanwhile, and the person found again."""
+    frames = []
+    for t in range(60):
+        chosen, other = figure(200 + 10 * t, 300), figure(800 - 10 * t, 300, height=150)
+        frames.append([other] if abs(t - 30) <= 2 else [chosen, other])
+    mixed, places = shuffled(frames, seed=1)
+    expected = tuple(None if abs(t - 30) <= 2 else places[t][0] for t in range(60))
+    assert choose_person(clip(*mixed)).entries == expected
+
+
+def test_gaps_stay_empty_and_are_reported(figure):
+    frames = [[figure(100, 300)], [], [NOBODY], [figure(900, 300)], [figure(110, 300)]]
+    choice = choose_person(clip(*frames), first_frame=10)
+    assert choice.entries == (0, None, None, None, 0)
+    assert (choice.keypoints.confidence.max(1) > 0).tolist() == [True, False, False, False, True]
+    assert choice.note == (
+        "Person: found in 2 of 5 frames, not in frames 11-13. The largest and surest of 2 people (or false "
+        "detections) was taken; the others appear in frames 13."
+    )
+
+
+@pytest.mark.parametrize(
+    "gap, distance, followed",
+    [(0, 50, True), (0, 100, False), (50, 100, True), (50, 250, False), (500, 100, True), (500, 250, False)],
+)
+def test_how_far_a_person_can_move_unseen(figure, gap, distance, followed):
+    """A person of 200 pixels is followed over 64 pixels from frame to frame, and 160 after a long gap."""
+    frames = [[figure(100, 300)]] * 10 + [[]] * gap + [[figure(100 + distance, 300)]] * 5
+    found = sum(entry is not None for entry in choose_person(clip(*frames)).entries)
+    assert found == (15 if followed else 10)
+
+
+def test_a_nearly_equal_rival_is_named(figure):
+    frames = [[figure(400, 300, height=195), figure(100, 300)]] * 4
+    choice = choose_person(clip(*frames))
+    assert choice.entries == (1, 1, 1, 1)
+    assert "Another person is nearly as prominent, in frame 0 at place 0 of the list: use person=0" in choice.note
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("late", [0, 2])
+def test_the_advice_gives_the_rival(figure, seed, late):
+    """Whatever the order of each frame's list, and where a false detection had the rival's place before."""
+    frames = [[figure(400, 300 + t, height=205), figure(100, 300 - t)] for t in range(12)]
+    frames[:late] = [[figure(400, 300 + t, height=205), figure(900, 900, height=40)] for t in range(late)]
+    mixed, places = shuffled(frames, seed)
+    note = choose_person(clip(*mixed), first_frame=7).note
+    found = re.search(r"use (?:first_frame=(\d+) and )?person=(\d)", note)
+    assert found is not None, note
+    cut = int(found[1] or 7) - 7
+    choice = choose_person(clip(*mixed[cut:]), person=int(found[2]), first_frame=7 + cut)
+    assert choice.entries == tuple(None if t < late else place[1] for t, place in enumerate(places))[cut:]
+
+
+def test_one_person_throughout_needs_no_note(figure):
+    assert choose_person(clip([figure(1, 2)], [figure(1, 3)])).note == ""
+
+
+def test_parts_of_the_body_that_come_and_go_are_the_same_person(figure):
+    frames = []
+    for t in range(10):
+        person = figure(100 + t, 300)
+        person[(8 + t % 2) :: 2] = 0
+        if t % 3 == 0:
+            person[8:] = 0
+        frames.append([person])
+    assert choose_person(clip(*frames)).entries == (0,) * 10
+
+
+def test_hands_alone_are_enough(figure):
+    hands = NOBODY.copy()
+    hands[25:46] = np.column_stack([np.arange(21), np.arange(21), np.full(21, 0.5)])
+    assert choose_person(clip([hands], [hands])).entries == (0, 0)
+
+
+def test_a_single_point_is_a_person_of_no_size(figure):
+    dot = NOBODY.copy()
+    dot[0] = (5, 5, 1)
+    assert choose_person(clip([dot], [dot])).entries == (0, 0)
+
+
+def test_who_is_asked_for_is_followed_through_lists_of_any_order(figure):
+    large, small = figure(100, 300), figure(500, 300, height=50)
+    choice = choose_person(clip([large], [large, small], [large], [small, large]), person=1, first_frame=5)
+    assert choice.entries == (None, 1, None, 0)
+    assert choice.keypoints.xy[3, 0].tolist() == small[0, :2].tolist()
+    assert choice.note == (
+        "Person: whoever is at place 1 of the list of frame 6, as asked; found in 2 of 4 frames, not in frames 5, 7. "
+        "In frames 8 the same person has another place."
+    )
+
+
+@pytest.mark.parametrize("person", [2, 100, -1])
+def test_an_entry_that_no_frame_has(figure, person):
+    with pytest.raises(InputError, match=f"person={person}, but no frame of a has more than 2 people; expected 0 to 1"):
+        choose_person(clip([figure(1, 1)] * 2), person=person)
+
+
+def test_an_entry_without_detections(figure):
+    with pytest.raises(InputError, match="person=1 has no detected keypoint in any frame of a"):
+        choose_person(clip([figure(1, 1), NOBODY]), person=1)
+
+
+@pytest.mark.parametrize("frames", [[], [[]], [[], [NOBODY]]])
+def test_no_detection_at_all(frames):
+    with pytest.raises(InputError, match=f"No keypoint is detected in any of the {len(frames)} frames of a"):
+        choose_person(clip(*frames))
+
+
+@pytest.mark.parametrize(
+    "frames, words",
+    [
+        ([3], "3"),
+        ([3, 4], "3-4"),
+        ([1, 2, 3, 7, 9, 10], "1-3, 7, 9-10"),
+        (list(range(0, 20, 2)), "0, 2, 4, 6, 8 and 5 more"),
+    ],
+)
+def test_spans_in_words(frames, words):
+    assert spans(frames) == words
+
+
+@pytest.mark.parametrize("camera", ["cam03", "cam04"])
+def test_the_man_on_the_treadmill_is_followed_through_his_jumps(shared_data, camera):
+    detections = read_detections(shared_data / "balancing" / camera / "keypoints")
+    assert choose_person(detections).entries == (0,) * 100
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bystander_among_real_detections_is_never_picked(shared_data, seed):
+    """The other camera's man, half as large and walking through the image, in two thirds of the frames."""
+    man = read_detections(shared_data / "balancing" / "cam03" / "keypoints")
+    other = read_detections(shared_data / "balancing" / "cam04" / "keypoints")
+    rng = np.random.default_rng(seed)
+    frames = []
+    for t in range(100):
+        bystander = other.frames[t][0] * [0.5, 0.5, 1] + [10 * t, 500, 0]
+        bystander[bystander[:, 2] == 0] = 0
+        frames.append([man.frames[t][0], *([bystander] if rng.random() < 2 / 3 else [])])
+    mixed, places = shuffled(frames, seed)
+    choice = choose_person(clip(*mixed))
+    assert choice.entries == tuple(place[0] for place in places)
+    assert "the others appear in frames" in choice.note

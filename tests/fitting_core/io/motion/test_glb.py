@@ -1,0 +1,152 @@
+"""The GLB, played by an evaluator of its own, against the fit's mesh."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from fitting_core.body.model import JOINTS, BodyModel
+from fitting_core.io.motion.glb import write_glb
+from fitting_core.io.motion.morphs import corrective_morphs
+from fitting_core.io.motion.motion import Motion
+from fitting_core.io.motion.rig import four_weights, same_hemisphere
+from tests.fitting_core.io.motion.gltf_player import Player
+from tests.fitting_core.io.motion.motions import meshes, swinging
+
+
+@pytest.fixture(scope="module")
+def upright(free_body: BodyModel) -> Motion:
+    return swinging(free_body).in_axes("y-up")
+
+
+@pytest.fixture(scope="module")
+def played(upright: Motion, tmp_path_factory: pytest.TempPathFactory) -> Player:
+    path = tmp_path_factory.mktemp("glb") / "swing.glb"
+    write_glb(path, upright)
+    return Player.of(path)
+
+
+def off(player: Player, motion: Motion, frame: int) -> float:
+    """The farthest vertex, metres."""
+    shown = player.vertices(float(player.times[frame]))
+    return float(np.linalg.norm(shown - meshes(motion)[frame], axis=1).max())
+
+
+@pytest.mark.parametrize("frame", [0, 3, 6])
+def test_vertices_within_a_millimetre(played: Player, upright: Motion, frame: int):
+    assert off(played, upright, frame) < 1e-3
+
+
+def test_the_stated_deviation_is_what_is_found(played: Player, upright: Motion):
+    stated = played.document.asset.extras["largest_deviation_m"]
+    assert stated == pytest.approx(max(off(played, upright, t) for t in range(len(upright))), abs=2e-6)
+
+
+def test_joints_and_their_names(played: Player, upright: Motion):
+    document = played.document
+    assert [document.nodes[n].name for n in document.skins[0].joints] == list(JOINTS)
+    assert np.allclose(played.joints(float(played.times[5])), upright.joints()[5], atol=1e-3)
+
+
+def test_time_is_the_video_s(played: Player, upright: Motion):
+    assert np.allclose(played.times, np.arange(7) / 29.97)
+    extras = played.document.asset.extras
+    assert extras["frame_rate"] == 29.97 and extras["first_frame"] == 12 and extras["axes"] == "y-up"
+
+
+def test_half_way_between_two_frames_is_between_them(played: Player, upright: Motion):
+    before, after = meshes(upright)[2:4]
+    shown = played.vertices(float(played.times[2:4].mean()))
+    farthest = np.linalg.norm(after - before, axis=1).max()
+    assert np.linalg.norm(shown - (before + after) / 2, axis=1).max() < 0.15 * farthest
+
+
+def test_the_camera_sees_what_the_fit_s_camera_sees(played: Player, upright: Motion):
+    lens = played.document.cameras[0].perspective
+    _, height = upright.camera.size
+    point = upright.joints()[0, 15]
+    assert lens.aspectRatio == pytest.approx(640 / 480)
+    below = height / 2 - point[1] / -point[2] * (height / 2 / np.tan(lens.yfov / 2))
+    in_camera = point * (1, -1, -1)
+    assert below == pytest.approx(910.0 * in_camera[1] / in_camera[2] + height / 2)
+
+
+def test_trimesh_reads_the_rest_pose(upright: Motion, tmp_path: Path):
+    write_glb(tmp_path / "x.glb", upright)
+    scene = trimesh.load(tmp_path / "x.glb")
+    (mesh,) = scene.geometry.values()
+    assert np.array_equal(mesh.faces, upright.body.faces)
+    body = upright.body
+    shaped = body.template + body.shape_directions @ upright.params.betas[0].numpy()
+    assert np.allclose(mesh.vertices, shaped, atol=1e-6)
+    assert scene.metadata["gender"] == "neutral"
+
+
+def test_expressions_are_named_and_animated(played: Player, upright: Motion):
+    extras = played.document.meshes[0].extras
+    for frame in (0, 4):
+        weights = played.values(1, "weights", float(played.times[frame]))
+        assert weights is not None and len(weights) == len(extras["targetNames"])
+        value = dict(zip(extras["targetNames"], weights * extras["targetUnits"], strict=True))
+        found = [value[f"expression_{k}"] - value.get(f"expression_{k}_negative", 0.0) for k in range(10)]
+        assert np.allclose(found, upright.params.expression[frame], atol=1e-5)
+
+
+def test_weights_lie_between_0_and_1(played: Player):
+    weights = np.stack([played.values(1, "weights", float(t)) for t in played.times])
+    assert weights.min() >= 0 and weights.max() <= 1 and (weights.max(0) > 0).all()
+
+
+def test_linear_skinning_alone_is_not_enough(upright: Motion):
+    """Without the correctives' shapes the deviation would be centimetres: so the millimetre is theirs."""
+    local = corrective_morphs(upright)
+    shapes = np.tensordot(local.weights, local.directions, 1)
+    assert np.linalg.norm(shapes, axis=-1).max() > 0.01
+
+
+def test_a_body_without_correctives_and_expressions(tiny_body: BodyModel, tmp_path: Path):
+    plain = replace(
+        tiny_body,
+        pose_directions=np.zeros_like(tiny_body.pose_directions),
+        expression_directions=np.zeros_like(tiny_body.expression_directions),
+    )
+    motion = swinging(plain).in_axes("y-up")
+    found = write_glb(tmp_path / "x.glb", motion)
+    player = Player.of(tmp_path / "x.glb")
+    assert player.document.meshes[0].primitives[0].targets in (None, [])
+    assert found.largest < 1e-5 and off(player, motion, 4) < 1e-5
+
+
+def test_more_than_four_weights_are_stated(tiny_body: BodyModel, tmp_path: Path):
+    weights = tiny_body.skinning_weights + 0.02
+    many = replace(tiny_body, skinning_weights=weights / weights.sum(1, keepdims=True))
+    motion = swinging(many).in_axes("y-up")
+    found = write_glb(tmp_path / "x.glb", motion)
+    player = Player.of(tmp_path / "x.glb")
+    assert found.largest > 0.01
+    assert off(player, motion, found.frame) == pytest.approx(found.largest, abs=1e-5)
+
+
+def test_the_four_largest_weights_are_kept():
+    weights = np.array([[0.1, 0.3, 0.05, 0.25, 0.3], [1.0, 0, 0, 0, 0]])
+    bones, kept = four_weights(weights)
+    assert sorted(bones[0].tolist()) == [0, 1, 3, 4] and bones[1].tolist() == [0, 0, 0, 0]
+    assert np.allclose(kept.sum(1), 1) and kept[1].tolist() == [1, 0, 0, 0]
+
+
+def test_signs_of_quaternions_do_not_jump():
+    turns = np.array([[[0, 0, 0, 1.0]], [[0, 0, 0.1, -0.99]], [[0, 0, 0.2, -0.98]]])
+    even = same_hemisphere(turns)
+    assert ((even[1:] * even[:-1]).sum(-1) > 0).all() and np.array_equal(abs(even), abs(turns))
+
+
+def test_what_stops_the_writing_leaves_nothing(upright: Motion, tmp_path: Path):
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    (tmp_path / "x.glb").write_bytes(b"older")
+    with pytest.raises(KeyboardInterrupt):
+        write_glb(tmp_path / "x.glb", upright, stop)
+    assert [p.name for p in tmp_path.iterdir()] == ["x.glb"] and (tmp_path / "x.glb").read_bytes() == b"older"

@@ -1,0 +1,80 @@
+"""A motion in other worlds: checked on posed meshes and joints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.io.motion.motion import AXES, stated, stated_by_frame
+from tests.fitting_core.io.motion.motions import meshes, swinging
+
+
+@pytest.mark.parametrize("start", AXES)
+@pytest.mark.parametrize("axes", AXES)
+def test_the_mesh_turns_as_a_whole(tiny_body: BodyModel, start: str, axes: str):
+    motion = swinging(tiny_body).in_axes(start)
+    turned = motion.in_axes(axes)
+    turn = np.array(AXES[axes].from_camera) @ np.array(AXES[start].from_camera).T
+    assert np.linalg.det(turn) == 1
+    assert np.allclose(meshes(turned), meshes(motion) @ turn.T, atol=1e-5)
+    assert np.allclose(turned.joints(), motion.joints() @ turn.T, atol=1e-5)
+    assert np.allclose(turned.pelvis, turned.joints()[:, 0], atol=1e-5)
+
+
+def test_upright_is_upright(free_body: BodyModel):
+    motion = swinging(free_body)
+    joints = {axes: motion.in_axes(axes).joints() for axes in AXES}
+    assert (joints["y-up"][..., 2] < 0).all(), "the camera looks along -z"
+    assert (joints["z-up"][..., 1] > 0).all(), "what is farther away has the greater y"
+    assert np.allclose(joints["y-up"][..., 1], -joints["camera"][..., 1], atol=1e-6)
+    assert np.allclose(joints["z-up"][..., 2], -joints["camera"][..., 1], atol=1e-6)
+
+
+def test_the_translation_takes_the_pelvis_into_account(free_body: BodyModel):
+    motion = swinging(free_body)
+    naive = motion.params.camera_translation.numpy() * (1, -1, -1)
+    assert abs(motion.in_axes("y-up").params.camera_translation.numpy() - naive).max() > 0.1
+
+
+def test_there_and_back(tiny_body: BodyModel):
+    motion = swinging(tiny_body)
+    back = motion.in_axes("z-up").in_axes("camera")
+    assert torch.allclose(back.params.camera_translation, motion.params.camera_translation, atol=1e-9)
+    assert np.allclose(meshes(back), meshes(motion), atol=1e-5)
+
+
+def test_a_part_knows_its_frames(tiny_body: BodyModel):
+    part = swinging(tiny_body)[2:5]
+    assert (len(part), part.first_frame) == (3, 14)
+    said = stated_by_frame(part)
+    assert said["frames"] == 3 and len(said["translation"]) == 3 and said["frame_rate"] == 29.97
+    assert np.allclose(said["pelvis"], part.joints()[:, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_one_shape_leaves_the_pelvis_where_it_is_in_any_world(tiny_body: BodyModel, axes: str):
+    motion = swinging(tiny_body)
+    betas = torch.randn(motion.params.betas.shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    varied = replace(motion, params=replace(motion.params, betas=betas))
+    shaped = varied.in_axes(axes).one_shape
+    assert shaped.has_one_shape and not varied.has_one_shape
+    assert abs(shaped.in_axes("camera").pelvis - varied.pelvis).max() < 1e-12
+    moved = varied.params.camera_translation - shaped.in_axes("camera").params.camera_translation
+    assert moved.abs().max() > 1e-3, "the betas must move the pelvis for this to be seen"
+    said = stated_by_frame(varied)
+    assert said["betas_source"] == "mean of the frames' own" and stated(motion)["betas_source"] == "the fit's"
+    assert np.allclose(said["translation"], varied.one_shape.params.camera_translation)
+
+
+def test_all_that_users_miss_elsewhere_is_stated(tiny_body: BodyModel):
+    said = stated(swinging(tiny_body).in_axes("y-up"))
+    assert said["axes"] == "y-up" and "y up" in said["axes_text"] and "metres" in said["axes_text"]
+    assert said["intrinsics"]["focal_px"] == [900.0, 910.0] and said["gender"] == "neutral"
+
+
+def test_unknown_axes_are_named(tiny_body: BodyModel):
+    with pytest.raises(InputError, match="camera, y-up, z-up"):
+        swinging(tiny_body).in_axes("x-up")

@@ -1,0 +1,247 @@
+"""fit.npz and summary.json: what they hold, that they read back, and what happens to broken ones."""
+
+import json
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.camera import Camera, project
+from fitting_core.clip import Clip
+from fitting_core.config.schema import PRESETS
+from fitting_core.errors import InputError
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.io import result_files
+from fitting_core.io.result_files import fit_arrays, is_result, read_fit, write_result
+from fitting_core.keypoints import Keypoints
+from tests.samples.body_files import VERTICES, body_arrays, write_npz
+
+FRAMES = 5
+CAMERA = Camera(focal=(700.0, 710.0), center=(310.0, 250.0), size=(640, 480), source="as given")
+NAMES = [f.name for f in fields(BodyParams)]
+Result = tuple[FitResult, Clip, BodyModel]
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory: pytest.TempPathFactory) -> BodyModel:
+    arrays = body_arrays()
+    # Few bones, one for each vertex: more would make the face contour's tables slow to compile.
+    arrays["weights"] = np.eye(55)[np.arange(VERTICES) % 5 * 11]
+    return load_body(write_npz(tmp_path_factory.mktemp("body") / "SMPLX_FEMALE.npz", arrays))
+
+
+def _params(seed: int, *, components: int = 12, shared: bool = True) -> BodyParams:
+    generator = torch.Generator().manual_seed(seed)
+    neutral = BodyParams.neutral(FRAMES, hand_components=components)
+    drawn = {n: 0.2 * torch.randn(t.shape, generator=generator, dtype=t.dtype) for n, t in vars(neutral).items()}
+    drawn["camera_translation"] += torch.tensor([0.0, 0.0, 12.0])
+    if shared:
+        drawn["betas"] = drawn["betas"][:1].expand(FRAMES, -1)
+    return BodyParams(**drawn)
+
+
+def _phase(number: int, params: BodyParams) -> PhaseResult:
+    terms = {"data": 2.0, "total": 2.0}
+    return PhaseResult(phase=number, params=params, objective=terms, frame_cost=np.ones(FRAMES), seconds=number / 2)
+
+
+@pytest.fixture
+def result(body: BodyModel) -> Callable[..., Result]:
+    """result(last_phase=3, components=12): a random fit, and a clip with keypoints (3, 4) px off its phase 1."""
+
+    def build(last_phase: int = 3, components: int = 12) -> Result:
+        params = [_params(seed, components=components, shared=seed > 1) for seed in range(1, last_phase + 1)]
+        phases = tuple(_phase(number, p) for number, p in enumerate(params, 1))
+        points, exists = keypoints_in_space(body, params[0])
+        points[:, ~exists, 2] = 1
+        xy = project(CAMERA, torch.as_tensor(points)).numpy() + np.array([3.0, 4.0])
+        clip = Clip(
+            keypoints=Keypoints(xy=xy, confidence=np.full(xy.shape[:2], 0.9)),
+            camera=CAMERA,
+            frame_rate=29.97,
+            name="walk",
+            first_frame=7,
+        )
+        observed = np.random.default_rng(0).random((FRAMES, 55)) < 0.5
+        fit = FitResult(
+            phases=phases, camera=CAMERA, config=PRESETS["paper"], observed=observed, warnings=("gap in 3",)
+        )
+        return fit, clip, body
+
+    return build
+
+
+def _same(a: BodyParams, b: BodyParams) -> bool:
+    return all(torch.equal(getattr(a, name), getattr(b, name)) for name in NAMES)
+
+
+@pytest.mark.parametrize("last_phase", [1, 2, 3])
+@pytest.mark.parametrize("components", [12, 45])
+def test_round_trip(tmp_path: Path, result: Callable[..., Result], last_phase: int, components: int):
+    fit, clip, body = result(last_phase, components)
+    write_result(tmp_path / "new" / "out", fit, clip, body, complete=last_phase == 3)
+    stored = read_fit(tmp_path / "new" / "out")
+    assert _same(stored.params, fit.last.params) and _same(stored.phase1, fit.phases[0].params)
+    assert (stored.camera, stored.frame_rate, stored.first_frame) == (CAMERA, 29.97, 7)
+    assert (stored.gender, stored.body_kind, stored.body_hash) == ("female", "smplx", body.hash)
+    assert (stored.last_phase, stored.complete) == (last_phase, last_phase == 3)
+    assert (stored.observed == fit.observed).all()
+    assert np.allclose(stored.joints, Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy(), atol=1e-9)
+
+
+def test_keys_of_smplx_tools(result: Callable[..., Result]):
+    fit, clip, body = result()
+    arrays = fit_arrays(fit, clip, body)
+    last = fit.last.params
+    shapes = {"poses": 165, "trans": 3, "expressions": 10, "root_orient": 3, "pose_body": 63, "pose_hand": 90}
+    for name, width in (shapes | {"pose_jaw": 3, "pose_eye": 6}).items():
+        assert arrays[name].shape == (FRAMES, width)
+    parts = [arrays[n] for n in ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")]
+    assert (np.concatenate(parts, 1) == arrays["poses"]).all()
+    assert arrays["betas"].shape == (10,) and (arrays["betas"] == last.betas[0].numpy()).all()
+    assert arrays["mocap_frame_rate"] == arrays["mocap_framerate"] == 29.97
+    assert str(arrays["surface_model_type"]) == "smplx" and str(arrays["gender"]) == "female"
+    left = body.hand_mean[0] + last.left_hand_pose.numpy() @ body.hand_components[0, :12]
+    assert np.allclose(arrays["pose_hand"][:, :45], left)
+    assert arrays["frames"].tolist() == [7, 8, 9, 10, 11]
+    assert "y down" in str(arrays["axes"])
+
+
+def test_every_array_reads_without_pickle(tmp_path: Path, result: Callable[..., Result]):
+    write_result(tmp_path, *result())
+    with np.load(tmp_path / "fit.npz", allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    assert all(array.dtype.kind in "fiubU" for array in arrays.values())
+    assert all(f"phase1_{name}" in arrays for name in [*NAMES, "joints"])
+    assert arrays["phase1_betas"].shape == (FRAMES, 10)
+
+
+def test_mean_shape_stands_in_where_only_phase_1_has_run(result: Callable[..., Result]):
+    fit, clip, body = result(1)
+    assert np.allclose(fit_arrays(fit, clip, body)["betas"], fit.last.params.betas.mean(0).numpy())
+
+
+def test_summary(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result()
+    write_result(tmp_path, fit, clip, body, command="tcfit fit x")
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["complete"] is True and summary["frames"] == FRAMES and summary["first_frame"] == 7
+    assert summary["seconds"] == {"phase1": 0.5, "phase2": 1.0, "phase3": 1.5, "total": 3.0}
+    first = summary["reprojection_px"]["phase1"]
+    assert first["median"] == pytest.approx(5) and first["p95"] == pytest.approx(5)
+    assert summary["reprojection_px"]["phase3"]["median"] > 5
+    assert set(summary["objective"]) == {"phase1", "phase2", "phase3"}
+    joints = Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy()
+    accelerations = joints[2:] - 2 * joints[1:-1] + joints[:-2]
+    expected = 1e3 * np.linalg.norm(accelerations, axis=-1).mean()
+    assert summary["jitter"]["phase3"]["camera_space_mm_per_frame2"] == pytest.approx(expected)
+    assert summary["camera"] == {"focal": [700, 710], "center": [310, 250], "size": [640, 480], "source": "as given"}
+    assert summary["body"] == {"kind": "smplx", "gender": "female", "source": "SMPLX_FEMALE.npz", "hash": body.hash}
+    assert summary["config"]["temporal"]["window_size"] == 7 and summary["warnings"] == ["gap in 3"]
+    assert {"tcfit", "torch", "numpy", "python"} == set(summary["versions"])
+    assert summary["command"] == "tcfit fit x"
+
+
+def test_body_space_leaves_the_translation_out(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result(1)
+    moved = replace(fit.last.params, camera_translation=fit.last.params.camera_translation + torch.rand(FRAMES, 3))
+    both = [
+        write_result(tmp_path, replace(fit, phases=(replace(fit.last, params=p),)), clip, body)["jitter"]["phase1"]
+        for p in (fit.last.params, moved)
+    ]
+    assert both[0]["body_space_mm_per_frame2"] == pytest.approx(both[1]["body_space_mm_per_frame2"])
+    assert both[0]["camera_space_mm_per_frame2"] != pytest.approx(both[1]["camera_space_mm_per_frame2"])
+
+
+def test_only_confident_keypoints_inside_count(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result(1)
+    confidence = np.zeros_like(clip.keypoints.confidence)
+    neck, wrist, elbow = (kp.INDEX[name] for name in ("neck", "left_wrist", "left_elbow"))
+    confidence[:, [neck, wrist]], confidence[:, elbow] = 0.31, 0.29
+    xy = clip.keypoints.xy.copy()
+    xy[:, elbow] += 100
+    xy[:, wrist] = [639, 240]  # at the border: cut off
+    other = replace(clip, keypoints=Keypoints(xy=xy, confidence=confidence))
+    found = write_result(tmp_path, fit, other, body)["reprojection_px"]["phase1"]
+    assert found == {"median": pytest.approx(5), "p95": pytest.approx(5), "keypoints": FRAMES}
+    none = replace(clip, keypoints=Keypoints(xy=xy, confidence=0 * confidence))
+    assert write_result(tmp_path, fit, none, body)["reprojection_px"]["phase1"]["median"] is None
+
+
+def test_costs_that_are_not_finite_stay_valid_json(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result(1)
+    broken = replace(fit.last, objective={"total": float("inf"), "data": float("nan")})
+    write_result(tmp_path, replace(fit, phases=(broken,)), clip, body)
+    text = (tmp_path / "summary.json").read_text()
+    assert "Infinity" not in text and json.loads(text)["objective"]["phase1"] == {"total": None, "data": None}
+
+
+def test_overlay_of_an_earlier_fit_goes(tmp_path: Path, result: Callable[..., Result]):
+    (tmp_path / "overlay.mp4").touch()
+    write_result(tmp_path, *result(1))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.npz", "summary.json"] and is_result(tmp_path)
+
+
+def test_failing_write_leaves_the_old_file(
+    tmp_path: Path, result: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+):
+    write_result(tmp_path, *result(1))
+    old = (tmp_path / "fit.npz").read_bytes()
+
+    def full(path: Path, **arrays: object) -> None:
+        Path(path).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(result_files.np, "savez_compressed", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        write_result(tmp_path, *result(3))
+    assert (tmp_path / "fit.npz").read_bytes() == old
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.npz", "summary.json"]
+
+
+def _without(name: str) -> Callable[[dict], dict]:
+    return lambda arrays: {k: v for k, v in arrays.items() if k != name}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_without("phase1_jaw_pose"), "lacks 'phase1_jaw_pose'"),
+        (_without("format"), "an npz of another program"),
+        (lambda a: a | {"format": np.asarray("tcfit fit 99")}, "is 'tcfit fit 99'; expected 'tcfit fit 1'"),
+        (lambda a: a | {"body_pose": a["body_pose"][:3]}, r"body_pose has the shape \(3, 63\), expected \(5, 63\)"),
+        (lambda a: a | {"betas": np.zeros(16)}, r"betas has the shape \(16,\), expected \(10,\)"),
+        (lambda a: a | {"camera_focal": np.float64(3.0)}, "is damaged"),
+        (lambda a: a | {"poses": np.float64(3.0)}, "is damaged"),
+    ],
+)
+def test_broken_files_are_named(
+    tmp_path: Path, result: Callable[..., Result], change: Callable[[dict], dict], message: str
+):
+    path = tmp_path / "fit.npz"
+    np.savez(path, **change(fit_arrays(*result(1))))
+    with pytest.raises(InputError, match=message):
+        read_fit(path)
+
+
+def test_files_that_are_no_archive(tmp_path: Path, result: Callable[..., Result]):
+    with pytest.raises(InputError, match="does not exist"):
+        read_fit(tmp_path)
+    write_result(tmp_path, *result(1))
+    whole = (tmp_path / "fit.npz").read_bytes()
+    for content in (b"", b"text", whole[: len(whole) // 2]):
+        (tmp_path / "fit.npz").write_bytes(content)
+        with pytest.raises(InputError, match="no complete npz archive"):
+            read_fit(tmp_path)
+    np.save(tmp_path / "fit.npy", np.zeros(3))
+    with pytest.raises(InputError, match="no complete npz archive"):
+        read_fit(tmp_path / "fit.npy")

@@ -1,0 +1,87 @@
+"""A whole comparison on bodies whose errors are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.measure.comparison import compare, figure_titles
+from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.reference.bodies import reference_of
+from fitting_core.measure.reference.reference import Reference
+from tests.samples.scenes import random_params
+
+CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
+
+
+def estimate(body: BodyModel, params: BodyParams) -> Estimate:
+    return Estimate(body=body, params=params, camera=CAMERA, frame_rate=25.0)
+
+
+@pytest.fixture(scope="module")
+def truth(free_body: BodyModel) -> Reference:
+    params = random_params(4)
+    params = replace(params, betas=params.betas[:1].expand(4, -1))
+    return reference_of("truth", "", free_body, params, frame_rate=25.0, in_camera=True)
+
+
+def moved(params: BodyParams, x: float, z: float) -> BodyParams:
+    shift = torch.tensor([x, 0.0, z], dtype=torch.float64)
+    return replace(params, camera_translation=params.camera_translation + shift)
+
+
+def test_a_body_that_stands_elsewhere(free_body: BodyModel, truth: Reference):
+    assert truth.params is not None
+    found = compare(estimate(free_body, moved(truth.params, 0.03, 0.04)), truth, truth_body=free_body, every=3).figures
+    assert found["joint_error_mean"] == pytest.approx(50, abs=1e-6)
+    assert found["depth_error_mean"] == pytest.approx(40, abs=1e-6) and found["depth_error_std"] == pytest.approx(
+        0, abs=1e-6
+    )
+    for name in ("mpjpe_mean", "pa_mpjpe_mean", "volume_error_mean", "shape_variation", "bone_length_variation"):
+        assert found[name] == pytest.approx(0, abs=1e-3), name
+    assert found["vertex_to_surface_mean"] == pytest.approx(0, abs=1e-3)
+    assert found["per_vertex_mean"] == pytest.approx(0, abs=1e-2)
+    assert found["jitter"] == pytest.approx(found["jitter_truth"])
+    assert found["reprojection_mean"] is None and found["reprojection_truth_mean"] > 1
+    assert set(found) == set(figure_titles())
+
+
+def test_a_reference_of_other_frames_and_no_place(free_body: BodyModel, truth: Reference):
+    assert truth.params is not None
+    short = replace(truth, points=truth.points[:2], joints=truth.joints[:2], params=truth.params[:2], in_camera=False)
+    found = compare(estimate(free_body, moved(truth.params, 1.0, 0.0)), short, truth_body=free_body, meshes=False)
+    assert found.curves["pa_mpjpe"][2:] == [None, None] and found.figures["pa_mpjpe_mean"] == pytest.approx(0, abs=1e-3)
+    assert found.figures["joint_error_mean"] is None and found.figures["mpjpe_mean"] is None
+    assert found.curves["true_volume"][:2] == pytest.approx(found.curves["volume"][:2])
+
+
+@pytest.mark.parametrize(("rate", "even"), [(50.0, True), (75.05, True), (40.0, False), (12.5, False)])
+def test_accelerations_need_a_reference_that_lies_evenly(free_body: BodyModel, truth: Reference, rate: float, even):
+    """Beside a fit of 25 per second; where they cannot be told, positions still are."""
+    assert truth.params is not None
+    other = reference_of("", "", free_body, truth.params[[0, 1, 2, 3] * 3], frame_rate=rate, in_camera=True)
+    figures = compare(estimate(free_body, truth.params), other, meshes=False).figures
+    for name in ("acceleration_error_mean", "jitter_truth", "jerk_truth"):
+        assert (figures[name] is not None) == even, name
+    assert figures["joint_error_mean"] is not None and figures["jitter"] is not None
+
+
+def test_points_alone_with_some_missing(free_body: BodyModel, truth: Reference):
+    points = truth.points.copy()
+    points[1, 2:5] = np.nan
+    points[2] = np.nan
+    assert truth.params is not None
+    alone = replace(truth, points=points, joints=None, params=None, body=None)
+    found = compare(estimate(free_body, moved(truth.params, 0.0, 0.1)), alone)
+    assert found.curves["joint_error"] == [pytest.approx(100), pytest.approx(100), None, pytest.approx(100)]
+    assert found.figures["vertex_to_surface_mean"] is None and found.figures["volume_error_mean"] is None
+
+
+def test_without_a_reference(free_body: BodyModel, truth: Reference):
+    assert truth.params is not None
+    found = compare(estimate(free_body, truth.params), None)
+    assert found.figures["jitter"] and found.figures["volume_mean"] and found.figures["pa_mpjpe_mean"] is None

@@ -1,0 +1,348 @@
+"""References: every form that is read, and what is said about files that cannot be."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.points.positions import joints_in_space
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.io.motion.animation_npz import write_animation_npz
+from fitting_core.io.motion.motion import AXES
+from fitting_core.measure.reference.bodies import reference_of
+from fitting_core.measure.reference.files import read_reference
+from fitting_core.measure.reference.points import keypoint_named
+from fitting_core.measure.reference.reference import Reference, write_reference
+from fitting_core.synthetic.truth import Truth, write_truth
+from tests.fitting_core.io.motion.motions import swinging
+from tests.samples.scenes import random_params
+
+NAMES = ["RShoulder", "left_shoulder", "CHip", "Nose", "C7"]
+POINTS = np.random.default_rng(0).normal(size=(4, 5, 3))
+TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+SHIFT = np.array([0.1, 0.2, 6.0])
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> Path:
+    np.savez(tmp_path / "camera.npz", R=TURN, t=SHIFT[:, None], K=np.eye(3))
+    return tmp_path / "camera.npz"
+
+
+def trc(points: np.ndarray, unit: str = "mm", *, first: float = 0.0, names: list[str] = NAMES) -> str:
+    rows = ["PathFileType\t4\t(X/Y/Z)\tx.trc", "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits"]
+    rows.append(f"50\t50\t{len(points)}\t{len(names)}\t{unit}")
+    rows += [
+        "Frame#\tTime\t" + "\t\t\t".join(names),
+        "\t\t" + "\t".join(f"X{i}\tY{i}\tZ{i}" for i in range(len(names))),
+    ]
+    factor = {"mm": 1e3, "m": 1.0}[unit]
+    for i, frame in enumerate(points):
+        cells = ["" if np.isnan(value) else f"{factor * value:.9f}" for value in frame.reshape(-1)]
+        rows.append("\t".join([str(i + 1), f"{first + i / 50:.4f}", *cells]))
+    return "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("name", ["RShoulder", "right_shoulder", "R-Shoulder", "Right Shoulder", "rshoulder"])
+def test_markers_have_many_names(name: str):
+    assert keypoint_named(name) == kp.INDEX["right_shoulder"]
+    assert keypoint_named("LBigToe") == kp.INDEX["left_big_toe"] and keypoint_named("C7") is None
+
+
+def test_points_get_into_the_camera(tmp_path: Path, camera: Path):
+    np.savez(tmp_path / "points.npz", points=POINTS, names=np.array(NAMES), fps=60.0)
+    found = read_reference(tmp_path / "points.npz", camera=camera)
+    assert found.in_camera and found.frame_rate == 60 and "C7" in found.notes[0]
+    np.testing.assert_allclose(found.points[:, kp.INDEX["mid_hip"]], POINTS[:, 2] @ TURN.T + SHIFT)
+    assert np.isfinite(found.points).all(-1).sum() == 4 * 4
+    assert not read_reference(tmp_path / "points.npz").in_camera
+
+
+@pytest.mark.parametrize("unit", ["mm", "m"])
+def test_trc(tmp_path: Path, unit: str):
+    points = POINTS.copy()
+    points[2, 3] = np.nan
+    (tmp_path / "x.trc").write_text(trc(points, unit, first=0.2))
+    found = read_reference(tmp_path / "x.trc")
+    assert found.frame_rate == 50 and found.first_frame == 10 and len(found) == 4
+    np.testing.assert_allclose(found.points[:, kp.INDEX["nose"]], points[:, 3], atol=1e-8)
+
+
+BAD_TRC = {
+    "unit": (trc(POINTS).replace("\tmm", "\tinch"), "in inch"),
+    "no header": ("1\t2\t3\n" * 8, "does not begin"),
+    "markers": (trc(POINTS).replace("\t5\tmm", "\t7\tmm"), "says 7 markers"),
+    "text": (trc(POINTS).replace("\t0.0200\t", "\t0.0200\tx"), "line 7 cannot be read"),
+    "empty": ("\n".join(trc(POINTS).splitlines()[:5]) + "\n\n\n", "no frames"),
+    "unknown": (trc(POINTS, names=["a", "b", "c", "d", "e"]), "names 0 known points"),
+    "twice": (trc(POINTS, names=["RKnee", "right_knee", "Nose", "Neck", "LKnee"]), "are both right_knee"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_TRC)
+def test_bad_trc(tmp_path: Path, kind: str):
+    content, said = BAD_TRC[kind]
+    (tmp_path / "x.trc").write_text(content)
+    with pytest.raises(InputError, match=said):
+        read_reference(tmp_path / "x.trc")
+
+
+def test_the_truth_of_a_generated_clip(tmp_path: Path, free_body: BodyModel):
+    params = random_params(3)
+    truth = Truth(
+        params=params,
+        joints=joints_in_space(free_body, params),
+        keypoints=np.zeros((3, 137, 2)),
+        visible=np.ones((3, 137), bool),
+        exists=np.ones(137, bool),
+        camera=Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480)),
+        frame_rate=25.0,
+        body_hash=free_body.hash,
+    )
+    write_truth(tmp_path / "truth.npz", truth)
+    found = read_reference(tmp_path)
+    assert found.in_camera and found.body is not None and found.body.hash == free_body.hash
+    np.testing.assert_allclose(found.joints, truth.joints, atol=1e-9)
+    write_truth(tmp_path / "truth.npz", replace(truth, body_hash="0" * 64))
+    with pytest.raises(InputError, match="not on this computer"):
+        read_reference(tmp_path)
+
+
+def amass(body: BodyModel, params: BodyParams) -> dict[str, np.ndarray]:
+    return {
+        "poses": full_pose(body, params).flatten(1).numpy(),
+        "trans": params.camera_translation.numpy(),
+        "betas": np.concatenate([params.betas[0].numpy(), np.zeros(6)]),
+        "gender": np.array("neutral"),
+        "mocap_frame_rate": np.array(100.0),
+    }
+
+
+def test_amass_of_a_world_gets_into_the_camera(tmp_path: Path, camera: Path, free_body: BodyModel):
+    params = random_params(3)
+    params = replace(params, betas=params.betas[:1].expand(3, -1), expression=torch.zeros(3, 10, dtype=torch.float64))
+    np.savez(tmp_path / "a.npz", body_hash=np.array(free_body.hash), **amass(free_body, params))
+    found = read_reference(tmp_path / "a.npz", camera=camera)
+    assert found.frame_rate == 100 and found.in_camera
+    np.testing.assert_allclose(found.joints, joints_in_space(free_body, params) @ TURN.T + SHIFT, atol=1e-9)
+
+
+def test_amass_of_any_make_is_the_same_reference(tmp_path: Path, camera: Path, free_body: BodyModel):
+    """Objects beside, parts in place of `poses`, a frame rate or shape for each frame: as `import` reads them."""
+    params = random_params(3)
+    arrays = amass(free_body, replace(params, betas=params.betas[:1].expand(3, -1)))
+    arrays["body_hash"] = np.array(free_body.hash)
+    np.savez(tmp_path / "a.npz", **arrays)
+    expected = read_reference(tmp_path / "a.npz", camera=camera)
+    ends = {
+        "root_orient": (0, 3),
+        "pose_body": (3, 66),
+        "pose_jaw": (66, 69),
+        "pose_eye": (69, 75),
+        "pose_hand": (75, 165),
+    }
+    parts = {name: arrays["poses"][:, start:stop] for name, (start, stop) in ends.items()}
+    changed = arrays | {
+        "labels_obs": np.array([["C7"], None], object),
+        "mocap_frame_rate": np.array([100.0]),
+        "betas": np.repeat(arrays["betas"][None], 3, axis=0),
+    }
+    np.savez(tmp_path / "b.npz", **changed)
+    np.savez(tmp_path / "c.npz", **parts, **{k: v for k, v in changed.items() if k != "poses"})
+    for name in ("b.npz", "c.npz"):
+        found = read_reference(tmp_path / name, camera=camera)
+        assert found.frame_rate == 100
+        np.testing.assert_allclose(found.joints, expected.joints, atol=1e-12)
+        np.testing.assert_allclose(found.points, expected.points, atol=1e-12)
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_tcfits_own_export_of_any_world_gets_into_the_camera(tmp_path: Path, free_body: BodyModel, axes: str):
+    motion = swinging(free_body)
+    write_animation_npz(tmp_path / "a.npz", motion.in_axes(axes))
+    found = read_reference(tmp_path / "a.npz")
+    assert found.in_camera and found.first_frame == motion.first_frame
+    np.testing.assert_allclose(found.joints, joints_in_space(free_body, motion.params), atol=1e-6)
+
+
+def test_axes_without_a_camera_are_a_world_of_its_own(tmp_path: Path, free_body: BodyModel):
+    arrays = amass(free_body, random_params(3)) | {"body_hash": np.array(free_body.hash)}
+    for axes, placed in (("camera: x right", True), ("y up", False)):
+        np.savez(tmp_path / "a.npz", axes=np.array(axes), **arrays)
+        assert read_reference(tmp_path / "a.npz").in_camera == placed
+    np.savez(tmp_path / "a.npz", camera_to_world=np.diag([1.0, 1.0, -1.0]), **arrays)
+    with pytest.raises(InputError, match="'camera_to_world' is no rotation"):
+        read_reference(tmp_path / "a.npz")
+
+
+def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
+    arrays = amass(free_body, random_params(3))
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(InputError, match="official neutral SMPLX model"):
+        read_reference(tmp_path / "a.npz")
+    arrays["poses"] = arrays["poses"][:, :156]
+    np.savez(tmp_path / "h.npz", **arrays)
+    with pytest.raises(InputError, match="SMPL-H"):
+        read_reference(tmp_path / "h.npz")
+    np.savez(tmp_path / "w.npz", **(arrays | {"poses": arrays["poses"][:, :72]}))
+    with pytest.raises(InputError, match=r"72 columns .*, expected 165 \(SMPL-X\)"):
+        read_reference(tmp_path / "w.npz")
+
+
+STANDING = {"Shoulder": 1.4, "Hip": 0.9, "Knee": 0.47, "Ankle": 0.06}
+
+
+def standing(scale: float, folder: Path) -> Path:
+    """Somebody's sides at 30 cm from each other, in a unit of which so many make a metre."""
+    places = {f"{side}{part}": (x, y, 0.0) for side, x in (("L", 0.15), ("R", -0.15)) for part, y in STANDING.items()}
+    points = scale * np.tile(list(places.values()), (3, 1, 1))
+    np.savez(folder / "standing.npz", points=points, names=np.array(list(places)))
+    return folder / "standing.npz"
+
+
+@pytest.mark.parametrize(
+    "scale, said",
+    [
+        (
+            1000,
+            "left_shoulder and left_hip are 500 m apart; expected metres .* They look like millimetres: divide them",
+        ),
+        (100, "look like centimetres: divide them by 100"),
+        (3.3, "look like feet"),
+        (39.4, "look like inches"),
+        (0.001, "Scale the points to metres"),
+        (0, "Scale the points to metres"),
+    ],
+)
+def test_points_in_another_unit_are_refused(tmp_path: Path, scale: float, said: str):
+    with pytest.raises(InputError, match=said):
+        read_reference(standing(scale, tmp_path))
+
+
+@pytest.mark.parametrize("size", [0.4, 1, 1.3])
+def test_people_of_all_sizes_are_taken(tmp_path: Path, size: float):
+    assert len(read_reference(standing(size, tmp_path))) == 3
+
+
+def test_a_stored_reference_is_the_same(tmp_path: Path, free_body: BodyModel):
+    params = random_params(2)
+    made = replace(reference_of("x", "made here", free_body, params, frame_rate=None, in_camera=True), notes=("a", "b"))
+    write_reference(tmp_path / "reference.npz", made)
+    found = read_reference(tmp_path / "reference.npz")
+    assert (found.name, found.kind, found.frame_rate, found.notes, found.body) == (
+        "x",
+        "made here",
+        None,
+        ("a", "b"),
+        made.body,
+    )
+    assert found.params is not None
+    for f in fields(BodyParams):
+        np.testing.assert_array_equal(getattr(found.params, f.name), getattr(params, f.name))
+    np.testing.assert_array_equal(found.points, made.points)
+
+
+def of_length(frames: int, *, rate: float | None = None, first: int = 0) -> Reference:
+    points = np.zeros((frames, 137, 3))
+    return Reference(name="r", kind="", frame_rate=rate, first_frame=first, in_camera=True, points=points)
+
+
+def test_frames_are_matched_by_number_or_time():
+    assert of_length(5).frames_of(4, 2, 25.0).tolist() == [2, 3, 4, -1]
+    assert of_length(5, rate=25.0, first=3).frames_of(4, 2, 25.0).tolist() == [-1, 0, 1, 2]
+    assert of_length(50, rate=100.0).frames_of(4, 1, 25.0).tolist() == [4, 8, 12, 16]
+    assert of_length(5000, rate=29.97).frames_of(1, 4000, 30.0) == of_length(5000, rate=30.0).frames_of(1, 4000, 29.97)
+    assert of_length(5000, rate=60.0).frames_of(2, 1000, 29.97).tolist() == [2000, 2002]
+    assert of_length(5000, rate=29.97).frames_of(2, 4000, 60.0)[0] == 2000
+    with pytest.raises(InputError, match="expected a reference of the same clip"):
+        of_length(5).frames_of(4, 10, 25.0)
+
+
+def test_a_reference_at_another_rate_begins_at_its_own_time(tmp_path: Path):
+    """50 per second from 2.00 s on, beside frames 60 (2.00 s) and so on of a video at 25 and at 30 per second."""
+    (tmp_path / "x.trc").write_text(trc(np.tile(POINTS, (5, 1, 1)), first=2.0))
+    found = read_reference(tmp_path / "x.trc")
+    assert found.frames_of(4, 49, 25.0).tolist() == [-1, 0, 2, 4]
+    assert found.frames_of(4, 60, 30.0).tolist() == [0, 2, 3, 5]
+    with pytest.raises(InputError, match=r"has 20 frames from the video's frame 60 on, .* frames 0 to 3;"):
+        found.frames_of(4, 0, 30.0)
+
+
+def cut(frames: int, folder: Path, **keys: Any) -> Reference:
+    np.savez(folder / "cut.npz", points=np.tile(POINTS, (frames // 4, 1, 1)), names=np.array(NAMES), **keys)
+    return read_reference(folder / "cut.npz")
+
+
+def test_a_reference_as_long_as_a_later_fit_must_say_where_it_begins(tmp_path: Path):
+    found = cut(40, tmp_path)
+    with pytest.raises(InputError, match=r"40 frames, which last as long .* frame 20\. Say it with .*frame .*: 20 if"):
+        found.frames_of(40, 20, 25.0)
+    with pytest.raises(InputError, match="last as long as the fit's 10"):
+        cut(40, tmp_path, fps=100.0).frames_of(10, 20, 25.0)
+    assert found.frames_of(40, 0, 25.0)[0] == 0 and found.frames_of(10, 20, 25.0)[0] == 20
+    assert found.starting_at(20, 25.0).frames_of(40, 20, 25.0).tolist() == list(range(40))
+    assert found.starting_at(0, 25.0).frames_of(40, 20, 25.0)[:20].tolist() == list(range(20, 40))
+    faster = cut(40, tmp_path, fps=100.0).starting_at(20, 25.0)
+    assert faster.frames_of(10, 20, 25.0).tolist() == list(range(0, 40, 4))
+
+
+@pytest.mark.parametrize("form", ["points", "trc", "amass", "stored"])
+def test_files_say_where_a_reference_begins(tmp_path: Path, free_body: BodyModel, form: str):
+    read = {"points": lambda first: cut(4, tmp_path, **first)}
+    body = free_body
+
+    def of_trc(first: dict[str, Any]) -> Reference:
+        (tmp_path / "x.trc").write_text(trc(POINTS, first=first.get("first_frame", 0) / 50))
+        return read_reference(tmp_path / "x.trc")
+
+    def of_amass(first: dict[str, Any]) -> Reference:
+        np.savez(tmp_path / "a.npz", body_hash=np.array(body.hash), **amass(body, random_params(4)), **first)
+        return read_reference(tmp_path / "a.npz")
+
+    def stored(first: dict[str, Any]) -> Reference:
+        write_reference(tmp_path / "stored.npz", cut(4, tmp_path, **first))
+        return read_reference(tmp_path / "stored.npz")
+
+    read |= {"trc": of_trc, "amass": of_amass, "stored": stored}
+    told, untold = read[form]({"first_frame": 10}), read[form]({})
+    assert (told.first_frame, told.first_frame_known) == (10, True)
+    assert (untold.first_frame, untold.first_frame_known) == (0, False)
+
+
+def test_what_is_no_reference(tmp_path: Path):
+    (tmp_path / "x.npz").write_bytes(b"PK broken")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    np.savez(tmp_path / "objects.npz", points=np.array([{}], dtype=object), names=NAMES)
+    np.savez(tmp_path / "shape.npz", points=np.zeros((3, 4, 3)), names=np.array(["Nose"]))
+    np.savez(tmp_path / "half.npz", points=POINTS, names=np.array(NAMES), first_frame=np.array(0.5))
+    said = {"half.npz": "first_frame is 0.5; expected a whole number"}
+    said |= {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "Python objects", "shape.npz": "1 names"}
+    for name, words in said.items():
+        with pytest.raises(InputError, match=words):
+            read_reference(tmp_path / name)
+    with pytest.raises(InputError, match="does not exist"):
+        read_reference(tmp_path / "none.npz")
+    with pytest.raises(InputError, match=r"without truth\.npz"):
+        read_reference(tmp_path)
+
+
+def test_bad_cameras(tmp_path: Path):
+    np.savez(tmp_path / "p.npz", points=POINTS, names=np.array(NAMES))
+    bad = {"mirror": np.diag([1.0, 1, -1]), "scaled": 2 * np.eye(3), "flat": np.eye(2)}
+    for name, rotation in bad.items():
+        np.savez(tmp_path / f"{name}.npz", R=rotation, t=SHIFT)
+        with pytest.raises(InputError, match=r"mirrors|no rotation|expected R"):
+            read_reference(tmp_path / "p.npz", camera=tmp_path / f"{name}.npz")
+    np.savez(tmp_path / "behind.npz", R=np.eye(3), t=-SHIFT)
+    with pytest.raises(InputError, match="behind the camera"):
+        read_reference(tmp_path / "p.npz", camera=tmp_path / "behind.npz")
+    np.savez(tmp_path / "mm.npz", R=np.eye(3), t=1e3 * SHIFT)
+    with pytest.raises(InputError, match=r"lies 60\d\d m in front of the camera.* Give t of --camera in metres"):
+        read_reference(tmp_path / "p.npz", camera=tmp_path / "mm.npz")

@@ -1,0 +1,373 @@
+"""Frames of videos and image folders."""
+
+import struct
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.errors import InputError
+from fitting_core.video import decoding as video_file
+from fitting_core.video.container import ends_early
+from fitting_core.video.frames import FrameSource
+
+STEP = 8
+
+
+def painted(index: int, size: tuple[int, int] = (64, 48)) -> np.ndarray:
+    """A grey whose level tells the frame (RGB), with a red upper left quarter."""
+    image = np.full((size[1], size[0], 3), STEP * index % 250, dtype=np.uint8)
+    image[: size[1] // 2, : size[0] // 2] = (250, 0, 0)
+    return image
+
+
+def shown(frame: np.ndarray) -> int:
+    """The index that a painted frame tells."""
+    return round(float(frame[-8:, -8:].mean()) / STEP)
+
+
+def red_corner(frame: np.ndarray) -> tuple[str, str]:
+    """Where the red quarter is."""
+    red = frame[..., 0].astype(int) - frame[..., 1] > 100
+    rows, columns = np.nonzero(red)
+    half_height, half_width = frame.shape[0] / 2, frame.shape[1] / 2
+    return ("upper" if rows.mean() < half_height else "lower", "left" if columns.mean() < half_width else "right")
+
+
+@pytest.fixture
+def write_video(tmp_path: Path) -> Callable[..., Path]:
+    """write_video(count, name="walk.avi", codec="MJPG"): a video of painted frames, 25 per second."""
+
+    def write(count: int, name: str = "walk.avi", codec: str = "MJPG") -> Path:
+        path = tmp_path / name
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), 25.0, (64, 48))
+        for index in range(count):
+            writer.write(painted(index)[..., ::-1])
+        writer.release()
+        return path
+
+    return write
+
+
+@pytest.fixture
+def write_images(tmp_path: Path) -> Callable[..., Path]:
+    """write_images(names, sizes={}): a folder of painted images, by default 64 x 48."""
+
+    def write(names: list[str], sizes: dict[str, tuple[int, int]] | None = None) -> Path:
+        folder = tmp_path / "images"
+        folder.mkdir()
+        for index, name in enumerate(names):
+            cv2.imwrite(str(folder / name), painted(index, (sizes or {}).get(name, (64, 48)))[..., ::-1])
+        return folder
+
+    return write
+
+
+@pytest.mark.parametrize("name, codec", [("walk.avi", "MJPG"), ("walk.mp4", "mp4v"), ("walk.mkv", "mp4v")])
+def test_video_in_sequence_and_at_random(write_video, name, codec):
+    with FrameSource(write_video(30, name, codec)) as frames:
+        assert (frames.count, frames.declared_count, frames.size, frames.frame_rate) == (30, 30, (64, 48), 25.0)
+        assert len(frames) == 30 and frames.stems is None
+        assert [shown(frame) for frame in frames] == list(range(30))
+        order = [29, 0, 17, 18, 18, 3, 25, 24, 10, 29, 1]
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+@pytest.mark.parametrize("name, codec", [
+    ("walk.avi", "MPG2"), ("walk.avi", "PIM1"), ("walk.mpg", "MPG2"), ("walk.mpg", "PIM1"), ("walk.m2v", "MPG2"),
+    ("walk.ts", "MPG2"),
+])  # fmt: skip
+def test_frames_that_are_stored_in_another_order(write_video, name, codec):
+    """MPEG with B-frames: AVI has no times of presentation, program streams have wrong ones, .m2v is no container."""
+    with FrameSource(write_video(30, name, codec)) as frames:
+        assert frames.count == frames.declared_count == 30 and not frames.uneven
+        order = np.random.default_rng(0).permutation(30).tolist()
+        assert [shown(frames.frame(index)) for index in order] == order
+        assert [shown(frame) for frame in frames] == list(range(30))
+
+
+TIMES = 40.0 * np.arange(30)
+WRONG_TIMES = {
+    "none": TIMES[:0],
+    "all the same": 0 * TIMES,
+    "two the same": TIMES - 40 * (np.arange(30) > 12),
+    "half of them": TIMES[::2],
+    "shifted": TIMES + 20,
+    "one moved": TIMES + 7 * (np.arange(30) == 15),
+    "drifting": TIMES + 0.01 * np.arange(30),
+    "too far apart": 2 * TIMES,
+}
+
+
+@pytest.mark.parametrize("times", WRONG_TIMES.values(), ids=WRONG_TIMES)
+def test_times_that_are_not_the_frames(write_video, monkeypatch, times):
+    """Then it is decoded from the start: slow, but the frame that was asked for."""
+    monkeypatch.setattr(video_file, "packet_times", lambda path: times)
+    with FrameSource(write_video(30, "walk.mp4", "mp4v")) as frames:
+        order = np.random.default_rng(0).permutation(30).tolist()
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+def test_times_that_turn_out_not_to_be_the_frames(write_video, monkeypatch):
+    """One too many after the fifth, one too few after the twentieth: found where decoding comes past them."""
+    times = np.sort(np.append(np.delete(TIMES, 20), TIMES[5] + 20))
+    monkeypatch.setattr(video_file, "packet_times", lambda path: times)
+    with FrameSource(write_video(30, "walk.mp4", "mp4v")) as frames:
+        order = [*range(30), *np.random.default_rng(0).permutation(30).tolist()]
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+def blocks(mkv: bytes | bytearray) -> list[int]:
+    """Where the frames of a video in Matroska start: track, time since the cluster's (int16), flags, packet."""
+    starts, cluster = [], mkv.index(b"\x1f\x43\xb6\x75")
+    position = cluster + 4 + 9 - mkv[cluster + 4].bit_length()
+    while position < len(mkv) and mkv[position] in (0xBF, 0xE7, 0xA3, 0xAB):
+        length_bytes = 9 - mkv[position + 1].bit_length()
+        start = position + 1 + length_bytes
+        length = int.from_bytes(mkv[position + 1 : start], "big") & ((1 << 7 * length_bytes) - 1)
+        if mkv[position] == 0xA3:
+            starts.append(start)
+        position = start + length
+    return starts
+
+
+def test_a_packet_that_is_never_shown(write_video):
+    """VP8 stores some pictures only to refer to them."""
+    file = write_video(30, "walk.mkv", "VP80")
+    content = bytearray(file.read_bytes())
+    content[blocks(content)[10] + 4] &= ~0x10
+    file.write_bytes(content)
+    with FrameSource(file) as frames:
+        assert frames.count == frames.declared_count == 29
+        expected = [*range(10), *range(11, 30)]
+        order = np.random.default_rng(0).permutation(29).tolist()
+        assert [shown(frames.frame(index)) for index in order] == [expected[index] for index in order]
+
+
+def at_variable_rate(mkv: bytes) -> bytes:
+    """The video of 30 frames in Matroska with 10 at 25 per second and 20 at 5, and the length that goes with it."""
+    result, starts = bytearray(mkv), blocks(mkv)
+    assert len(starts) == 30
+    for index, start in enumerate(starts):
+        struct.pack_into(">h", result, start + 1, 40 * min(index, 10) + 200 * max(index - 10, 0))
+    struct.pack_into(">d", result, mkv.index(b"\x44\x89\x88") + 3, 4400.0)
+    return bytes(result)
+
+
+def test_the_rate_of_uneven_frames_is_that_of_their_times(write_video):
+    file = write_video(30, "phone.mkv", "mp4v")
+    file.write_bytes(at_variable_rate(file.read_bytes()))
+    with FrameSource(file) as frames:
+        assert (frames.uneven, frames.declared_frame_rate) == (True, 25.0)
+        assert frames.frame_rate == pytest.approx(29 / 4.2, rel=1e-6)
+        assert frames.count == frames.declared_count == 30, "the header's length times its rate makes 110"
+        order = np.random.default_rng(0).permutation(30).tolist()
+        assert [shown(frames.frame(index)) for index in order] == order
+
+
+@pytest.mark.parametrize("name", ["walk.avi", "walk.mkv", "walk.mp4", "walk.mov", "walk.webm"])
+def test_a_file_that_ends_early(write_video, name):
+    file = write_video(30, name, {"walk.webm": "VP80"}.get(name, "mp4v"))
+    content = file.read_bytes()
+    assert not ends_early(file)
+    for part in (0.5, 0.9):
+        file.write_bytes(content[: int(len(content) * part)])
+        assert ends_early(file)
+
+
+@pytest.mark.parametrize("content", [b"", b"RIFF", b"RIFF" + bytes(8), b"\x1a\x45\xdf\xa3", b"abcdmoov"])
+def test_the_end_of_what_is_no_video(tmp_path, content):
+    (tmp_path / "a.avi").write_bytes(content)
+    assert ends_early(tmp_path / "a.avi") == (content == b"abcdmoov")
+
+
+def with_frame_durations(mp4: bytes, durations: list[tuple[int, float]]) -> bytes:
+    """The video with other times: (number of frames, duration relative to now), ... in place of its one duration.
+
+    The table of durations grows, and with it every box around it; they stand after the frames, whose places stay.
+    """
+    boxes, start = [], 0
+    for kind in (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stts"):
+        while mp4[start + 4 : start + 8] != kind:
+            start += struct.unpack_from(">I", mp4, start)[0]
+        boxes.append(start)
+        start += 8
+    (size,), (step,) = struct.unpack_from(">I", mp4, boxes[-1]), struct.unpack_from(">I", mp4, boxes[-1] + 20)
+    rows = b"".join(struct.pack(">II", count, round(relative * step)) for count, relative in durations)
+    table = struct.pack(">I4sII", 16 + len(rows), b"stts", 0, len(durations)) + rows
+    result = bytearray(mp4[: boxes[-1]] + table + mp4[boxes[-1] + size :])
+    for box in boxes[:-1]:
+        struct.pack_into(">I", result, box, struct.unpack_from(">I", mp4, box)[0] + len(table) - size)
+    return bytes(result)
+
+
+def test_unevenly_spaced_frames_at_random(write_video):
+    """OpenCV alone gives frame 29 for 28 here, and none for 29."""
+    file = write_video(30, "phone.mp4", "mp4v")
+    with FrameSource(file) as frames:
+        assert not frames.uneven
+    file.write_bytes(with_frame_durations(file.read_bytes(), [(10, 1), (10, 0.25), (10, 1.75)]))
+    with FrameSource(file) as frames:
+        assert frames.uneven and frames.count == 30
+        assert [shown(frame) for frame in frames] == list(range(30))
+        for index in range(30):
+            for before in (0, 29):
+                frames.frame(before)
+                assert shown(frames.frame(index)) == index
+
+
+def test_frames_are_rgb(write_video):
+    with FrameSource(write_video(1)) as frames:
+        frame = frames.frame(0)
+    assert frame.dtype == np.uint8 and frame.shape == (48, 64, 3)
+    assert red_corner(frame) == ("upper", "left")
+
+
+def test_a_folder_of_images_is_in_natural_order(write_images):
+    folder = write_images(["f1.png", "f2.jpg", "f10.PNG", "F11.jpeg"])
+    (folder / "notes.txt").touch()
+    (folder / ".f3.png").touch()
+    with FrameSource(folder) as frames:
+        assert frames.stems == ("f1", "f2", "f10", "F11")
+        assert (frames.count, frames.size, frames.frame_rate) == (4, (64, 48), None)
+        assert [shown(frame) for frame in frames] == [0, 1, 2, 3]
+        assert shown(frames.frame(2)) == 2
+
+
+def test_a_single_image_is_one_frame(write_images):
+    """OpenCV's video reader would take 0001.png for the first of a sequence."""
+    folder = write_images(["0001.png", "0002.png"])
+    with FrameSource(folder / "0002.png") as frames:
+        assert frames.count == 1 and shown(frames.frame(0)) == 1
+
+
+def test_one_thread_reads_at_a_time(write_video):
+    order = np.random.default_rng(0).integers(0, 30, 60).tolist()
+    with FrameSource(write_video(30)) as frames, ThreadPoolExecutor(4) as threads:
+        assert [shown(frame) for frame in threads.map(frames.frame, order)] == order
+
+
+def test_a_photo_stands_upright(tmp_path):
+    """EXIF orientation 6: the camera was held turned by a quarter, so the first row is the right side."""
+    file = tmp_path / "photo.jpg"
+    ok, encoded = cv2.imencode(".jpg", painted(4)[..., ::-1])
+    assert ok
+    tag = struct.pack("<HHII", 0x0112, 3, 1, 6)
+    exif = b"Exif\0\0" + struct.pack("<2sHIH", b"II", 42, 8, 1) + tag + bytes(4)
+    content = encoded.tobytes()
+    file.write_bytes(content[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + content[2:])
+    with FrameSource(file) as frames:
+        assert frames.size == (48, 64)
+        assert red_corner(frames.frame(0)) == ("upper", "right")
+
+
+def test_a_video_stands_upright(write_video):
+    """The rotation that phones write: a matrix in the track header, here a quarter turn clockwise."""
+    file = write_video(5, "phone.mp4", "mp4v")
+    content = bytearray(file.read_bytes())
+    matrix = content.index(b"tkhd") + 4 + 40
+    assert content[matrix : matrix + 4] == b"\0\1\0\0"
+    content[matrix : matrix + 20] = struct.pack(">5i", 0, 0x10000, 0, -0x10000, 0)
+    file.write_bytes(content)
+    with FrameSource(file) as frames:
+        assert frames.size == (48, 64)
+        assert red_corner(frames.frame(0)) == ("upper", "right")
+        assert frames.frame(4).shape == (64, 48, 3)
+
+
+@pytest.mark.parametrize("name, content, message", [
+    ("text.mp4", b"this is no video\n" * 50, r"text.mp4 is not a video that OpenCV can open \(found 850 bytes\)"),
+    ("empty.mp4", b"", r"empty.mp4 is not a video that OpenCV can open \(found 0 bytes\)"),
+    ("broken.png", b"\x89PNG\r\n", "broken.png is not an image that can be decoded; remove or replace it"),
+    ("empty.jpg", b"", "empty.jpg is not an image that can be decoded"),
+])  # fmt: skip
+def test_files_that_hold_no_frames(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        FrameSource(tmp_path / name)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(InputError, match=r"gone.mp4 does not exist; expected a video file or a folder of images"):
+        FrameSource(tmp_path / "gone.mp4")
+
+
+def test_a_video_without_its_index(write_video):
+    """An MP4 keeps its index at the end; a copy that stopped early lacks it."""
+    file = write_video(30, "walk.mp4", "mp4v")
+    file.write_bytes(file.read_bytes()[:1500])
+    with pytest.raises(InputError, match=r"walk.mp4 is not a video .*\(found 1500 bytes\).*not fully copied"):
+        FrameSource(file)
+
+
+def test_a_video_whose_frames_are_all_lost(write_video):
+    file = write_video(10)
+    content = file.read_bytes()
+    file.write_bytes(content[: content.index(b"movi") + 4])
+    with pytest.raises(InputError, match=r"(is not a video|no frame that can be decoded \(the file says it has 10\))"):
+        FrameSource(file)
+
+
+def test_a_truncated_video_says_both_numbers(write_video):
+    file = write_video(30)
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) * 3 // 4])
+    with FrameSource(file) as frames:
+        assert frames.declared_count == 30 and 5 < frames.count < 25
+        assert [shown(frame) for frame in frames][:-1] == list(range(frames.count - 1))
+        message = (
+            f"Frame {frames.count} .* says it has 30 frames, but only {frames.count} can be decoded. It is truncated"
+        )
+        with pytest.raises(InputError, match=message):
+            frames.frame(frames.count)
+
+
+@pytest.mark.parametrize("index", [-1, 5, 100])
+def test_a_frame_that_is_not_there(write_video, index):
+    with FrameSource(write_video(5)) as frames, pytest.raises(InputError, match=f"no frame {index} .*frames 0 to 4"):
+        frames.frame(index)
+
+
+def test_an_empty_folder(tmp_path):
+    with pytest.raises(InputError, match=r"No images in .*found an empty folder; expected files in .png, .jpg"):
+        FrameSource(tmp_path)
+
+
+def test_a_folder_of_other_files(tmp_path):
+    (tmp_path / "a.json").touch()
+    with pytest.raises(InputError, match=r"No images in .*found 1 other files, such as a.json"):
+        FrameSource(tmp_path)
+
+
+def test_images_of_different_sizes(write_images):
+    folder = write_images(["a1.png", "a2.png"], {"a2.png": (32, 48)})
+    with FrameSource(folder) as frames, pytest.raises(InputError) as error:
+        list(frames)
+    assert "Image a2.png" in str(error.value)
+    assert "is 32 x 48 pixels, but Image a1.png is 64 x 48; expected frames of one size" in str(error.value)
+
+
+def test_a_broken_image_among_good_ones(write_images):
+    folder = write_images(["a1.png", "a2.png", "a3.png"])
+    (folder / "a2.png").write_bytes(b"not an image")
+    with FrameSource(folder) as frames:
+        with pytest.raises(InputError, match=r"Image a2.png of .* cannot be decoded"):
+            frames.frame(1)
+        assert shown(frames.frame(2)) == 2
+
+
+@pytest.mark.parametrize(
+    "file, count, size, rate",
+    [("signs/gebaerden/video.mp4", 149, (640, 480), 25.0), ("balancing/cam03/video.mp4", 100, (1088, 1920), 60.0)],
+)
+def test_real_videos_at_random_as_in_sequence(shared_data, file, count, size, rate):
+    with FrameSource(shared_data / file) as frames:
+        assert (frames.count, frames.size, frames.frame_rate) == (count, size, rate)
+        wanted = [count - 1, 0, count // 2, 7]
+        at_random = {index: frames.frame(index) for index in wanted}
+        for index, frame in enumerate(frames):
+            if index in at_random:
+                assert (frame == at_random[index]).all()

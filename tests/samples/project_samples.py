@@ -1,0 +1,153 @@
+"""Small clips, fits and edits for tests of projects: random, and the same again for the same seed."""
+
+import numpy as np
+import torch
+from hypothesis import strategies as st
+
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.config.schema import PRESETS
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.keypoints import COUNT, Keypoints
+from tcfit_app.project.edits.kinds import (
+    SIDES,
+    CopyFrom,
+    Edit,
+    Interpolate,
+    MarkBad,
+    MoveKeypoint,
+    Nudge,
+    Reset,
+    Restore,
+    SetConfidence,
+    SwapSides,
+)
+from tcfit_app.project.storage.runs import BodyRecord
+
+FRAMES = 6
+CAMERA = Camera(focal=(700.5, 710.0), center=(310.0, 250.0), size=(640, 480), source="as given")
+BODY = BodyRecord(kind="smplx", gender="female", hash="0123abcd", source="bodies/SMPLX_FEMALE.npz")
+CONFIG = PRESETS["tcfit"]
+
+
+def sample_keypoints(frames: int = FRAMES, seed: int = 0) -> Keypoints:
+    """Random positions; every fifth keypoint or so was not detected."""
+    rng = np.random.default_rng(seed)
+    confidence = rng.uniform(0.1, 1, (frames, COUNT)) * (rng.random((frames, COUNT)) > 0.2)
+    return Keypoints(xy=rng.uniform(0, 480, (frames, COUNT, 2)), confidence=confidence)
+
+
+def sample_clip(frames: int = FRAMES, seed: int = 0) -> Clip:
+    return Clip(
+        keypoints=sample_keypoints(frames, seed),
+        camera=CAMERA,
+        frame_rate=29.97,
+        name="walk",
+        first_frame=7,
+        notes=("gap in 3", "größer"),
+    )
+
+
+def sample_params(seed: int, frames: int = FRAMES, components: int = 12) -> BodyParams:
+    generator = torch.Generator().manual_seed(seed)
+    neutral = BodyParams.neutral(frames, hand_components=components)
+    return BodyParams(**{n: torch.randn(t.shape, generator=generator, dtype=t.dtype) for n, t in vars(neutral).items()})
+
+
+def sample_phase(phase: int, seed: int, frames: int = FRAMES, components: int = 12) -> PhaseResult:
+    rng = np.random.default_rng(seed)
+    return PhaseResult(
+        phase=phase,
+        params=sample_params(100 * seed + phase, frames, components),
+        objective={"data": rng.random(), "temporal": float("inf"), "total": rng.random()},
+        frame_cost=rng.random(frames),
+        seconds=phase / 2,
+        notes=(f"shape from frames {seed}",),
+    )
+
+
+def sample_fit(seed: int, *, last_phase: int = 3, frames: int = FRAMES, components: int = 12) -> FitResult:
+    return FitResult(
+        phases=tuple(sample_phase(n, seed, frames, components) for n in range(1, last_phase + 1)),
+        camera=CAMERA,
+        config=CONFIG,
+        observed=np.random.default_rng(seed).random((frames, 55)) < 0.5,
+        warnings=("left and right were swapped",),
+        pose_prior="relaxed",
+    )
+
+
+def assert_same_params(one: BodyParams, other: BodyParams) -> None:
+    for name, tensor in vars(one).items():
+        found = getattr(other, name)
+        assert found.dtype == tensor.dtype and torch.equal(found, tensor), name
+
+
+def assert_same_fit(one: FitResult, other: FitResult) -> None:
+    """Equal to the last bit."""
+    assert [p.phase for p in one.phases] == [p.phase for p in other.phases]
+    for a, b in zip(one.phases, other.phases, strict=True):
+        assert_same_params(a.params, b.params)
+        assert (a.objective, a.seconds, a.notes) == (b.objective, b.seconds, b.notes)
+        assert np.array_equal(a.frame_cost, b.frame_cost)
+    assert np.array_equal(one.observed, other.observed)
+    for name in ("camera", "config", "warnings", "pose_prior"):
+        assert getattr(one, name) == getattr(other, name), name
+
+
+def same_keypoints(one: Keypoints, other: Keypoints) -> bool:
+    """Equal to the last bit."""
+    return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
+
+
+_PIXELS = st.floats(-1e4, 1e4)
+_FRAMES = st.lists(st.integers(0, FRAMES - 1), min_size=1, max_size=4, unique=True).map(tuple)
+_JOINTS = st.lists(st.sampled_from([0, 4, 7, 30, 46, 100, 136]), min_size=1, max_size=4, unique=True).map(tuple)
+
+
+@st.composite
+def _moves(draw: st.DrawFn) -> MoveKeypoint:
+    frames, joints = draw(_FRAMES), draw(_JOINTS)
+    row = st.tuples(*[st.tuples(_PIXELS, _PIXELS)] * len(joints))
+    return MoveKeypoint(
+        frames=frames, joints=joints, xy=draw(st.tuples(*[row] * len(frames))), confidence=draw(st.floats(0, 1))
+    )
+
+
+@st.composite
+def _interpolations(draw: st.DrawFn) -> Interpolate:
+    first = draw(st.integers(0, FRAMES - 3))
+    return Interpolate.between(first, draw(st.integers(first + 2, FRAMES - 1)), draw(_JOINTS))
+
+
+def edits() -> st.SearchStrategy[Edit]:
+    """Every kind of edit of a clip of FRAMES frames."""
+    where = {"frames": _FRAMES, "joints": _JOINTS}
+    return st.one_of(
+        _moves(),
+        _interpolations(),
+        st.builds(Nudge, **where, by=st.tuples(_PIXELS, _PIXELS)),
+        st.builds(MarkBad, **where),
+        st.builds(Restore, **where),
+        st.builds(SwapSides, frames=_FRAMES, joints=st.sampled_from(list(SIDES.values()))),
+        st.builds(CopyFrom, **where, source=st.integers(0, FRAMES - 1)),
+        st.builds(Reset, **where),
+        st.builds(SetConfidence, **where, confidence=st.floats(0, 1)),
+    )
+
+
+def random_edit(seed: int) -> Edit:
+    """An edit of a clip of FRAMES frames, without hypothesis: for processes that are to be killed."""
+    rng = np.random.default_rng(seed)
+    frames = tuple(rng.choice(FRAMES, 2, replace=False).tolist())
+    joints = tuple(rng.choice(COUNT, 3, replace=False).tolist())
+    xy = tuple(tuple(map(tuple, row)) for row in rng.uniform(0, 480, (2, 3, 2)).tolist())
+    kinds: list[Edit] = [
+        MoveKeypoint(frames=frames, joints=joints, xy=xy),
+        MarkBad(frames=frames, joints=joints),
+        Nudge(frames=frames, joints=joints, by=(1.0, -0.5)),
+        SwapSides(frames=frames, joints=SIDES["arms"]),
+        CopyFrom(frames=frames, joints=joints, source=0),
+    ]
+    return kinds[seed % len(kinds)]

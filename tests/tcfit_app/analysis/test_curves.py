@@ -1,0 +1,134 @@
+"""The curves of the timeline."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from fitting_core import keypoints as kp
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.metrics import jitter
+from tcfit_app.analysis.curves import CURVES, curve, updated
+from tcfit_app.analysis.posed_fit import PosedFit
+from tests.samples import scenes
+from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
+from tests.samples.scenes import noisy, random_params
+
+
+def moved(params: BodyParams, frame: int, by: tuple[float, float, float]) -> BodyParams:
+    """One frame elsewhere, by metres."""
+    translation = params.camera_translation.clone()
+    translation[frame] += torch.tensor(by)
+    return replace(params, camera_translation=translation)
+
+
+def values(name: str, fit: PosedFit) -> np.ndarray:
+    return curve(name, fit).values
+
+
+def test_exact_keypoints_have_no_error_and_a_still_body_no_jitter(tiny_body: BodyModel):
+    params = still_params(5)
+    fit = fit_of(tiny_body, params, scenes.keypoints_of(tiny_body, params))
+    np.testing.assert_allclose(values("reprojection", fit), 0, atol=1e-9)
+    for name in ("jitter", "temporal"):
+        assert np.isnan(values(name, fit)[[0, 4]]).all()
+        np.testing.assert_allclose(values(name, fit)[1:4], 0, atol=1e-9)
+    assert np.ptp(values("volume", fit)) < 1e-3 and np.ptp(values("depth", fit)) == 0
+
+
+def test_one_keypoint_off_counts_by_its_confidence(tiny_body: BodyModel):
+    fit = displaced(fit_of(tiny_body, still_params(3)), 1, "left_wrist", (24.0, -7.0))
+    confidence = fit.clip.keypoints.confidence.copy()
+    confidence[:, kp.INDEX["left_wrist"]] = 0.5
+    fit = with_keypoints(fit, confidence=confidence)
+    counted = fit.counted[1].copy()
+    counted[kp.INDEX["neck"]] = False
+    expected = 0.5 * 25 / confidence[1, counted].sum()
+    np.testing.assert_allclose(values("reprojection", fit), [0, expected, 0], atol=1e-9)
+    inside = counted[kp.BODY]
+    expected = 0.5 * 25 / confidence[1, kp.BODY][inside].sum()
+    np.testing.assert_allclose(values("reprojection_body", fit), [0, expected, 0], atol=1e-9)
+    np.testing.assert_allclose(values("reprojection_hands", fit), 0, atol=1e-9)
+
+
+def test_the_neck_says_nothing(tiny_body: BodyModel):
+    fit = displaced(fit_of(tiny_body, still_params(2)), slice(None), "neck", (50.0, 0.0))
+    np.testing.assert_allclose(values("reprojection", fit), 0, atol=1e-9)
+
+
+def test_no_keypoints_is_no_error_at_all(tiny_body: BodyModel):
+    fit = fit_of(tiny_body, still_params(3))
+    confidence = fit.clip.keypoints.confidence.copy()
+    confidence[1] = 0
+    confidence[:, kp.HANDS] = 0
+    fit = with_keypoints(fit, confidence=confidence)
+    assert np.isnan(values("reprojection", fit)).tolist() == [False, True, False]
+    assert np.isnan(values("reprojection_hands", fit)).all()
+    assert values("confidence", fit)[1] == 0 and (values("confidence", fit)[[0, 2]] == 1).all()
+
+
+def test_a_body_behind_the_camera_has_no_error(tiny_body: BodyModel):
+    params = still_params(3)
+    fit = fit_of(tiny_body, moved(params, 1, (0, 0, -6)), keypoints_of(tiny_body, params))
+    assert np.isnan(values("reprojection", fit)).tolist() == [False, True, False]
+    assert values("depth", fit)[1] < 0
+
+
+def test_one_frame_aside_is_jitter_of_three(tiny_body: BodyModel):
+    fit = fit_of(tiny_body, moved(still_params(7), 3, (0.003, 0, 0.004)))
+    np.testing.assert_allclose(values("jitter", fit)[1:-1], [0, 5, 10, 5, 0], atol=1e-9)
+    np.testing.assert_allclose(values("temporal", fit)[1:-1], [0, 5 / 3, 10 / 3, 5 / 3, 0], atol=1e-9)
+    np.testing.assert_allclose(values("temporal", replace(fit, space="body"))[1:-1], 0, atol=1e-9)
+    np.testing.assert_allclose(np.diff(values("depth", fit)), [0, 0, 0.004, -0.004, 0, 0], atol=1e-9)
+
+
+def test_jitter_is_that_of_the_metrics(tiny_body: BodyModel):
+    params = random_params(6)
+    joints = Mesh(tiny_body, dtype=torch.float64).joints(params).numpy()
+    fit = fit_of(tiny_body, params)
+    np.testing.assert_allclose(np.nanmean(values("jitter", fit)), jitter(joints), rtol=1e-6)
+    np.testing.assert_allclose(values("depth", fit), joints[:, JOINT["pelvis"], 2], rtol=1e-9)
+
+
+def test_the_volume_is_that_of_trimesh(free_body: BodyModel):
+    params = random_params(3)
+    vertices = Mesh(free_body, dtype=torch.float64)(params).numpy()
+    expected = [1e3 * trimesh.Trimesh(frame, free_body.faces, process=False).volume for frame in vertices]
+    np.testing.assert_allclose(values("volume", fit_of(free_body, params)), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+@pytest.mark.parametrize("name", CURVES)
+def test_the_shortest_clips_have_curves(tiny_body: BodyModel, name: str, frames: int):
+    found = curve(name, fit_of(tiny_body, still_params(frames)))
+    assert found.values.shape == (frames,) and found.title and found.name == name
+
+
+@pytest.mark.parametrize("changed", [range(0, 1), range(4, 7), range(11, 12), range(0, 12), range(3, 3)])
+@pytest.mark.parametrize("name", CURVES)
+def test_after_a_change_a_part_is_as_good_as_all(tiny_body: BodyModel, name: str, changed: range):
+    params, others = random_params(12, seed=1), random_params(12, seed=2)
+    keypoints = noisy(keypoints_of(tiny_body, params), 3)
+    before = fit_of(tiny_body, params, keypoints)
+    inside = slice(changed.start, changed.stop)
+    merged = {n: t.clone() for n, t in vars(params).items()}
+    for n, t in merged.items():
+        t[inside] = getattr(others, n)[inside]
+    xy = keypoints.xy.copy()
+    xy[inside] += 5
+    after = fit_of(tiny_body, BodyParams(**merged), replace(keypoints, xy=xy))
+    found = updated(curve(name, before), after, changed).values
+    np.testing.assert_allclose(found, values(name, after), rtol=1e-6, atol=1e-6)
+
+
+def test_only_what_has_changed_is_evaluated(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    fit = still_fit(tiny_body, 40)
+    old = curve("jitter", fit)
+    monkeypatch.setattr(
+        PosedFit, "joints", property(lambda self: np.zeros((len(self), 55, 3)) if len(self) <= 6 else 1 / 0)
+    )
+    assert len(updated(old, fit, range(20, 22)).values) == 40

@@ -1,0 +1,77 @@
+"""Vertices for the views."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from tcfit_app.analysis.meshes import BATCH, Meshes
+from tests.samples.scenes import random_params
+
+
+def exact(body: BodyModel, params: BodyParams) -> np.ndarray:
+    return Mesh(body, dtype=torch.float64)(params).numpy()
+
+
+@pytest.fixture
+def meshes(tiny_body: BodyModel) -> Meshes:
+    return Meshes(tiny_body)
+
+
+def test_agrees_with_the_mesh_of_the_core(free_body: BodyModel):
+    params = random_params(3, size=0.5)
+    found = Meshes(free_body).batch(params)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, exact(free_body, params), rtol=0, atol=3e-6)
+
+
+@pytest.mark.parametrize("components", [12, 45])
+def test_dense_correctives_and_full_hands(tiny_body: BodyModel, components: int):
+    dense = np.random.default_rng(0).normal(0, 0.002, tiny_body.pose_directions.shape)
+    body = replace(tiny_body, pose_directions=dense)
+    params = random_params(2, hand_components=components)
+    np.testing.assert_allclose(Meshes(body).batch(params), exact(body, params), rtol=0, atol=3e-6)
+
+
+def test_one_frame_is_that_of_the_batch(meshes: Meshes):
+    params = random_params(2 * BATCH + 3)
+    together = meshes.batch(params)
+    assert len(together) == len(params)
+    for frame in (0, BATCH - 1, BATCH, len(params) - 1):
+        np.testing.assert_allclose(meshes.vertices("a", params, frame), together[frame], rtol=0, atol=1e-6)
+
+
+def test_no_frames(meshes: Meshes):
+    assert meshes.batch(random_params(0)).shape == (0, len(meshes.body.template), 3)
+
+
+def test_a_version_is_evaluated_once_and_cannot_be_written(meshes: Meshes):
+    first, second = random_params(2, seed=1), random_params(2, seed=2)
+    vertices = meshes.vertices("run 1", first, 1)
+    assert meshes.vertices("run 1", second, 1) is vertices, "the same version stands for the same parameters"
+    assert abs(meshes.vertices("run 2", second, 1) - vertices).max() > 0.01
+    with pytest.raises(ValueError, match="read-only"):
+        vertices[0] = 0
+
+
+def test_memory_is_limited(tiny_body: BodyModel):
+    size = 12 * len(tiny_body.template)
+    meshes, params = Meshes(tiny_body, limit=3 * size), random_params(5)
+    found = [meshes.vertices("a", params, frame) for frame in range(5)]
+    assert [meshes.vertices("a", params, frame) is found[frame] for frame in (4, 3, 2)] == [True] * 3
+    assert meshes.vertices("a", params, 0) is not found[0]
+    assert all(vertices.base is None or vertices.base.nbytes == size for vertices in found)
+
+
+def test_threads_get_what_one_gets(meshes: Meshes):
+    params = random_params(12)
+    alone = meshes.batch(params)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda frame: meshes.vertices("a", params, frame % 12), range(48)))
+    for frame, vertices in enumerate(found):
+        np.testing.assert_allclose(vertices, alone[frame % 12], rtol=0, atol=1e-6)

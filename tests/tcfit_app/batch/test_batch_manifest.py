@@ -1,0 +1,130 @@
+"""The list of clips: what it may say, and everything that is wrong with it, told at once."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from fitting_core.config.schema import PRESETS
+from fitting_core.config.settings import settings
+from fitting_core.errors import InputError
+from tcfit_app.batch.columns import columns, find
+from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
+from tcfit_app.cli.main import parse
+from tcfit_app.options.batch import BatchOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
+
+
+def tasks_of(folder: Path, text: str, *options: str) -> tuple[ClipTask, ...]:
+    """The clips of a list, which must be right."""
+    complaints = Complaints(folder / "clips.csv")
+    tasks = _read(folder, text, complaints, *options)
+    complaints.raise_any()
+    return tasks
+
+
+def _read(folder: Path, text: str, complaints: Complaints, *options: str) -> tuple[ClipTask, ...]:
+    (folder / "clips.csv").write_text(text, encoding="utf-8")
+    given = parse(["batch", str(folder / "clips.csv"), *options])
+    assert isinstance(given, BatchOptions)
+    return read_manifest(given, complaints)
+
+
+def complaints_of(folder: Path, text: str, *options: str) -> str:
+    complaints = Complaints(folder / "clips.csv")
+    _read(folder, text, complaints, *options)
+    with pytest.raises(InputError) as refused:
+        complaints.raise_any()
+    return str(refused.value)
+
+
+def test_every_column_has_its_effect(tmp_path: Path):
+    cells = {
+        "video": "a.mp4", "keypoints": "k", "out": "o", "person": "1", "first_frame": "3", "last_frame": "9",
+        "frame_rate": "25", "keypoint_scale": "0..1", "image_size": "640x480", "focal_length": "900",
+        "center": "320 240.5", "body_model": "smplh", "models": "m", "gender": "male", "preset": "paper",
+        "solver": "lbfgs", "Temporal-Weight": "300", "temporal.space": "camera", "weights.shape": '"1,2,3,4,5"',
+    }  # fmt: skip
+    (task,) = tasks_of(tmp_path, ",".join(cells) + "\n" + ",".join(cells.values()) + "\n")
+    assert (task.fit.video, task.fit.keypoints, task.out) == tuple(tmp_path / name for name in ("a.mp4", "k", "o"))
+    assert task.fit.clip == ClipOptions(
+        person=1, first_frame=3, last_frame=9, frame_rate=25.0, keypoint_scale="0..1", image_size=(640, 480)
+    )
+    assert task.fit.camera == CameraOptions(focal_length=900.0, center=(320.0, 240.5))
+    assert task.fit.body == BodyOptions(body_model="smplh", models=tmp_path / "m", gender="male")
+    assert (task.config.solver, task.config.temporal.weight, task.config.temporal.space) == ("lbfgs", 300.0, "camera")
+    assert task.config.weights.shape == (1, 2, 3, 4, 5) and task.line == 2
+    assert task.config.weights.body_pose == PRESETS["paper"].weights.body_pose
+
+
+def test_every_option_of_a_clip_is_a_column():
+    options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions) for f in fields(kind)}
+    assert options | set(SHORTCUTS) | {"video", "keypoints", "out", "preset"} == set(columns())
+    assert all(find(name) for name in settings())
+
+
+def test_empty_cells_take_what_the_command_line_says(tmp_path: Path):
+    text = "keypoints,out,fov,preset,window_size\nk1,o1,,,\nk2,o2,50,paper,9\n"
+    one, two = tasks_of(tmp_path, text, "--focal-length", "700", "--gender", "female", "--set", "hip_weight=0.5")
+    assert one.fit.camera.focal_length == 700 and one.config.temporal.mode == "global"
+    assert two.fit.camera == CameraOptions(fov=50.0)  # and not the focal length as well
+    assert two.config.temporal.window_size == 9 and two.config.temporal.mode == "sliding_window"
+    assert {t.fit.body.gender for t in (one, two)} == {"female"} and {t.config.hip_weight for t in (one, two)} == {0.5}
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_spreadsheets_of_all_countries_are_read(tmp_path: Path, delimiter: str):
+    lines = ["\ufeffkeypoints,out,center", 'k,"a, b",3 4', "", "k,  c ,"]
+    text = "\r\n".join(line.replace(",", delimiter) for line in lines)
+    tasks = tasks_of(tmp_path, text)
+    assert [(t.line, t.name) for t in tasks] == [(2, f"a{delimiter} b"), (4, "c")]
+    assert tasks[0].fit.camera.center == (3.0, 4.0)
+
+
+WRONG = {
+    "keypoint,out\nk,o\n": ["line 1: there is no column 'keypoint'; did you mean keypoints", "neither a column video"],
+    "keypoints,out,out\nk,o,p\n": ["line 1: the column out is there 2 times"],
+    "keypoints\nk\n": ["line 1: there is no column out"],
+    "keypoints,out,\nk,o,\n": ["line 1: a column has no name"],
+    "keypoints,out\nk\n": ["line 2: has 1 cells; expected 2"],
+    "keypoints,out\nk,\n,o\n": ["line 2, column out: is empty", "line 3: names neither a video nor keypoints"],
+    "keypoints,out\nk,o\nk,./x/../o\n": ["line 3, column out: ./x/../o is the folder of line 2 already"],
+    "keypoints,out\nk,o/p\nk,o\n": ["line 2, column out: o/p lies inside the folder of line 3"],
+    "keypoints,out,person\nk,o,one\nk,p,-1\n": [
+        "column person: is 'one'; expected a whole number",
+        "0 or more",
+    ],
+    "keypoints,out,fov\nk,o,200\nk,p,nan\n": ["line 2, column fov: is 200", "line 3, column fov: is nan"],
+    "keypoints,out,image_size\nk,o,640\n": ["column image_size: is '640'; expected two whole numbers such as 640x480"],
+    "keypoints,out,fov,focal_length\nk,o,50,900\n": ["given 2 times, by focal_length, fov"],
+    "keypoints,out,first_frame,last_frame\nk,o,5,4\n": ["first_frame 5 lies behind last_frame 4"],
+    "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
+    "keypoints,out,preset\nk,o,papre\n": ["column preset: is 'papre'; expected one of smplifyx, paper, tcfit"],
+    "keypoints,out,window_size\nk,o,1\n": ["line 2: window_size: temporal.window_size is 1; expected 2 or more"],
+    "keypoints,out,solver\nk,o,newton\n": ["line 2: solver: solver is newton; expected one of lm, lbfgs"],
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_what_is_wrong_is_told_with_line_and_column(tmp_path: Path, text: str):
+    message = complaints_of(tmp_path, text)
+    assert message.startswith(f"{tmp_path / 'clips.csv'} has ") and "nothing was started" in message
+    for part in WRONG[text]:
+        assert part in message
+
+
+def test_all_errors_are_told_at_once_by_line(tmp_path: Path):
+    rows = "".join(f"k,o{i},x\n" for i in range(50))
+    message = complaints_of(tmp_path, "keypoints,out,person\nk,,1\n" + rows)
+    assert "has 51 errors" in message and message.splitlines()[1].startswith("  line 2, column out")
+    assert "  line 3, column person" in message and message.splitlines()[-1] == "  ... and 21 more"
+
+
+@pytest.mark.parametrize("content", [b"", b"keypoints,out\n", b"\xff\xfe\x00k", b'keypoints,out\n"k,o\n'])
+def test_what_is_no_list_is_refused(tmp_path: Path, content: bytes):
+    (tmp_path / "clips.csv").write_bytes(content)
+    options = BatchOptions(manifest=tmp_path / "clips.csv")
+    with pytest.raises(InputError, match=r"lists no clip|is no CSV file"):
+        read_manifest(options, Complaints(options.manifest))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_manifest(BatchOptions(manifest=tmp_path), Complaints(tmp_path))

@@ -1,0 +1,329 @@
+"""The command line: what it accepts and refuses, exit codes, and what a fit, cancelled or not, leaves behind."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fitting_core.config.schema import PRESETS
+from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent, PhaseFinished, PhaseStarted
+from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.result import FitResult
+from fitting_core.io.result_files import read_fit
+from tcfit_app.cli import fit_command
+from tcfit_app.cli.main import main, parse
+from tcfit_app.options.fit import BodyOptions, fit_config
+from tests.drivers.processes import INTERRUPTIBLE
+from tests.tcfit_app.conftest import FRAMES, Finished
+
+EVERY_OPTION = """
+    fit walk.mp4 --keypoints kp --out o --overwrite --no-overlay --threads 2
+    --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
+    --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
+    --body-model smplh --models m --gender male
+    --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
+    --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda
+    --precision float32 --set hip_weight=1
+""".split()
+
+
+def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "tcfit_app", *arguments], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        *(
+            [name]
+            for name in "fit new review demo detect import export evaluate batch bench models settings doctor".split()
+        ),
+        ["models", "add"],
+    ],
+)
+def test_help_loads_no_heavy_package(arguments: list[str]):
+    code = f"""
+import sys
+from tcfit_app.cli.main import main
+assert main([*{arguments}, "--help"]) == 0
+print([m for m in ("torch", "cv2", "scipy", "pyrender", "viser") if m in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "usage: tcfit" in done.stdout and done.stdout.splitlines()[-1] == "[]"
+
+
+def test_every_option_is_read():
+    options = parse(EVERY_OPTION)
+    plain = parse(["fit", "--out", "o"])
+    for group in ("clip", "camera", "body", "method"):
+        given, default = vars(getattr(options, group)), vars(getattr(plain, group))
+        assert [name for name in given if given[name] == default[name]] == []
+    assert [name for name in vars(options) if getattr(options, name) == getattr(plain, name)] == ["out"]
+    assert options.camera.center == (320, 240) and options.clip.image_size == (640, 480)
+    assert options.video == Path("walk.mp4") and options.method.set == ("hip_weight=1",)
+
+
+def _config(*arguments: str) -> Any:
+    return fit_config(parse(["fit", "--out", "o", *arguments]).method)
+
+
+def test_settings_by_their_own_options():
+    found = _config(*EVERY_OPTION[EVERY_OPTION.index("--solver") :])
+    temporal, sample = found.temporal, found.shape_sample
+    assert (found.solver, found.pose_prior, found.hip_weight) == ("lbfgs", "vposer", 1.0)
+    assert (found.device, found.precision) == ("cuda", "float32")
+    assert (temporal.mode, temporal.weight, temporal.space, temporal.window_size) == ("global", 300.0, "camera", 9)
+    assert (sample.size, sample.strategy, sample.seed) == (10, "confident", 3)
+
+
+def test_preset_then_file_then_command_line(tmp_path: Path):
+    path = tmp_path / "mine.toml"
+    path.write_text('preset = "paper"\nhip_weight = 0.25\n[temporal]\nweight = 5\nwindow_size = 11\n')
+    assert _config() == PRESETS["tcfit"] and _config("--preset", "smplifyx") == PRESETS["smplifyx"]
+    by_file = _config("--config", str(path))
+    assert (by_file.yaws, by_file.hip_weight, by_file.temporal.weight) == ("side_view", 0.25, 5.0)
+    over = _config("--config", str(path), "--preset", "tcfit", "--window-size", "3", "--set", "temporal.weight=7")
+    assert (over.yaws, over.hip_weight) == ("four", 0.25)
+    assert (over.temporal.weight, over.temporal.window_size) == (7.0, 3)
+
+
+REFUSED = {
+    "unknown setting": (["--set", "weights.bodypose=1"], "no setting 'weights.bodypose'; did you mean weights.body_"),
+    "setting without its group": (["--set", "window_size=3"], "did you mean temporal.window_size?"),
+    "no value": (["--set", "hip_weight"], "--set hip_weight: expected hip_weight=VALUE, a number"),
+    "count": (["--set", "weights.shape=1,2"], "weights.shape is 1,2; expected 5 numbers, one for each stage"),
+    "choice": (["--solver", "adam"], "--solver: solver is adam; expected one of lm, lbfgs"),
+    "number": (["--temporal-weight", "much"], "--temporal-weight: temporal.weight is much; expected a number"),
+    "range": (["--window-size", "1"], "--window-size: temporal.window_size is 1; expected 2 or more"),
+    "negative": (["--seed", "-3"], "--seed: shape_sample.seed is -3; expected 0 or more"),
+    "twice": (["--seed", "1", "--set", "shape_sample.seed=2"], "given twice, by --seed and --set"),
+    "preset": (["--preset", "papr"], "--preset: there is no preset 'papr'; expected one of smplifyx, paper, tcfit"),
+    "no file": (["--config", "none.toml"], "none.toml: cannot be read"),
+    "device": (["--device", "gpu"], "device is 'gpu'; expected cpu"),
+    "absent device": (["--device", "cuda:77"], "--device cuda:77 cannot be used"),
+    "threads": (["--threads", "0"], "--threads is 0; expected 1 or more"),
+    "two focal lengths": (["--fov", "60"], "The focal length is given 2 times"),
+    "person": (["--person", "4"], "person=4, but no frame of"),
+    "frames": (["--first-frame", "90"], "Frames 90 to 5 were asked for (--first-frame, --last-frame)"),
+    "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
+    "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female"),
+    "body": (["--body-model", "scape"], "'scape' is no body model, expected one of smplx"),
+    "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
+    "folder and file": (["--body-model", "a.npz", "--models", "m"], "give one of them"),
+    "models": (["--models", "."], "No neutral SMPL-X body"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused(
+    case: str, fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    monkeypatch.chdir(tmp_path)
+    arguments, message = REFUSED[case]
+    assert main([*fit_arguments, *arguments]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("tcfit: ") and message in err and err.count("tcfit: ") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fit", "--out", "o", "--windw-size", "3"], "--window-size"),
+        (["fit"], "--out"),
+        (["fit", "--out", "o", "--center", "3"], "--center"),
+        (["fit", "--out", "o", "--frame-rate", "fast"], "--frame-rate"),
+        (["fti"], "fit, new, review, demo, detect"),
+        ([], "Missing subcommand"),
+    ],
+)
+def test_wrong_command_lines(arguments: list[str], message: str, capsys: pytest.CaptureFixture):
+    assert main(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_errors_of_a_process_have_no_traceback(tmp_path: Path):
+    done = _run(["fit", "--keypoints", str(tmp_path / "none"), "--out", str(tmp_path / "out")])
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("tcfit: No keypoints at") and "Traceback" not in done.stderr
+
+
+def test_fit(finished: Finished):
+    assert finished.code == 0
+    assert sorted(path.name for path in finished.folder.iterdir()) == ["fit.npz", "summary.json"]
+    assert "Focal length 800.0 px: focal length of 800 pixels, as given" in finished.err
+    assert "30 frames per second are assumed. Give --frame-rate." in finished.err
+    assert [line for line in finished.err.splitlines() if line.startswith("Phase ")] == [
+        "Phase 1: every frame on its own",
+        "Phase 2: one shape",
+        "Phase 3: consistency over time",
+    ]
+    assert f"Wrote fit.npz, summary.json into {finished.folder}" in finished.out and "phase 3" in finished.out
+    stored = read_fit(finished.folder)
+    assert stored.complete and stored.last_phase == 3 and len(stored.params) == FRAMES
+    assert stored.camera.focal == (800, 800) and stored.camera.size == (640, 480)
+    summary = json.loads((finished.folder / "summary.json").read_text())
+    assert summary["complete"] is True and summary["config"]["settings"]["iterations"] == 6
+    assert summary["command"].startswith("tcfit fit --keypoints ")
+    assert summary["reprojection_px"]["phase3"]["median"] < 2
+    assert (
+        summary["jitter"]["phase3"]["camera_space_mm_per_frame2"]
+        < summary["jitter"]["phase1"]["camera_space_mm_per_frame2"]
+    )
+
+
+def test_guessed_focal_length_is_told(fit_arguments: list[str], capsys: pytest.CaptureFixture):
+    at = fit_arguments.index("--focal-length")
+    assert main([*fit_arguments[:at], *fit_arguments[at + 2 :], "--set", "last_phase=1"]) == 0
+    err = capsys.readouterr().err
+    assert "Focal length 800.0 px: not known: assumed to be the image diagonal" in err and "--focal-length-35mm" in err
+
+
+def test_other_files_are_not_written_among(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "thesis.tex").write_text("mine")
+    assert main(fit_arguments) == 2
+    assert "thesis.tex" in capsys.readouterr().err and [p.name for p in out.iterdir()] == ["thesis.tex"]
+    quick = [*fit_arguments, "--set", "last_phase=1"]
+    assert main([*quick, "--overwrite"]) == 0
+    assert (out / "thesis.tex").read_text() == "mine" and read_fit(out).last_phase == 1
+    assert main(quick) == 0, "a former result is replaced"
+
+
+def test_out_that_is_a_file(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
+    (tmp_path / "out").write_text("mine")
+    assert main([*fit_arguments, "--overwrite"]) == 2
+    assert "is a file; expected a folder" in capsys.readouterr().err
+
+
+def _stopping(after: int | None, error: type[BaseException]) -> Callable[..., Iterator[FitEvent]]:
+    """fit_events that raise after a phase has finished; None: when the first one starts."""
+
+    def events(*arguments: Any) -> Iterator[FitEvent]:
+        for event in fit_events(*arguments):
+            yield event
+            if isinstance(event, PhaseStarted if after is None else PhaseFinished) and event.phase == (after or 1):
+                raise error
+
+    return events
+
+
+@pytest.mark.parametrize("phase", [1, 2])
+def test_ctrl_c_keeps_finished_phases(
+    phase: int,
+    fit_arguments: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+):
+    monkeypatch.setattr(fit_command, "fit_events", _stopping(phase, KeyboardInterrupt))
+    assert main(fit_arguments) == 130
+    err = capsys.readouterr().err
+    assert f"the result up to phase {phase} is in {tmp_path / 'out'}" in err and "Traceback" not in err
+    stored = read_fit(tmp_path / "out")
+    assert not stored.complete and stored.last_phase == phase
+    assert np.isfinite(stored.joints).all()
+    assert (stored.params.betas == stored.params.betas[0]).all().item() == (phase == 2)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["complete"] is False and f"phase{phase}" in summary["seconds"]
+
+
+def test_ctrl_c_before_phase_1_leaves_nothing(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    monkeypatch.setattr(fit_command, "fit_events", _stopping(None, KeyboardInterrupt))
+    assert main(fit_arguments) == 130
+    assert "nothing was written" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_failure_in_a_later_phase_keeps_the_earlier_ones(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(fit_command, "fit_events", _stopping(2, ZeroDivisionError))
+    with pytest.raises(ZeroDivisionError):
+        main(fit_arguments)
+    assert read_fit(tmp_path / "out").last_phase == 2
+
+
+def test_what_could_not_be_written_does_not_count(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    def full(folder: Path, fit: FitResult, *_: object, **__: object) -> dict:
+        if fit.last is fit.phases[0]:
+            return {}
+        raise InputError("No space left.")
+
+    monkeypatch.setattr(fit_command, "write_result", full)
+    assert main(fit_arguments) == 2
+    assert "Stopped; the result up to phase 1 is in" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_is_told_at_once(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    monkeypatch.setattr(fit_command.os, "access", lambda path, mode: path != tmp_path)
+    assert main(fit_arguments) == 2
+    told = capsys.readouterr().err
+    assert f"{tmp_path} is read-only" in told and "Phase" not in told
+
+
+def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Path):
+    code = f"{INTERRUPTIBLE}import sys\nfrom tcfit_app.cli.main import main; sys.exit(main())"
+    # What follows the line "Phase 2" takes seconds: five stages in each of five windows.
+    slow = ["--preset", "paper", "--window-size", "2", "--set", "settings.stage_tolerance=1e-12"]
+    command = [sys.executable, "-c", code, "fit", *clip_arguments, "--out", str(tmp_path / "out"), *slow]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith("Phase 2"):
+                process.send_signal(signal.SIGINT)
+                break
+        rest = process.stderr.read()
+    assert "Stopped; the result up to phase" in rest and "Traceback" not in rest
+    assert process.returncode == 130
+    assert not read_fit(tmp_path / "out").complete
+
+
+def test_missing_opengl_does_not_fail_the_fit(
+    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    def nothing(*arguments: Any) -> None:
+        raise InputError("No off-screen OpenGL was found. On Debian or Ubuntu, `apt-get install libegl1 libgl1`")
+
+    monkeypatch.setattr(fit_command, "write_comparison", nothing)
+    assert main([*fit_arguments, "--overlay", "--set", "last_phase=1"]) == 0
+    told = capsys.readouterr()
+    assert "No overlay.mp4 was written, but the fit is complete. No off-screen OpenGL" in told.err
+    assert "Wrote fit.npz, summary.json into" in told.out
+
+
+def test_body_by_file(tmp_path: Path):
+    file = tmp_path / "SMPLX_MALE.npz"
+    file.touch()
+    assert fit_command.body_file(BodyOptions(body_model=str(file))) == file
+    assert fit_command.body_file(BodyOptions(models=tmp_path, gender="male")) == file
+
+
+def test_settings_are_a_configuration_file(tmp_path: Path, capsys: pytest.CaptureFixture):
+    assert main(["settings", "--preset", "paper", "--window-size", "9"]) == 0
+    (tmp_path / "mine.toml").write_text(capsys.readouterr().out)
+    assert _config("--config", str(tmp_path / "mine.toml")) == _config("--preset", "paper", "--window-size", "9")
+
+
+def test_models_are_listed_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+    assert main(["models"]) == 0 and main(["models", "list"]) == 0
+    first, second = capsys.readouterr().out.split("MODEL ")[1:]
+    assert first == second and "SMPLX_NEUTRAL.npz" in first
+    assert main(["models", "add", str(tmp_path / "none.zip")]) == 2
+    assert "none.zip" in capsys.readouterr().err
+    assert main(["models", "add"]) == 2
+    assert "no path given" in capsys.readouterr().err

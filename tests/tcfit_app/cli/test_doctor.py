@@ -1,0 +1,218 @@
+"""`tcfit doctor`: what fails, what only warns, and that a crash or hang of OpenGL does not reach it."""
+
+import os
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from fitting_core.body.files import registry
+from tcfit_app.cli import doctor as report
+from tcfit_app.cli.doctor import (
+    check_bodies,
+    check_folders,
+    check_python,
+    check_rendering,
+    check_torch,
+    check_video,
+    doctor,
+)
+from tcfit_app.cli.probes import Outcome, probe_codec, probe_rendering
+from tests.samples.body_files import body_arrays, write_npz
+
+WORKS = Outcome(works=True)
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A free body in `free`, nothing in `data`, and no folder of the user's."""
+    monkeypatch.setattr(registry, "user_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(report, "user_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(registry, "FREE_FOLDER", tmp_path / "free")
+    monkeypatch.delenv(registry.ENVIRONMENT, raising=False)
+    write_npz(tmp_path / "free" / "SMPLX_NEUTRAL.npz", body_arrays())
+    return tmp_path
+
+
+def _outcomes(monkeypatch: pytest.MonkeyPatch, **by_name: Outcome) -> None:
+    """Have the probes of these platforms and codecs end so."""
+    monkeypatch.setattr(report, "probe_rendering", by_name.__getitem__)
+    monkeypatch.setattr(report, "probe_codec", by_name.__getitem__)
+
+
+FAKE_RENDERER = """
+import os, numpy as np
+assert os.environ["PYOPENGL_PLATFORM"] == "egl"
+class Any:
+    def __init__(self, *a, **k): pass
+    def add(self, *a, **k): pass
+Primitive = Scene = Mesh = IntrinsicsCamera = Any
+class OffscreenRenderer(Any):
+    def render(self, scene):
+        return None, np.full((16, 16), {depth})
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        (FAKE_RENDERER.replace("{depth}", "2.0"), WORKS),
+        (FAKE_RENDERER.replace("{depth}", "0.0"), "AssertionError: 0.0"),
+        ("import os; os.abort()", "exit status -6"),
+        ("raise ImportError('Unable to load EGL library')", "ImportError: Unable to load EGL library"),
+    ],
+)
+def test_rendering_probe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: Outcome | str):
+    (tmp_path / "pyrender.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    outcome = probe_rendering("egl")
+    assert outcome == expected if isinstance(expected, Outcome) else expected in outcome.reason and not outcome.works
+
+
+def test_codec_probe():
+    assert probe_codec("mp4v") == WORKS
+    assert not probe_codec("none").works
+
+
+def test_exit_code_is_0_if_only_rendering_and_video_are_missing(
+    places: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    gone = Outcome(works=False, reason="cannot open shared object file")
+    _outcomes(monkeypatch, egl=gone, osmesa=gone, mp4v=gone, avc1=gone)
+    monkeypatch.setattr(report.shutil, "which", lambda name: None)
+    assert doctor() == 0
+    out = capsys.readouterr().out
+    for part in (*report.CHECKS, "libegl1", "libosmesa6", "apt install ffmpeg", "All that tcfit fit needs works here."):
+        assert part in out
+    assert "failed" not in out
+
+
+def test_exit_code_is_1_without_a_body(
+    places: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    (places / "free" / "SMPLX_NEUTRAL.npz").unlink()
+    _outcomes(monkeypatch, egl=WORKS, mp4v=WORKS, avc1=WORKS)
+    assert doctor() == 1
+    out = capsys.readouterr().out
+    assert "failed  No neutral SMPL-X body" in out and "tcfit fit cannot run yet" in out
+
+
+def test_damaged_body_fails_only_if_it_would_be_used(places: Path):
+    (places / "data").mkdir()
+    (places / "data" / "SMPLX_MALE.npz").write_bytes(b"x")
+    assert [check.status for check in check_bodies()] == ["warning", "ok"]
+    (places / "data" / "SMPLX_NEUTRAL.npz").write_bytes(b"x")
+    assert [check.status for check in check_bodies()] == ["failed", "warning", "ok"]
+
+
+def test_wrong_environment_variable_fails(places: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(registry.ENVIRONMENT, str(places / "nowhere"))
+    [check] = check_bodies()
+    assert check.status == "failed" and registry.ENVIRONMENT in check.found
+
+
+@pytest.mark.parametrize(
+    ("reasons", "advice"),
+    [
+        ({"egl": "ModuleNotFoundError: No module named 'pyrender'"}, "pip install pyrender"),
+        ({"egl": "ImportError: Unable to load EGL library"}, "apt install libegl1 libgl1"),
+        ({"osmesa": "did not answer within 60 s"}, "apt install libosmesa6"),
+    ],
+)
+def test_advice_on_rendering(monkeypatch: pytest.MonkeyPatch, reasons: dict[str, str], advice: str):
+    outcomes = {name: Outcome(works=False, reason=reasons.get(name, "x")) for name in ("egl", "osmesa")}
+    _outcomes(monkeypatch, **outcomes)
+    checks = dict(zip(outcomes, check_rendering(), strict=True))
+    assert advice in checks[max(reasons)].advice
+    assert {check.status for check in checks.values()} == {"warning"}
+
+
+def test_osmesa_counts_where_egl_is_missing(monkeypatch: pytest.MonkeyPatch):
+    _outcomes(monkeypatch, egl=Outcome(works=False, reason="x"), osmesa=WORKS)
+    assert [check.status for check in check_rendering()] == ["warning", "ok"]
+
+
+@pytest.mark.parametrize(
+    ("mp4v", "avc1", "ffmpeg", "statuses"),
+    [
+        (True, True, True, ["ok", "ok", "ok"]),
+        (True, True, False, ["ok", "ok"]),
+        (True, False, True, ["ok", "ok"]),
+        (True, False, False, ["ok", "warning"]),
+        (False, False, False, ["warning", "warning"]),
+    ],
+)
+def test_video(monkeypatch: pytest.MonkeyPatch, mp4v: bool, avc1: bool, ffmpeg: bool, statuses: list[str]):
+    _outcomes(monkeypatch, mp4v=Outcome(works=mp4v), avc1=Outcome(works=avc1))
+    monkeypatch.setattr(report.shutil, "which", lambda name: "/usr/bin/ffmpeg" if ffmpeg else None)
+    assert [check.status for check in check_video()] == statuses
+
+
+def _versions(monkeypatch: pytest.MonkeyPatch, requirements: list[str], installed: dict[str, str]) -> None:
+    def version(name: str) -> str:
+        if name not in installed:
+            raise metadata.PackageNotFoundError(name)
+        return installed[name]
+
+    monkeypatch.setattr(report.metadata, "requires", lambda name: requirements)
+    monkeypatch.setattr(report.metadata, "version", version)
+
+
+@pytest.mark.parametrize(
+    ("requirement", "installed", "sound"),
+    [
+        ("torch>=2.4", "2.13.0+cpu", True),
+        ("torch>=2.4", "2.3.9", False),
+        ("torch>=2.10", "2.9", False),
+        ("viser<1.2,>=1.1.1", "1.1.1", True),
+        ("viser<1.2,>=1.1.1", "1.2.0", False),
+        ("scipy>=1.11", "1.11.0rc1", True),
+        ("numpy>=2", "2.0.0", True),
+        ("tqdm", "1", True),
+    ],
+)
+def test_versions_of_packages(monkeypatch: pytest.MonkeyPatch, requirement: str, installed: str, sound: bool):
+    name = requirement.split("<")[0].split(">")[0]
+    _versions(monkeypatch, [requirement, 'pytest>=8; extra == "test"'], {name: installed})
+    statuses = [check.status for check in check_python()]
+    assert statuses == (["ok", "ok"] if sound else ["ok", "failed", "ok"])
+
+
+def test_missing_package_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch):
+    _versions(monkeypatch, ["tyro>=1.5", "numpy>=1.26"], {"numpy": "2.0"})
+    _, missing, rest = check_python()
+    assert (missing.status, missing.advice) == ("failed", 'pip install "tyro>=1.5"')
+    assert rest.found == "numpy 2.0"
+
+
+def test_requirements_come_from_the_source_tree_where_nothing_is_installed(monkeypatch: pytest.MonkeyPatch):
+    def requires(name: str) -> list[str]:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(report.metadata, "requires", requires)
+    found = list(check_python())
+    assert any("numpy" in check.found and "torch" in check.found for check in found)
+
+
+def test_torch_that_cannot_be_imported_fails(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    [check] = check_torch()
+    assert check.status == "failed" and "pip install" in check.advice
+
+
+def test_folder_that_cannot_be_written_warns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(report, "user_folder", lambda: tmp_path / "file" / "bodies")
+    monkeypatch.setattr(report.platformdirs, "user_cache_path", lambda name, appauthor: tmp_path / "new" / "cache")
+    statuses = [check.status for check in check_folders()]
+    assert statuses == ["warning", "ok", "ok"]
+    assert not (tmp_path / "new").exists()
+
+
+def test_probes_leave_the_environment_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
+    (tmp_path / "pyrender.py").write_text(FAKE_RENDERER.replace("{depth}", "2.0"))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert probe_rendering("egl") == WORKS
+    assert "PYOPENGL_PLATFORM" not in os.environ

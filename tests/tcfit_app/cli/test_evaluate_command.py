@@ -1,0 +1,228 @@
+"""`tcfit evaluate` on results, projects and the suite: tables, files, and what is said about wrong options."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.clip import Clip
+from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
+from fitting_core.config.toml import as_plain
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.keypoints import Keypoints
+from fitting_core.measure.reference.bodies import reference_of
+from fitting_core.synthetic import suite
+from fitting_core.synthetic.suite import SEQUENCES
+from fitting_core.synthetic.truth import Truth, write_truth
+from tcfit_app.cli.main import main
+from tcfit_app.evaluation import ablations, suite_runs
+from tcfit_app.evaluation.ablations import variations
+from tcfit_app.evaluation.evaluating import notes_about
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.runs import BodyRecord
+from tests.tcfit_app.conftest import CAMERA, FRAMES, Finished, motion
+
+
+@pytest.fixture
+def truth(tmp_path: Path, free_body: BodyModel) -> Path:
+    params = motion()
+    path = tmp_path / "truth.npz"
+    write_truth(
+        path,
+        Truth(
+            params=params,
+            joints=joints_in_space(free_body, params),
+            keypoints=np.zeros((FRAMES, 137, 2)),
+            visible=np.ones((FRAMES, 137), bool),
+            exists=np.ones(137, bool),
+            camera=CAMERA,
+            frame_rate=30.0,
+            body_hash=free_body.hash,
+        ),
+    )
+    return path
+
+
+def records_in(folder: Path) -> list[dict[str, str]]:
+    with (folder / "metrics.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_result_against_its_truth(finished: Finished, truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
+    out = tmp_path / "report"
+    arguments = ["evaluate", str(finished.folder), "--reference", str(truth), "--out", str(out)]
+    assert main([*arguments, "--every", "3", "--pictures", "1"]) == 0
+    told = capsys.readouterr().out
+    assert "PA-MPJPE, mm" in told and "phase 1" in told and "Wrote" in told
+    first, final = records_in(out)
+    assert (first["method"], final["method"]) == ("phase 1", "final")
+    assert 0 < float(final["pa_mpjpe_mean [mm]"]) < 300 and 0 < float(final["vertex_to_surface_mean [cm]"]) < 30
+    content = json.loads((out / "metrics.json").read_bytes())
+    assert content["format"] == "tcfit evaluation 1" and len(content["records"]) == 2
+    assert len(content["records"][0]["comparison"]["curves"]["vertex_to_surface"]) == FRAMES
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/jpeg") == 6 and "Worst frames" in page
+
+
+def project_with_fit(folder: Path, body: BodyModel, *, reference: bool, first_frame: int = 0) -> Path:
+    """Two runs, of which the first is the truth itself; the second stands 10 cm farther away."""
+    params = motion()
+    points, exists = keypoints_in_space(body, params)
+    seen = np.tile(0.9 * exists, (FRAMES, 1))
+    xy = points[..., :2] / np.where(exists[:, None], points[..., 2:], 1) * CAMERA.focal + CAMERA.center
+    found = Keypoints(xy=xy, confidence=seen)
+    clip = Clip(keypoints=found, camera=CAMERA, frame_rate=25.0, name="walk & turn", first_frame=first_frame)
+    with Project.create(folder, clip) as project:
+        if reference:
+            made = reference_of("truth", "made here", body, params, frame_rate=25.0, in_camera=True)
+            project.set_reference(made)
+        record = BodyRecord(kind=body.kind, gender=body.gender, hash=body.hash, source=str(body.source or ""))
+        for name, away in (("exact", 0.0), ("far", 0.1)):
+            shift = params.camera_translation + params.camera_translation.new_tensor([0, 0, away])
+            run = project.runs.start(FitConfig(), body=record, edits_seen=0, name=name)
+            project.runs.finish(run.id, fit_result(replace(params, camera_translation=shift)))
+    return folder
+
+
+def fit_result(params) -> FitResult:
+    phases = tuple(
+        PhaseResult(phase=n, params=params, objective={"total": 1.0}, frame_cost=np.ones(len(params)), seconds=1.0)
+        for n in (1, 3)
+    )
+    return FitResult(phases=phases, camera=CAMERA, config=FitConfig(), observed=np.ones((len(params), 55), bool))
+
+
+def test_a_project_has_its_own_reference(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    project = project_with_fit(tmp_path / "x.tcfit", free_body, reference=True)
+    for run, error in (("exact", 0.0), ("2", 100.0)):
+        out = tmp_path / run
+        arguments = ["evaluate", str(project), "--run", run, "--out", str(out), "--every", "6", "--pictures", "0"]
+        assert main(arguments) == 0
+        final = records_in(out)[-1]
+        assert float(final["joint_error_mean [mm]"]) == pytest.approx(error, abs=1e-3)
+        assert float(final["reprojection_mean [px]"]) == pytest.approx(0, abs=0.5 + 0.1 * error)
+    assert main(["evaluate", str(project), "--run", "none"]) == 2
+    assert "expected one of exact (1), far (2)" in capsys.readouterr().err
+
+
+def test_a_reference_at_an_odd_rate_is_told_to_leave_accelerations_out(free_body: BodyModel):
+    reference = reference_of("truth", "made here", free_body, motion(), frame_rate=30.0, in_camera=True)
+    assert any("accelerations" in note for note in notes_about(reference, 60.0))
+    assert not notes_about(reference, 15.0)
+
+
+def test_without_a_reference_only_smoothness_is_told(
+    tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture
+):
+    project = project_with_fit(tmp_path / "x.tcfit", free_body, reference=False)
+    assert main(["evaluate", str(project), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr()
+    assert "There is no reference" in told.err and "Jitter" in told.out and "MPJPE" not in told.out
+
+
+def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    """Cut to the fit's later half, it is refused where it does not say so, and else compared there, with a note."""
+    project = project_with_fit(tmp_path / "x.tcfit", free_body, reference=False, first_frame=FRAMES // 2)
+    points, exists = keypoints_in_space(free_body, motion())
+    points[:, ~exists] = np.nan
+    part, names = FRAMES - FRAMES // 2, np.array(kp.NAMES)[kp.LIMBS]
+    for name, frames in (("whole", FRAMES), ("late", part)):
+        np.savez(tmp_path / f"{name}.npz", points=points[-frames:, kp.LIMBS], names=names)
+    arguments = ["evaluate", str(project), "--run", "exact", "--pictures", "0", "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--reference", str(tmp_path / "whole.npz")]) == 2
+    assert (
+        f"Say it with --reference-first-frame (in the review: Begins at frame): {FRAMES // 2}"
+        in capsys.readouterr().err
+    )
+    for name, first, compared in (("whole", FRAMES // 2, FRAMES), ("late", FRAMES, part)):
+        given = ["--reference", str(tmp_path / f"{name}.npz"), "--reference-first-frame", str(first)]
+        assert main([*arguments, *given]) == 0
+        final = records_in(tmp_path / "out")[-1]
+        assert float(final["pa_mpjpe_mean [mm]"]) == pytest.approx(0, abs=1e-3)
+        assert (final["frames"], final["compared_frames"]) == (str(FRAMES), str(compared))
+        said = f"Compared in {part} of {FRAMES} frames: the fit has the video's frames {FRAMES // 2} to"
+        assert (said in capsys.readouterr().err) == (compared < FRAMES)
+    assert main([*arguments, "--reference-first-frame", "3"]) == 2
+    assert "has no reference: give --reference too" in capsys.readouterr().err
+
+
+WRONG = {
+    "nothing": ([], "Name a fit"),
+    "both": (["x", "--suite"], "leave out FIT"),
+    "ablations": (["x", "--ablations"], "give --suite too"),
+    "camera": (["x", "--camera", "c.npz"], "give --reference too"),
+    "reference": (["--suite", "--reference", "r.npz"], "its own truth"),
+    "first frame": (["--suite", "--reference-first-frame", "0"], "its own truth"),
+    "every": (["x", "--every", "0"], "expected 1 or more"),
+    "no fit": (["nowhere"], "neither a project nor"),
+    "level": (["--suite", "--level", "worst"], "no worst"),
+    "preset": (["--suite", "--presets", "best"], "no best"),
+    "sequence": (["--suite", "--sequences", "dancing"], "no dancing"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_options(kind: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.chdir(tmp_path)
+    arguments, said = WRONG[kind]
+    assert main(["evaluate", *arguments]) == 2
+    assert said in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def short_suite(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """One sequence, cut to three frames, whose fits are their truth; the list counts them."""
+    fitted: list[str] = []
+    whole = suite.make_sequence(SEQUENCES["simple_1"])
+    frames = slice(0, 3)
+    truth = replace(whole.truth, params=whole.truth.params[frames])
+    cut = replace(whole, clip=replace(whole.clip, keypoints=whole.clip.keypoints[frames]), truth=truth)
+
+    def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
+        fitted.append(clip.name)
+        result = fit_result(truth.params)
+        return replace(result, phases=result.phases[:1]) if config.last_phase == 1 else result
+
+    monkeypatch.setattr(suite_runs, "make_sequence", lambda sequence, level: cut)
+    monkeypatch.setattr("tcfit_app.cli.suite_command.make_sequence", lambda sequence, level: cut)
+    monkeypatch.setattr(suite_runs, "fit", fit)
+    return fitted
+
+
+def test_the_suite_is_not_fitted_twice(short_suite: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
+    arguments = ["evaluate", "--suite", "--sequences", "simple_1", "--presets", "smplifyx", "tcfit", "--every", "3"]
+    arguments += ["--out", str(tmp_path), "--pictures", "1"]
+    assert main(arguments) == 0 and len(short_suite) == 2
+    assert [r["method"] for r in records_in(tmp_path)] == ["SMPLify-X", "tcfit, phase 1", "tcfit"]
+    assert main(arguments) == 0 and len(short_suite) == 2
+    assert main([*arguments[:-2], "--pictures", "0", "--every", "1"]) == 0 and len(short_suite) == 2
+    (tmp_path / "fits/normal/tcfit/simple_1/fit.key").write_text("of older settings")
+    (tmp_path / "fits/normal/tcfit/simple_1/records.json").write_text("{broken")
+    assert main(arguments) == 0 and len(short_suite) == 3
+    assert "SMPLify-X" in capsys.readouterr().out
+
+
+def test_ablations_vary_one_setting_at_a_time(short_suite: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    base = replace(PRESETS["tcfit"], settings=SolverSettings(iterations=2))
+    whole = variations(base)
+    assert [len(v.values) for v in whole] == [6, 9, 5]
+    for variation in whole:
+        settings = [as_plain(config) for *_, config in variation.values]
+        assert all(one != other for i, one in enumerate(settings) for other in settings[:i]), variation.title
+    few = tuple(replace(v, values=v.values[:n]) for v, n in zip(whole, (1, 0, 2), strict=True) if n)
+    monkeypatch.setattr(ablations, "variations", lambda base: few)
+    arguments = ["evaluate", "--suite", "--ablations", "--sequences", "simple_1", "--presets", "tcfit"]
+    assert main([*arguments, "--every", "3", "--pictures", "0", "--out", str(tmp_path)]) == 0
+    found = json.loads((tmp_path / "metrics.json").read_bytes())["ablations"]
+    assert [len(a["trials"]) for a in found] == [1, 2]
+    assert len(short_suite) == 2, "the preset, and one phase 1 for all variations"
+    seconds = found[1]["trials"][0]["errors"]["Phase 3, CPU s a frame"]
+    assert seconds > 0
+    assert found[1]["trials"][0]["errors"]["Vertex-to-surface error, cm"] is not None
+    assert "Settings varied one at a time" in (tmp_path / "report.html").read_text()

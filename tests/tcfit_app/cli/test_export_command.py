@@ -1,0 +1,318 @@
+"""`tcfit export`: of a project and of a result, chosen runs, phases and frames, and what a cancelled one leaves."""
+
+import json
+import pickle
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.config.schema import FitConfig
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.io.motion.motion import AXES
+from fitting_core.io.result_files import read_fit
+from fitting_core.keypoints import INDEX
+from fitting_core.measure.reference.bodies import reference_of
+from fitting_core.priors.pose import make_prior
+from fitting_core.render.renderer import off_screen_gl
+from tcfit_app.cli.main import main
+from tcfit_app.exports.exporting import _replacing_folder, file_name, write_export
+from tcfit_app.exports.source import ExportSource
+from tcfit_app.exports.table import EXPORTS
+from tcfit_app.fitting.bodies import record_of
+from tcfit_app.project.project import Project
+from tests.drivers.processes import INTERRUPTIBLE
+from tests.fitting_core.io.motion.gltf_player import Player
+from tests.samples.project_samples import sample_clip, sample_keypoints
+from tests.samples.waving import waving_fit, waving_project
+from tests.tcfit_app.conftest import FRAMES, Finished, motion
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
+    """Two runs, "near" and "far"."""
+    return waving_project(tmp_path_factory.mktemp("export") / "walk.tcfit", free_body)
+
+
+def exported(project: Path, out: Path, *options: str) -> list[str]:
+    """Names of the files that an export makes."""
+    assert main(["export", str(project), "--out", str(out), *options]) == 0
+    return sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
+
+
+def test_a_project_s_newest_run(project: Path, free_body: BodyModel, tmp_path: Path):
+    names = exported(project, tmp_path)
+    assert names == ["walk-bvh/motion.json", "walk-bvh/walk.bvh", "walk.glb", "walk.smplx.npz"]
+    player = Player.of(tmp_path / "walk.glb")
+    expected = Mesh(free_body)(waving_fit(2.0).last.params).numpy() @ np.array(AXES["y-up"].from_camera).T
+    for frame in (0, 3, 5):
+        assert np.linalg.norm(player.vertices(float(player.times[frame])) - expected[frame], axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "depth"),
+    [
+        ([], 4.5 + 2.3),
+        (["--phase", "1"], 4.5 + 2.1),
+        (["--run", "near"], 4.5 + 0.3),
+        (["--run", "1", "--phase", "1"], 4.5 + 0.1),
+        (["--run", "#2"], 4.5 + 2.3),
+    ],
+)
+def test_run_and_phase_are_chosen(project: Path, tmp_path: Path, options: list[str], depth: float):
+    exported(project, tmp_path, "--formats", "npz", "--axes", "camera", *options)
+    with np.load(tmp_path / "walk.smplx.npz", allow_pickle=False) as read:
+        assert np.allclose(read["trans"][:, 2], depth)
+
+
+def test_frames_are_those_of_the_video(project: Path, tmp_path: Path):
+    formats = ("obj", "openpose", "npz", "fit", "figures", "summary")
+    names = exported(project, tmp_path, "--formats", *formats, "--frames", "8:9")
+    assert [n for n in names if n.endswith(".obj")] == ["walk-obj/walk_000008.obj", "walk-obj/walk_000009.obj"]
+    assert [n for n in names if n.endswith("_keypoints.json")] == [
+        f"walk-keypoints/walk_{n:012d}_keypoints.json" for n in (8, 9)
+    ]
+    with np.load(tmp_path / "walk.smplx.npz", allow_pickle=False) as read:
+        assert int(read["first_frame"]) == 8 and len(read["poses"]) == 2
+    stored = read_fit(tmp_path / "walk.fit.npz")
+    assert stored.first_frame == 8 and len(stored.params) == 2
+    assert torch.equal(stored.params.body_pose, motion().body_pose[1:3])
+    assert (tmp_path / "walk.figures.csv").read_text().splitlines()[1].startswith("8,")
+    summary = json.loads((tmp_path / "walk.summary.json").read_text())
+    cost = float(waving_fit(2.0).last.frame_cost[1:3].mean())
+    assert summary["frames"] == 2 and summary["objective"]["phase3"] == pytest.approx({"by frame": cost})
+    assert f"A part of a fit of {FRAMES} frames" in summary["warnings"][-1]
+
+
+def test_a_result_of_tcfit_fit(finished: Finished, free_body: BodyModel, tmp_path: Path):
+    assert main(["export", str(finished.folder), "--formats", "ply", "smplifyx", "--out", str(tmp_path), "--zip"]) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["wave-ply.zip", "wave-smplifyx.zip"]
+    assert (
+        main(["export", str(finished.folder), "--formats", "ply", "--out", str(tmp_path / "f"), "--axes", "camera"])
+        == 0
+    )
+    stored = read_fit(finished.folder)
+    expected = Mesh(free_body)(stored.params).numpy()
+    read = trimesh.load(tmp_path / "f" / "wave-ply" / "wave_000002.ply", process=False)
+    assert np.allclose(read.vertices, expected[2], atol=1e-6)
+
+
+def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: BodyModel, tmp_path: Path):
+    prior = make_prior("tcfit", dtype=torch.float64, device="cpu")
+    fit = replace(waving_fit(0.0), config=FitConfig(pose_prior="tcfit"), pose_prior=prior.title)
+    with Project.create(tmp_path / "walk.tcfit", sample_clip(FRAMES)) as made:
+        for name, result in (("latent", fit), ("other weights", replace(fit, pose_prior="tcfit pose prior (0123)"))):
+            run = made.runs.start(fit.config, body=record_of(free_body), edits_seen=0, name=name)
+            made.runs.finish(run.id, result)
+    for name, held in (("latent", True), ("other weights", False)):
+        out = tmp_path / name
+        exported(tmp_path / "walk.tcfit", out, "--formats", "smplifyx", "--run", name)
+        read = pickle.loads(next(out.rglob("000.pkl")).read_bytes())
+        assert ("pose_embedding" in read) == held
+        if held:
+            decoded = prior.decode(torch.as_tensor(read["pose_embedding"], dtype=torch.float64))
+            assert read["pose_embedding"].shape == (1, 32)
+            # The prior cannot express every pose; what it encodes lies near.
+            np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
+
+
+def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel):
+    """With the project's reference, it tells the errors against it; every file is whole in itself."""
+    exported(project, tmp_path / "alone", "--formats", "report", "--frames", "7:9")
+    alone = (tmp_path / "alone" / "walk.report.html").read_text(encoding="utf-8")
+    assert "There is no reference" in alone and "Vertex-to-surface" not in alone
+    copy = shutil.copytree(project, tmp_path / "copy.tcfit")
+    truth = waving_fit(2.0).last.params
+    with Project.open(copy) as opened:
+        known = reference_of("truth.npz", "truth", free_body, truth, frame_rate=25.0, in_camera=True)
+        opened.set_reference(replace(known, first_frame=7, frame_rate=None))
+    exported(copy, tmp_path / "measured", "--formats", "report", "--frames", "7:9")
+    page = (tmp_path / "measured" / "walk.report.html").read_text(encoding="utf-8")
+    assert (
+        "Vertex-to-surface error" in page
+        and "far" in page
+        and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
+    )
+
+
+def test_side_by_side_from_the_command_line(project: Path, tmp_path: Path):
+    if off_screen_gl() is None:
+        pytest.skip("no off-screen OpenGL here (apt-get install libegl1 libgl1)")
+    exported(project, tmp_path, "--formats", "side-by-side", "overlay", "--against", "near", "--frames", "7:8")
+    widths = []
+    for name in ("side-by-side", "overlay"):
+        video = cv2.VideoCapture(str(tmp_path / f"walk.{name}.mp4"))
+        assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 2
+        widths.append(int(video.get(cv2.CAP_PROP_FRAME_WIDTH)))
+    assert widths == [2 * 640 + 4, 640]
+
+
+def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    exported(project, tmp_path, "--formats", "project")
+    assert main(["new", "walk.tcfit.zip"]) == 0
+    with Project.open(tmp_path / "walk.tcfit") as found:
+        assert [run.name for run in found.runs.all()] == ["near", "far"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--formats", "fbx"], "expected some of glb, npz"),
+        (["--run", "middle"], "'near' (#1), 'far' (#2)"),
+        (["--frames", "0:3"], "from 7 to 12"),
+        (["--frames", "9:8"], "from 7 to 12"),
+        (["--frames", "a"], "FIRST:LAST"),
+        (["--against", "middle"], "there is no such run"),
+    ],
+)
+def test_wrong_options_are_explained(project: Path, tmp_path: Path, options: list[str], said: str, capsys):
+    assert main(["export", str(project), "--out", str(tmp_path / "o"), *options]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def test_wrong_paths_are_explained(finished: Finished, tmp_path: Path, capsys):
+    cases = {
+        (): "no path given",
+        (str(tmp_path),): "neither a project nor a result",
+        (str(tmp_path / "nothing"),): "neither a project nor a result",
+        (str(finished.folder), "--formats", "coco"): "neither keypoints nor video",
+        (str(finished.folder), "--run", "x"): "leave out --run",
+        (str(finished.folder), "--phase", "2"): "phases 1 and 3",
+    }
+    for arguments, said in cases.items():
+        assert main(["export", *arguments, "--out", str(tmp_path / "o")]) == 2
+        assert said in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_result_says_whether_its_run_was_finished(project: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(project, tmp_path / "walk.tcfit"))
+    with Project.open(copy) as opened:
+        run = opened.runs.start(FitConfig(), body=opened.runs.all()[0].body, edits_seen=0, name="stopped")
+        opened.runs.store(run.id, waving_fit(1.0))
+        opened.runs.end(run.id, "cancelled")
+    for name, complete in (("near", True), ("stopped", False)):
+        exported(copy, tmp_path / name, "--formats", "fit", "--run", name)
+        assert read_fit(tmp_path / name / "walk.fit.npz").complete == complete
+
+
+def test_keypoints_of_a_part_of_numbered_images_come_back_in_their_places(tmp_path: Path):
+    images = tmp_path / "images"
+    images.mkdir()
+    for number in range(1, 13):
+        cv2.imwrite(str(images / f"img_{number:04d}.png"), np.zeros((480, 640, 3), np.uint8))
+    stems = [path.stem for path in sorted(images.iterdir())]
+    write_openpose(tmp_path / "keypoints", sample_keypoints(12), name="x", image_stems=stems)
+    part = {"first_frame": 4, "last_frame": 9, "focal_length": 700.0, "frame_rate": 25.0}
+    clip = read_clip(images, tmp_path / "keypoints", **part)
+    with Project.create(tmp_path / "walk.tcfit", replace(clip, name="walk")):
+        pass
+    names = exported(tmp_path / "walk.tcfit", tmp_path / "out", "--formats", "openpose", "coco")
+    assert "walk-keypoints/img_0005_keypoints.json" in names
+    for kind in ("walk-keypoints", "walk.coco-wholebody.json"):
+        again = read_clip(images, tmp_path / "out" / kind, **part).keypoints
+        seen = clip.keypoints.confidence[:, INDEX["nose"]] > 0
+        assert seen.any() and np.abs(again.xy - clip.keypoints.xy)[seen, INDEX["nose"]].max() < 1e-6, kind
+
+
+def test_nothing_is_replaced_without_being_asked(project: Path, tmp_path: Path, capsys):
+    exported(project, tmp_path, "--formats", "npz", "bvh")
+    (tmp_path / "walk-bvh" / "mine.txt").write_text("x")
+    for name in ("npz", "bvh"):
+        assert main(["export", str(project), "--out", str(tmp_path), "--formats", name]) == 2
+        assert "--overwrite" in capsys.readouterr().err
+    assert (tmp_path / "walk-bvh" / "mine.txt").exists()
+    asked = ["export", str(project), "--out", str(tmp_path), "--formats", "bvh", "--overwrite"]
+    assert main(asked) == 2 and "does not replace, such as mine.txt" in capsys.readouterr().err
+    assert (tmp_path / "walk-bvh" / "mine.txt").read_text() == "x"
+    (tmp_path / "walk-bvh" / "mine.txt").unlink()
+    (tmp_path / "walk-bvh" / "walk.bvh").write_text("old")
+    assert main(asked) == 0 and (tmp_path / "walk-bvh" / "walk.bvh").read_text() != "old"
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name[0] == ".") == []
+
+
+def test_a_link_to_a_folder_stays_a_link_and_a_file_stays(project: Path, tmp_path: Path, capsys):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "walk-bvh").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "walk-obj").write_text("x")
+    asked = ["export", str(project), "--out", str(tmp_path), "--overwrite", "--formats"]
+    assert main([*asked, "bvh"]) == 0
+    assert (tmp_path / "walk-bvh").is_symlink() and (tmp_path / "elsewhere" / "walk.bvh").is_file()
+    assert main([*asked, "obj"]) == 2 and "is a file; expected a folder" in capsys.readouterr().err
+    assert (tmp_path / "walk-obj").read_text() == "x"
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name[0] == ".") == []
+
+
+def test_all_formats_are_listed(capsys):
+    assert main(["export", "--formats", "list"]) == 0
+    out = capsys.readouterr().out
+    assert all(f"{name} " in out and export.hint in out for name, export in EXPORTS.items())
+
+
+def test_names_of_clips_lead_nowhere_else():
+    assert file_name(EXPORTS["glb"], "../a:b", zipped=False) == ".._a_b.glb"
+    assert file_name(EXPORTS["obj"], "a", zipped=True) == "a-obj.zip"
+
+
+def test_names_of_clips_are_as_long_as_file_systems_take(tmp_path: Path):
+    clip = replace(sample_clip(), name="走" * 80)
+    Project.create(tmp_path / "walk.tcfit", clip).close()
+    source = ExportSource(name=clip.name, known_clip=clip, project=tmp_path / "walk.tcfit")
+    for export in EXPORTS.values():
+        for zipped in (False, True):
+            name = file_name(export, clip.name, zipped=zipped)
+            assert name.startswith("走" * 60) and export.suffix in name and len(name.encode()) <= 225
+            if export.needs == "keypoints":
+                write_export(export, source, tmp_path / name, lambda share: None, zipped=zipped)
+                assert (tmp_path / name).exists()
+
+
+def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
+    code = f"{INTERRUPTIBLE}import sys; from tcfit_app.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "export", str(project), "--out", str(tmp_path)]
+    process = subprocess.Popen([*command, "--formats", "npz", "obj", "ply"], stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    while not list(tmp_path.glob(".walk-obj.*/*.obj")):
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.005)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and "cancelled" in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["walk.smplx.npz"]
+
+
+@pytest.mark.parametrize("stopped", [1, 2])
+@pytest.mark.parametrize("reason", [KeyboardInterrupt, OSError])
+def test_a_folder_is_there_whatever_stops_its_replacement(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: type[BaseException], stopped: int
+):
+    out, rename, calls = tmp_path / "walk-obj", Path.rename, []
+    out.mkdir()
+    (out / "000.obj").write_text("old")
+
+    def interrupted(self: Path, target: Path) -> Path:
+        calls.append(target)
+        if len(calls) == stopped:
+            raise reason
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(reason), _replacing_folder(out) as draft:
+        (draft / "000.obj").write_text("new")
+    assert [path.name for path in tmp_path.iterdir()] == ["walk-obj"]
+    assert (out / "000.obj").read_text() == "old"

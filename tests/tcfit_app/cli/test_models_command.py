@@ -1,0 +1,94 @@
+"""`tcfit models`: the table and the registration."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fitting_core.body.files import registry
+from fitting_core.errors import InputError
+from fitting_core.priors.files import registry as priors
+from fitting_core.priors.files.network_file import write_network
+from tcfit_app.cli.models_command import list_models, register_models
+from tests.fitting_core.priors.networks import random_network
+from tests.fitting_core.priors.test_vposer import folder_1, trained, version_1
+from tests.samples.body_files import body_arrays, write_npz
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folders of this test in place of the user's: `data` for registered bodies, `free` for those that come along."""
+    monkeypatch.setattr(registry, "user_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(registry, "FREE_FOLDER", tmp_path / "free")
+    monkeypatch.setattr("tcfit_app.cli.models_command.user_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(priors, "user_file", lambda: tmp_path / "data" / "vposer.npz")
+    monkeypatch.setattr(priors, "SHIPPED", tmp_path / "free" / "prior.npz")
+    monkeypatch.delenv(registry.ENVIRONMENT, raising=False)
+    return tmp_path
+
+
+def test_table_of_models(places: Path, capsys: pytest.CaptureFixture[str]):
+    free = write_npz(places / "free" / "SMPLX_NEUTRAL.npz", body_arrays())
+    own = write_npz(places / "data" / "SMPLH_FEMALE.npz", body_arrays("smplh"))
+    list_models()
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["MODEL", "GENDER", "VERTICES", "FROM", "FILE"]
+    assert lines[1].split() == ["SMPL-H", "female", "60", "yours", str(own)]
+    assert lines[2].split() == ["SMPL-X", "neutral", "60", "comes", "with", "tcfit", str(free)]
+    assert len({line.index(str(path)) for line, path in zip(lines[1:3], (own, free), strict=True)}) == 1
+
+
+def test_damaged_model_is_shown_with_its_problem(places: Path, capsys: pytest.CaptureFixture[str]):
+    (places / "free").mkdir()
+    (places / "free" / "SMPLX_MALE.npz").write_bytes(b"x")
+    list_models()
+    out = capsys.readouterr().out
+    assert "damaged" in out and "Cannot be read:" in out and "no complete npz archive" in out
+
+
+def test_without_models_the_folders_are_named(places: Path, capsys: pytest.CaptureFixture[str]):
+    list_models()
+    out = capsys.readouterr().out
+    assert out.startswith("No body model found in")
+    assert str(places / "data") in out and str(places / "free") in out and "tcfit models add" in out
+
+
+def test_registered_models_are_shown(places: Path, capsys: pytest.CaptureFixture[str]):
+    first = write_npz(places / "downloads" / "SMPLX_MALE.npz", body_arrays())
+    second = write_npz(places / "other" / "smplh" / "female" / "model.npz", body_arrays("smplh"))
+    register_models([first, places / "other"])
+    out = capsys.readouterr().out
+    assert str(places / "data" / "SMPLX_MALE.npz") in out and str(places / "data" / "SMPLH_FEMALE.npz") in out
+    assert (places / "data" / "SMPLH_FEMALE.npz").read_bytes() == second.read_bytes()
+
+
+def test_those_before_a_bad_path_stay_registered(places: Path):
+    good = write_npz(places / "downloads" / "SMPLX_MALE.npz", body_arrays())
+    with pytest.raises(InputError, match="does not exist"):
+        register_models([good, places / "nothing.zip"])
+    assert [file.name for file in (places / "data").iterdir()] == ["SMPLX_MALE.npz"]
+
+
+@pytest.mark.parametrize("module", ["tcfit_app.cli.models_command", "tcfit_app.cli.doctor"])
+def test_import_loads_no_heavy_package(module: str):
+    code = f"import sys, {module}; print([m for m in ('torch', 'cv2', 'pyrender', 'viser') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_pose_priors_are_added_and_shown(places: Path, capsys: pytest.CaptureFixture[str]):
+    own = places / "data" / "vposer.npz"
+    register_models([folder_1(places / "downloads" / "vposer_v1_0", trained(version_1))])
+    assert capsys.readouterr().out.splitlines()[-1].split() == ["vposer", "VPoser", "1", "yours", str(own)]
+    (places / "free").mkdir()
+    write_network(places / "free" / "prior.npz", random_network())
+    list_models()
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    start = lines.index(["POSE", "PRIOR", "IS", "FROM", "FILE"])
+    assert lines[start + 1] == ["vposer", "VPoser", "1", "yours", str(own)]
+    assert lines[start + 2] == ["tcfit", "random", "comes", "with", "tcfit", str(places / "free" / "prior.npz")]
+    own.write_bytes(b"x")
+    list_models()
+    out = capsys.readouterr().out
+    assert "damaged" in out and f"Cannot be read: {own}" in out

@@ -1,0 +1,56 @@
+"""`tcfit new`: the project that it makes, where, and what it refuses."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.io.clip_reader import read_clip
+from tcfit_app.cli.main import main
+from tcfit_app.project.project import Project
+from tests.samples.project_samples import same_keypoints
+from tests.tcfit_app.conftest import FRAMES
+
+
+def test_the_project_has_the_clip(
+    clip_arguments: list[str], keypoint_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["new", *clip_arguments, "--out", str(tmp_path / "a.tcfit")]) == 0
+    said = capsys.readouterr()
+    assert said.out == f"Made the project {tmp_path / 'a.tcfit'}: {FRAMES} frames of wave\n"
+    assert "Focal length 800.0 px" in said.err and "Give --frame-rate." in said.err
+    clip = read_clip(None, keypoint_folder, image_size=(640, 480), focal_length=800)
+    with Project.open(tmp_path / "a.tcfit") as project:
+        assert same_keypoints(project.detections, clip.keypoints) and project.clip.camera == clip.camera
+        assert project.clip.name == "wave" and len(project.clip) == FRAMES
+
+
+def test_without_out_the_project_is_named_after_the_clip(
+    clip_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", *clip_arguments]) == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["wave.tcfit"]
+    assert main(["new", *clip_arguments]) == 2
+    assert "wave.tcfit: is a project already" in capsys.readouterr().err
+
+
+def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):
+    images = tmp_path / "images"
+    images.mkdir()
+    for number in range(FRAMES):
+        cv2.imwrite(str(images / f"{number}.png"), np.zeros((480, 640, 3), np.uint8))
+    arguments = ["new", str(images), "--keypoints", str(keypoint_folder)]
+    assert main([*arguments, "--out", str(tmp_path / "linked")]) == 0
+    assert main([*arguments, "--out", str(tmp_path / "copied"), "--copy-video"]) == 0
+    with Project.open(tmp_path / "linked") as linked, Project.open(tmp_path / "copied") as copied:
+        assert linked.clip.source and linked.clip.source.samefile(images)
+        assert copied.clip.source == tmp_path / "copied" / "media" / "images"
+        assert len(list(copied.clip.source.iterdir())) == FRAMES
+
+
+def test_nothing_is_made_of_what_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "kp").mkdir()
+    assert main(["new", "--keypoints", str(tmp_path / "kp"), "--out", str(tmp_path / "a" / "b")]) == 2
+    assert "tcfit: " in capsys.readouterr().err and [p.name for p in tmp_path.iterdir()] == ["kp"]

@@ -1,0 +1,88 @@
+"""`tcfit review`: which project it opens or makes, and what it says."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tcfit_app.cli.main import main
+from tcfit_app.project.project import Project
+from tcfit_app.review.app import ReviewApp
+from tcfit_app.review.session import Session
+from tests.tcfit_app.conftest import FRAMES
+
+
+@pytest.fixture(autouse=True)
+def served(monkeypatch: pytest.MonkeyPatch) -> list[Session]:
+    """Sessions that were served; Ctrl-C comes at once."""
+    seen: list[Session] = []
+
+    def run(app: ReviewApp) -> None:
+        seen.append(app.session)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ReviewApp, "run", run)
+    return seen
+
+
+def reviewed(*arguments: Any) -> int:
+    return main(["review", *map(str, arguments), "--port", "0", "--no-browser"])
+
+
+def test_a_clip_becomes_a_project_which_is_opened_again(
+    clip_arguments: list[str], tmp_path: Path, served: list[Session], capsys: pytest.CaptureFixture
+):
+    folder = tmp_path / "wave.tcfit"
+    assert reviewed(*clip_arguments, "--out", folder) == 0
+    told = capsys.readouterr()
+    assert "Review: http://127.0.0.1:" in told.out and f"Made the project {folder}" in told.out
+    assert f"Everything is saved in {folder}" in told.out
+    with Project.open(folder) as project:
+        assert len(project.clip) == FRAMES and not project.runs.all()
+        project.marks.set([2], "flag")
+    assert reviewed(*clip_arguments, "--out", folder) == 0
+    assert "which was made before" in capsys.readouterr().err
+    assert reviewed(folder) == 0
+    assert len(served) == 3 and [s.project.folder for s in served] == [folder] * 3
+    with Project.open(folder) as project:
+        assert list(project.marks.all()) == [2]
+
+
+def test_a_second_process_is_told_and_opens_it_read_only(
+    clip_arguments: list[str], tmp_path: Path, served: list[Session], capsys: pytest.CaptureFixture
+):
+    folder = tmp_path / "wave.tcfit"
+    reviewed(*clip_arguments, "--out", folder)
+    with Project.open(folder):
+        assert reviewed(folder) == 0
+    told = capsys.readouterr().out
+    assert "is open in another tcfit" in told and "opens read-only here" in told
+    assert served[-1].project.read_only
+    assert reviewed(folder, "--read-only") == 0 and served[-1].project.read_only
+
+
+def test_a_first_fit_starts_if_asked_for(
+    clip_arguments: list[str], tmp_path: Path, served: list[Session], monkeypatch: pytest.MonkeyPatch
+):
+    started = threading.Event()
+    monkeypatch.setattr(Session, "fit_everything", lambda self, config, **body: started.set())
+    folder = tmp_path / "wave.tcfit"
+    reviewed(*clip_arguments, "--out", folder)
+    assert not started.is_set()
+    reviewed(folder, "--fit")
+    assert started.is_set()
+
+
+def test_what_is_wrong_is_said(clip_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
+    folder = tmp_path / "wave.tcfit"
+    reviewed(*clip_arguments, "--out", folder)
+    capsys.readouterr()
+    assert reviewed(folder, "--keypoints", tmp_path) == 2
+    assert "leave out --keypoints" in capsys.readouterr().err
+    assert reviewed(tmp_path / "nothing.mp4") == 2
+    assert "nothing.mp4" in capsys.readouterr().err
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "mine.txt").write_text("x")
+    assert reviewed(*clip_arguments, "--out", tmp_path / "other") == 2
+    assert "mine.txt" in capsys.readouterr().err

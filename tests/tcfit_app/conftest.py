@@ -1,0 +1,127 @@
+"""A tiny clip on the free body, options that fit it in about a second, and that fit."""
+
+import io
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import torch
+import viser
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.camera import Camera, project
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.keypoints import BODY, COUNT, Keypoints
+from fitting_core.synthetic.demo_clip import make_demo
+from tcfit_app.cli import fit_command
+from tcfit_app.cli.main import main
+from tcfit_app.project.project import Project
+from tests.drivers.browser import chromium
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+FRAMES = 6
+CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
+
+
+def motion() -> BodyParams:
+    """A person 4.5 m away who raises an arm over six frames."""
+    params = BodyParams.neutral(FRAMES)
+    params.global_orient[:, 0] = torch.pi
+    params.camera_translation[:] = torch.tensor([0.0, -0.3, 4.5])
+    params.body_pose[:, 3 * 15 + 2] = torch.linspace(-1.0, 0.2, FRAMES)
+    return params
+
+
+@pytest.fixture(scope="session")
+def free_body() -> BodyModel:
+    return load_body(find_body(search=FREE_FOLDER))
+
+
+@pytest.fixture(scope="session")
+def keypoint_folder(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Path:
+    """OpenPose JSON of that motion, body keypoints only, without noise."""
+    points, exists = keypoints_in_space(free_body, motion())
+    seen = exists & (np.arange(COUNT) < BODY.stop)
+    xy = np.zeros((FRAMES, COUNT, 2))
+    xy[:, seen] = project(CAMERA, torch.as_tensor(points[:, seen])).numpy()
+    folder = tmp_path_factory.mktemp("clip") / "wave"
+    write_openpose(folder, Keypoints(xy=xy, confidence=np.tile(0.9 * seen, (FRAMES, 1))), name="wave")
+    return folder
+
+
+QUICK = ["--set", "relay_rounds=0", "--set", "yaws=side_view", "--set", "settings.iterations=6"]
+"""Few solver steps."""
+
+
+@pytest.fixture(scope="session")
+def clip_arguments(keypoint_folder: Path) -> list[str]:
+    """The clip, as options."""
+    return ["--keypoints", str(keypoint_folder), "--image-size", "640", "480", "--focal-length", "800"]
+
+
+@pytest.fixture
+def fit_arguments(
+    clip_arguments: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
+    """`tcfit fit` on that clip into tmp_path/out, without an overlay and with few solver steps."""
+    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
+    return ["fit", *clip_arguments, "--out", str(tmp_path / "out"), "--no-overlay", *QUICK]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run of `tcfit fit`; tests must not change its folder."""
+
+    code: int
+    out: str
+    err: str
+    folder: Path
+
+
+@pytest.fixture(scope="session")
+def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The clip's fit, through the command line."""
+    folder, out, err = tmp_path_factory.mktemp("results") / "wave", io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = main(["fit", *clip_arguments, "--out", str(folder), "--no-overlay", *QUICK])
+    return Finished(code, out.getvalue(), err.getvalue(), folder)
+
+
+DEMO_RATE = 5.0
+"""Frames a second of the demo in tests: 29 frames."""
+
+
+@pytest.fixture(scope="session")
+def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project of the demo clip without a fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("demo")
+    demo = make_demo(folder / "clip", progress=False, frame_rate=DEMO_RATE)
+    given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
+    clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
+    Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
+    return folder / "demo.tcfit"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["Browser"]:
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def panel_server() -> Iterator[viser.ViserServer]:
+    """A server that panels are made on; nobody connects."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()

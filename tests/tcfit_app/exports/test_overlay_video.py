@@ -1,0 +1,94 @@
+"""The overlay video: which panels, which frames, which background."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.render.renderer import off_screen_gl
+from tcfit_app.exports import overlay_video
+from tcfit_app.exports.overlay_video import write_comparison
+
+FRAMES = 20
+"""More than are computed together."""
+CAMERA = Camera(focal=(80.0, 80.0), center=(32.0, 24.0), size=(64, 48))
+
+
+def _phase(number: int, depth: float) -> PhaseResult:
+    params = BodyParams.neutral(FRAMES)
+    params.global_orient[:, 0] = torch.pi
+    params.camera_translation[:, 2] = depth + 0.01 * torch.arange(FRAMES)
+    return PhaseResult(phase=number, params=params, objective={"total": 0.0}, frame_cost=np.zeros(FRAMES), seconds=0.0)
+
+
+def _fit(*phases: PhaseResult) -> FitResult:
+    observed = np.ones((FRAMES, 55), bool)
+    return FitResult(phases=phases, camera=CAMERA, config=FitConfig(), observed=observed)
+
+
+@pytest.fixture
+def clip() -> Clip:
+    keypoints = Keypoints(xy=np.zeros((FRAMES, COUNT, 2)), confidence=np.zeros((FRAMES, COUNT)))
+    return Clip(keypoints=keypoints, camera=CAMERA, frame_rate=25.0, name="x")
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What write_overlay was asked to write; panels and frames as lists."""
+    asked: dict[str, Any] = {}
+
+    def write(path: Path, frames: Any, panels: Any, **options: Any) -> None:
+        asked.update(options, frames=list(frames), panels={p.label: list(p.vertices) for p in panels})
+
+    monkeypatch.setattr(overlay_video, "write_overlay", write)
+    return asked
+
+
+def test_first_and_last_phase_side_by_side(clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path):
+    fit = _fit(_phase(1, 4.0), _phase(2, 5.0), _phase(3, 6.0))
+    write_comparison(tmp_path / "overlay.mp4", fit, clip, free_body)
+    assert list(written["panels"]) == ["phase 1: frame by frame", "phase 3: final"]
+    for vertices, phase in zip(written["panels"].values(), (fit.phases[0], fit.last), strict=True):
+        assert len(vertices) == FRAMES
+        assert np.allclose(vertices[17], Mesh(free_body)(phase.params[17:18])[0].numpy(), atol=1e-5)
+
+
+def test_phase_1_alone_is_one_panel(clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path):
+    write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0)), clip, free_body)
+    assert list(written["panels"]) == ["phase 1: frame by frame"]
+
+
+def test_frames_start_at_the_first_fitted_one(
+    clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path
+):
+    (tmp_path / "images").mkdir()
+    for i in range(FRAMES + 8):
+        cv2.imwrite(str(tmp_path / "images" / f"{i:03d}.png"), np.full((48, 64, 3), 5 * i, np.uint8))
+    shown = replace(clip, source=tmp_path / "images", first_frame=3)
+    write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0)), shown, free_body)
+    assert [int(frame[0, 0, 0]) for frame in written["frames"]] == [5 * i for i in range(3, FRAMES + 3)]
+
+
+def test_video_over_a_plain_background(clip: Clip, free_body: BodyModel, tmp_path: Path):
+    if off_screen_gl() is None:
+        pytest.skip("no off-screen OpenGL here (apt-get install libegl1 libgl1)")
+    write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0), _phase(3, 4.0)), clip, free_body)
+    video = cv2.VideoCapture(str(tmp_path / "overlay.mp4"))
+    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == FRAMES
+    frame = video.read()[1].astype(int)
+    assert frame.shape[:2] == (48, 2 * 64 + 4)
+    assert abs(frame[40, 2].mean() - 235) < 12, "grey where the body is not"
+    red_over_blue = frame[..., 2] - frame[..., 0]
+    assert red_over_blue[:, :64].max() > 40 > -40 > red_over_blue[:, 68:].min(), "orange on the left, blue on the right"

@@ -1,0 +1,473 @@
+"""The worker: order, cancelling, pausing, failures, drags in between, and that it always ends."""
+
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.config.schema import SolverSettings, Temporal
+from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.fit.fitting import fit, rerun_events
+from fitting_core.fit.result import FitResult
+from tcfit_app.fitting import worker as worker_module
+from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
+from tcfit_app.fitting.live import Correction
+from tcfit_app.fitting.outbox import (
+    DragAbandoned,
+    DragFailed,
+    DragFinished,
+    DragMoved,
+    JobCancelled,
+    JobFailed,
+    JobFinished,
+    JobProgress,
+    JobReported,
+    JobStarted,
+    Outbox,
+    Report,
+)
+from tcfit_app.fitting.worker import Worker
+from tests.samples import sessions
+from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
+from tests.samples.sessions import PATIENCE
+
+QUICK = replace(sessions.QUICK, temporal=Temporal(mode="sliding_window", window_size=3, stages=(5,)))
+CONVERGED = replace(QUICK, settings=SolverSettings(iterations=60, sequence_tolerance=1e-9))
+WRIST = kp.INDEX["right_wrist"]
+NOTHING = FitResult(
+    phases=(),
+    camera=Camera(focal=(1.0, 1.0), center=(0.5, 0.5), size=(1, 1)),
+    config=QUICK,
+    observed=np.zeros((0, 55), bool),
+)
+ENDS = (JobFinished, JobCancelled, JobFailed)
+
+
+@dataclass
+class Kept:
+    """A sink that remembers, or fails."""
+
+    results: list[tuple[Any, Any]] = field(default_factory=list)
+    error: Exception | None = None
+
+    def keep(self, job: Any, result: Any) -> None:
+        if self.error is not None:
+            raise self.error
+        self.results.append((job, result))
+
+    def keep_correction(self, correction: Correction, xy: Any, params: BodyParams) -> None:
+        self.keep(correction, params)
+
+
+@dataclass
+class Counting:
+    """A job of `steps` iterations, each of which waits for `gate`."""
+
+    steps: int = 5
+    fails_at: int | None = None
+    phases: tuple[int, ...] = (3,)
+    title: str = "counting"
+    seconds: float = 0.0
+    gate: threading.Event = field(default_factory=threading.Event)
+    waiting: bool = False
+    done: int = 0
+    closed: bool = False
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        try:
+            yield PhaseStarted(phase=3, title="count")
+            for i in range(self.steps):
+                self.waiting = True
+                assert self.gate.wait(PATIENCE)
+                time.sleep(self.seconds)
+                if i == self.fails_at:
+                    raise InputError("Step cannot be taken. Take another.")
+                self.done = i + 1
+                yield Iteration(phase=3, label=f"step {i + 1}", share=(i + 1) / self.steps, cost=1.0)
+            return NOTHING
+        finally:
+            self.closed = True
+
+
+def opened(job: Counting) -> Counting:
+    job.gate.set()
+    return job
+
+
+def until(condition: Callable[[], Any]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.002)
+
+
+@dataclass
+class Reader:
+    """The draw loop's side: everything that came out of the worker so far."""
+
+    outbox: Outbox
+    reports: list[Report] = field(default_factory=list)
+    progress: list[JobProgress] = field(default_factory=list)
+    moved: list[DragMoved] = field(default_factory=list)
+
+    def look(self) -> "Reader":
+        news = self.outbox.empty()
+        self.reports += news.reports
+        self.progress += [news.progress] if news.progress else []
+        self.moved += [news.moved] if news.moved else []
+        return self
+
+    def of(self, *kinds: type) -> list[Any]:
+        return [r for r in self.look().reports if isinstance(r, kinds)]
+
+    def wait(self, *kinds: type, count: int = 1) -> list[Any]:
+        until(lambda: len(self.of(*kinds)) >= count)
+        return self.of(*kinds)
+
+
+@pytest.fixture
+def kept() -> Kept:
+    return Kept()
+
+
+@pytest.fixture
+def worker(kept: Kept) -> Iterator[Worker]:
+    made = Worker(kept)
+    yield made
+    assert made.close(PATIENCE), "the worker's thread does not end"
+
+
+@pytest.fixture
+def reader(worker: Worker) -> Reader:
+    return Reader(worker.outbox)
+
+
+@pytest.fixture(scope="module")
+def clip(tiny_body: BodyModel) -> Clip:
+    return clip_of(hidden(noisy(keypoints_of(tiny_body, arms_in_motion(6)), 2.0), kp.HANDS, kp.FACE))
+
+
+@pytest.fixture(scope="module")
+def result(clip: Clip, tiny_body: BodyModel) -> FitResult:
+    return fit(clip, tiny_body, QUICK)
+
+
+def same(a: BodyParams, b: BodyParams) -> bool:
+    return all(torch.equal(values, getattr(b, name)) for name, values in vars(a).items())
+
+
+def test_a_whole_fit_reports_keeps_and_returns_what_the_core_gives(
+    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
+    job = FitEverything(clip=clip, body=tiny_body, config=QUICK)
+    number = worker.submit(job)
+    (end,) = reader.wait(*ENDS)
+    assert isinstance(end, JobFinished) and end.job == number and isinstance(end.outcome, FitResult)
+    assert same(end.outcome.last.params, result.last.params)
+    events = [r.event for r in reader.of(JobReported)]
+    assert [e.phase for e in events if isinstance(e, PhaseStarted)] == [1, 2, 3]
+    assert [e.phase for e in events if isinstance(e, PhaseFinished)] == [1, 2, 3]
+    assert [i for e in events if isinstance(e, WindowFinished) for i in e.frames] == list(range(6))
+    assert [type(r) for _, r in kept.results] == [
+        type(e) for e in events if isinstance(e, PhaseFinished | WindowFinished)
+    ] + [FitResult]
+    assert all(work is job for work, _ in kept.results)
+
+
+def test_progress_tells_share_times_and_terms(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel):
+    worker.submit(FitEverything(clip=clip, body=tiny_body, config=QUICK))
+    until(lambda: reader.of(*ENDS))
+    progress = reader.progress
+    assert progress and {p.title for p in progress} == {"Fit test clip"}
+    for before, after in pairwise(progress):
+        assert before.share <= after.share and before.elapsed < after.elapsed
+    late = [p for p in progress if p.phase > 1 and p.terms]
+    assert all(p.remaining is not None and p.terms["total"] > p.terms["data"] > 0 for p in late)
+
+
+def test_a_rerun_of_windows_is_one_after_the_other(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
+    windows = (range(0, 2), range(4, 6))
+    before = replace(result, phases=result.phases[:2])
+    start = before.last.params
+    worker.submit(RerunFrames(clip=clip, body=tiny_body, config=QUICK, start=before, windows=windows))
+    (end,) = reader.wait(*ENDS)
+    once = finished(rerun_events(clip, tiny_body, QUICK, start, windows[0]))
+    twice = finished(rerun_events(clip, tiny_body, QUICK, once, windows[1]))
+    assert isinstance(end, JobFinished) and same(end.outcome.last.params, twice)
+    assert [p.phase for p in end.outcome.phases] == [1, 2, 3] and end.outcome.phases[:2] == result.phases[:2]
+    assert end.outcome.last.notes == ("Re-run frames 0–1, 4–5: window of phase 3, the rest as in the run before",)
+    windows_told = [r.event for r in reader.of(JobReported) if isinstance(r.event, WindowFinished)]
+    assert [e.frames for e in windows_told] == list(windows)
+    assert torch.equal(windows_told[1].params.body_pose, twice.body_pose[4:6])
+    assert reader.of(JobStarted)[0].title == "Re-run frames 0–1, 4–5"
+
+
+def test_only_the_shape(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult):
+    """From the poses of phase 1 it finds the fit's own shape, and then the fit's own phase 3."""
+    worker.submit(FitShape(clip=clip, body=tiny_body, config=QUICK, start=result))
+    (end,) = reader.wait(*ENDS)
+    assert isinstance(end, JobFinished) and [p.phase for p in end.outcome.phases] == [1, 2, 3]
+    for found, before in zip(end.outcome.phases, result.phases, strict=True):
+        assert torch.allclose(found.params.betas, before.params.betas, atol=1e-9)
+        assert torch.allclose(found.params.body_pose, before.params.body_pose, atol=1e-6)
+        assert found.frame_cost == pytest.approx(before.frame_cost, rel=1e-6)
+    assert end.outcome.last.objective == pytest.approx(result.last.objective, rel=1e-6)
+    assert [r.event.phase for r in reader.of(JobReported) if isinstance(r.event, PhaseStarted)] == [2, 3]
+
+
+def test_jobs_run_in_order_and_a_failure_leaves_the_worker_usable(worker: Worker, reader: Reader, caplog):
+    jobs = [opened(Counting()), opened(Counting(fails_at=2)), opened(Counting())]
+    numbers = [worker.submit(job) for job in jobs]
+    ends = reader.wait(*ENDS, count=3)
+    assert [(type(e), e.job) for e in ends] == list(zip([JobFinished, JobFailed, JobFinished], numbers, strict=True))
+    assert ends[1].reason == "Step cannot be taken. Take another."
+    assert "Traceback" not in caplog.text and "Step cannot be taken" in caplog.text
+    assert [job.done for job in jobs] == [5, 2, 5] and all(job.closed for job in jobs)
+
+
+def test_a_sink_that_fails_is_told(worker: Worker, reader: Reader, kept: Kept):
+    kept.error = OSError("disk full")
+    worker.submit(opened(Counting()))
+    (end,) = reader.wait(*ENDS)
+    assert isinstance(end, JobFailed) and "disk full" in end.reason
+
+
+def test_cancelling_closes_the_generator_at_once(worker: Worker, reader: Reader):
+    running, waiting = Counting(steps=10**6, seconds=0.001), Counting()
+    numbers = worker.submit(opened(running)), worker.submit(waiting)
+    until(lambda: running.done > 3)
+    worker.cancel()
+    assert {e.job for e in reader.wait(JobCancelled, count=2)} == set(numbers)
+    assert running.closed and running.done < 10**6 and not waiting.done
+    worker.submit(opened(Counting()))
+    reader.wait(JobFinished)
+
+
+def test_one_job_of_several_is_cancelled(worker: Worker, reader: Reader):
+    first, second, third = Counting(), opened(Counting()), opened(Counting())
+    numbers = [worker.submit(job) for job in (first, second, third)]
+    worker.cancel(numbers[1])
+    worker.cancel(numbers[1] + 100)
+    first.gate.set()
+    assert [e.job for e in reader.wait(JobFinished, count=2)] == [numbers[0], numbers[2]]
+    assert second.done == 0 and [e.job for e in reader.of(JobCancelled)] == [numbers[1]]
+
+
+def test_a_pause_holds_between_iterations_and_does_not_count(worker: Worker, reader: Reader):
+    job, begin = Counting(steps=10**6, seconds=0.001), time.perf_counter()
+    worker.submit(opened(job))
+    until(lambda: job.done > 2)
+    worker.pause()
+    time.sleep(0.1)
+    held = job.done
+    time.sleep(0.3)
+    assert job.done == held
+    worker.resume()
+    until(lambda: job.done > held)
+    until(lambda: reader.look().progress)
+    assert 0 < reader.progress[-1].elapsed < time.perf_counter() - begin - 0.3
+    worker.pause()
+    worker.cancel()
+    reader.wait(JobCancelled)
+
+
+def test_the_slot_holds_the_newest_and_ends_empty():
+    outbox = Outbox()
+    seen = [
+        JobProgress(job=1, title="", phase=1, label="", share=s, cost=1, terms={}, elapsed=s, remaining=None)
+        for s in (0.1, 0.2)
+    ]
+    for progress in seen:
+        outbox.show(progress)
+    outbox.tell(JobStarted(job=1, title=""))
+    assert outbox.empty().progress is seen[1]
+    assert outbox.empty().progress is None
+    outbox.show(seen[0])
+    outbox.tell(JobCancelled(job=1))
+    news = outbox.empty()
+    assert news.progress is None and len(news.reports) == 1
+
+
+def drag_of(clip: Clip, body: BodyModel, params: BodyParams) -> Correction:
+    return Correction(clip=clip, body=body, config=CONVERGED, params=params, frame=3, keypoints=(WRIST,), reach=1)
+
+
+def test_a_long_job_waits_for_a_drag_and_goes_on(
+    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
+    job = Counting(steps=10**6, seconds=0.001)
+    worker.submit(opened(job))
+    until(lambda: job.done > 2)
+    c = drag_of(clip, tiny_body, result.last.params)
+    start = clip.keypoints.xy[3, [WRIST]]
+    drag = worker.drag(c, start)
+    until(lambda: reader.look().moved)
+    held = job.done
+    for step in range(20):
+        drag.move(start + 2.0 * step)
+        time.sleep(0.01)
+    assert job.done == held
+    drag.release()
+    (end,) = reader.wait(DragFinished)
+    assert end.frames == range(2, 5) and kept.results == [(c, end.params)]
+    plain = finished(rerun_events(c.edited(start + 38.0), tiny_body, c.converging, c.params, c.frames))
+    assert not same(plain, c.params) and torch.allclose(end.params.body_pose, plain.body_pose, atol=0.02)
+    until(lambda: job.done > held)
+    assert {m.drag for m in reader.moved} == {drag.number} and not reader.of(*ENDS)
+
+
+def test_a_resting_pointer_lets_the_job_go_on(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult, monkeypatch
+):
+    monkeypatch.setattr(worker_module, "LINGER", 0.05)
+    job = Counting(steps=10**6, seconds=0.001)
+    worker.submit(opened(job))
+    start = clip.keypoints.xy[3, [WRIST]]
+    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start)
+    until(lambda: reader.look().moved)
+    held = job.done
+    until(lambda: job.done > held + 3)
+    drag.move(start + 10)
+    count = len(reader.moved)
+    until(lambda: len(reader.look().moved) > count)
+    drag.abandon()
+    assert reader.wait(DragAbandoned)[0].drag == drag.number
+
+
+def test_only_the_newest_move_counts(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
+    """The worker is held up while hundreds of moves come: it takes the last of them."""
+    job = Counting(steps=1)
+    worker.submit(job)
+    until(lambda: job.waiting)
+    c = drag_of(clip, tiny_body, result.last.params)
+    drag = worker.drag(c, clip.keypoints.xy[3, [WRIST]])
+    for step in range(300):
+        drag.move(clip.keypoints.xy[3, [WRIST]] + 0.1 * step)
+    drag.release()
+    job.gate.set()
+    (end,) = reader.wait(DragFinished)
+    target = c.edited(clip.keypoints.xy[3, [WRIST]] + 0.1 * 299)
+    plain = finished(rerun_events(target, tiny_body, c.converging, c.params, c.frames))
+    assert torch.allclose(end.params.body_pose, plain.body_pose, atol=1e-6) and not reader.moved
+
+
+def test_a_drag_that_fails_leaves_job_and_worker(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
+    job = Counting(steps=10**6, seconds=0.001)
+    worker.submit(opened(job))
+    start = clip.keypoints.xy[3, [WRIST]]
+    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start)
+    until(lambda: reader.look().moved)
+    drag.move(np.array([[np.nan, 0.0]]))
+    assert reader.wait(DragFailed)[0].drag == drag.number
+    held = job.done
+    until(lambda: job.done > held)
+    worker.drag(drag_of(clip, tiny_body, result.last.params), start).release()
+    reader.wait(DragFinished)
+
+
+def test_drags_are_followed_under_a_pause(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
+    job = opened(Counting())
+    worker.pause()
+    worker.submit(job)
+    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]]).release()
+    reader.wait(DragFinished)
+    assert not job.done
+    worker.resume()
+    reader.wait(JobFinished)
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitResult, paused: bool):
+    worker = Worker(Kept())
+    reader = Reader(worker.outbox)
+    job = Counting(steps=10**6, seconds=0.001)
+    worker.submit(opened(job))
+    until(lambda: job.done > 2)
+    if paused:
+        worker.pause()
+    worker.submit(Counting())
+    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
+    assert worker.close(PATIENCE)
+    assert job.closed and len(reader.of(JobCancelled)) == 2 and len(reader.of(DragAbandoned)) == 1
+    assert worker.close(PATIENCE)
+    with pytest.raises(RuntimeError, match="closed"):
+        worker.submit(Counting())
+
+
+def test_a_job_that_does_not_come_back_is_told_from_one_that_ends():
+    worker, job = Worker(Kept()), Counting()
+    worker.submit(job)
+    until(lambda: job.waiting)
+    assert not worker.close(timeout=0.05)
+    job.gate.set()
+    assert worker.close(PATIENCE)
+
+
+COMMANDS = st.lists(
+    st.one_of(
+        st.tuples(st.just("submit"), st.integers(0, 6), st.one_of(st.none(), st.integers(0, 6))),
+        st.sampled_from([("cancel all",), ("cancel last",), ("pause",), ("resume",), ("look",), ("wait",)]),
+    ),
+    max_size=25,
+)
+
+
+@settings(max_examples=40)
+@given(commands=COMMANDS)
+def test_every_job_ends_once_whatever_is_commanded(commands: list[tuple]):
+    """Started before it ends, one after the other, in the order of the queue; and the thread always ends."""
+    worker = Worker(Kept())
+    reader, numbers = Reader(worker.outbox), []
+    for name, *given_ in commands:
+        if name == "submit":
+            numbers.append(worker.submit(opened(Counting(steps=given_[0], fails_at=given_[1]))))
+        elif name == "cancel last" and numbers:
+            worker.cancel(numbers[-1])
+        elif name == "wait":
+            time.sleep(0.002)
+        else:
+            {"cancel all": worker.cancel, "pause": worker.pause, "resume": worker.resume, "look": reader.look}.get(
+                name, reader.look
+            )()
+    assert worker.close(PATIENCE)
+    assert sorted(e.job for e in reader.of(*ENDS)) == numbers
+    started = [r.job for r in reader.of(JobStarted)]
+    assert started == sorted(started)
+    running: int | None = None
+    for report in reader.of(JobStarted, JobReported, *ENDS):
+        if isinstance(report, JobStarted):
+            assert running is None
+            running = report.job
+        elif report.job in started:
+            assert report.job == running
+            running = None if isinstance(report, ENDS) else running
+
+
+def test_the_jobs_are_jobs(clip: Clip, tiny_body: BodyModel, result: FitResult):
+    jobs: list[Job] = [
+        FitEverything(clip=clip, body=tiny_body, config=QUICK),
+        FitShape(clip=clip, body=tiny_body, config=replace(QUICK, last_phase=2), start=result),
+    ]
+    assert [job.phases for job in jobs] == [(1, 2, 3), (2,)]

@@ -1,0 +1,219 @@
+"""Results of other programs as runs of a project: on the command line, in the session, in the panel Runs."""
+
+import pickle
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.points.positions import joints_in_space
+from fitting_core.errors import InputError
+from fitting_core.io.motion.animation_npz import write_animation_npz
+from fitting_core.io.motion.motion import Motion
+from fitting_core.io.motion.smplifyx import write_smplifyx
+from fitting_core.priors.files.network_file import write_network
+from tcfit_app.cli.main import main
+from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.imports.results import ImportChoices, import_run
+from tcfit_app.project.project import Project
+from tcfit_app.review.panels.compare import panel as compare
+from tcfit_app.review.panels.compare.panel import ComparePanel
+from tcfit_app.review.panels.runs.panel import RunsPanel
+from tests.drivers.lone_page import LonePage, tiny_page
+from tests.fitting_core.priors.networks import random_latents, random_network
+from tests.samples.project_samples import CAMERA, FRAMES, sample_clip, sample_params
+from tests.samples.sessions import OneBody, small_clip
+
+NONE = ImportChoices()
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Iterator[Project]:
+    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as opened:
+        yield opened
+
+
+def results(folder: Path, body: BodyModel, frames: int = FRAMES, *, first: int = 0, seed: int = 3) -> Path:
+    """A folder of SMPLify-X results that tells its body and camera."""
+    params = sample_params(seed, frames, 12)
+    stems = [f"walk_{first + t:06d}" for t in range(frames)]
+    write_smplifyx(folder, params, stems=stems, camera=CAMERA, body=body, frame_rate=25)
+    return folder
+
+
+def test_smplifyx_results_become_a_run(project: Project, tmp_path: Path, tiny_body: BodyModel):
+    folder = results(tmp_path / "smplifyx", tiny_body)
+    run = import_run(project, OneBody(tiny_body), folder, name="SMPLify-X")
+    assert (run.name, run.kind, run.state, run.parent) == ("SMPLify-X", "imported", "finished", None)
+    assert run.summary == {"source": str(folder), "format": "SMPLify-X results"}
+    with Project.open(project.folder, read_only=True) as again:
+        fit = again.runs.load(run.id)
+    expected = joints_in_space(tiny_body, sample_params(3, FRAMES, 12))
+    assert np.abs(joints_in_space(tiny_body, fit.last.params) - expected).max() < 1e-5
+    assert fit.camera.focal == CAMERA.focal and fit.observed.all() and np.isnan(fit.last.frame_cost).all()
+    assert fit.last.notes == (f"Imported from {folder}, read as SMPLify-X results.",)
+
+
+def test_an_export_becomes_a_run_as_it_was(project: Project, tmp_path: Path, tiny_body: BodyModel):
+    params = sample_params(5, FRAMES, 12)
+    motion = Motion(body=tiny_body, params=params, camera=CAMERA, frame_rate=25.0, name="w").one_shape
+    write_animation_npz(tmp_path / "walk.npz", motion.in_axes("z-up"))
+    run = import_run(project, OneBody(tiny_body), tmp_path / "walk.npz")
+    fit = project.runs.load(run.id)
+    assert np.abs(joints_in_space(tiny_body, fit.last.params) - joints_in_space(tiny_body, motion.params)).max() < 1e-9
+
+
+def test_the_wrong_clip_is_refused_and_nothing_kept(project: Project, tmp_path: Path, tiny_body: BodyModel):
+    folder = results(tmp_path / "other", tiny_body, FRAMES - 2)
+    with pytest.raises(InputError, match=f"has {FRAMES - 2} frames .* expected all of the clip's {FRAMES} frames"):
+        import_run(project, OneBody(tiny_body), folder)
+    assert project.runs.all() == [] and not list((project.folder / "runs").glob("*.npz"))
+
+
+def test_a_body_that_is_not_here_is_named(project: Project, tmp_path: Path, tiny_body: BodyModel):
+    for file in results(tmp_path / "r", tiny_body).rglob("about.json"):
+        file.write_text(file.read_text().replace('"body_hash": ""', '"body_hash": "0123456789abcdef"'))
+    with pytest.raises(InputError, match=r"belongs to a neutral smplx body that is not here .SHA-256 0123456789ab"):
+        import_run(project, Gone(tiny_body), tmp_path / "r")
+    run = import_run(project, Gone(tiny_body), tmp_path / "r", ImportChoices(body_model="smplx"))
+    fit = project.runs.load(run.id)
+    assert not fit.last.params.betas.any() and not fit.last.params.left_hand_pose.any()
+    assert any("shape, expression and hands (components) mean nothing" in note for note in fit.last.notes)
+
+
+class Gone(OneBody):
+    """Has another body than those of runs."""
+
+    def of(self, record: object) -> BodyModel:
+        raise InputError("it is gone")
+
+
+def test_vposers_numbers_take_the_vposer_that_was_given(project: Project, tmp_path: Path, tiny_body: BodyModel):
+    folder, latent = results(tmp_path / "r", tiny_body), random_latents(FRAMES)
+    for t, file in enumerate(sorted(folder.rglob("*.pkl"))):
+        content = pickle.loads(file.read_bytes()) | {"body_pose": latent[t : t + 1].numpy()}
+        file.write_bytes(pickle.dumps(content, protocol=2))
+    with pytest.raises(InputError, match="32 numbers of a VPoser instead of angles"):
+        import_run(project, OneBody(tiny_body), folder)
+    write_network(tmp_path / "vposer.npz", random_network(), notes="")
+    run = import_run(project, OneBody(tiny_body), folder, ImportChoices(vposer=tmp_path / "vposer.npz"))
+    assert project.runs.load(run.id).last.params.body_pose.abs().max() > 0.1
+
+
+def test_on_the_command_line(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    folder = tmp_path / "walk.tcfit"
+    Project.create(folder, sample_clip()).__exit__(None, None, None)
+    good = results(tmp_path / "smplifyx", free_body)
+    assert main(["import", str(folder), str(good)]) == 0
+    out = capsys.readouterr()
+    assert out.out == f"Imported as run 1, smplifyx: {FRAMES} frames, neutral smplx body\n"
+    (good / "results" / "walk_000001" / "000.pkl").write_bytes(b"\x80\x02}.")
+    assert main(["import", str(folder), str(good)]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("tcfit: ") and "walk_000001/000.pkl: has no 'global_orient'" in err and "Traceback" not in err
+    assert main(["import", str(tmp_path), str(good)]) == 2 and "is no project of tcfit" in capsys.readouterr().err
+    with Project.open(folder, read_only=True) as project:
+        assert [run.kind for run in project.runs.all()] == ["imported"]
+
+
+# --- the panel ---
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, RunsPanel) as page:
+        yield page
+
+
+def small_results(folder: Path, body: BodyModel) -> Path:
+    clip = small_clip(body)
+    stems = [f"w_{t:03d}" for t in range(len(clip))]
+    params = sample_params(2, len(clip), 12)
+    write_smplifyx(folder, params, stems=stems, camera=clip.camera, body=body, frame_rate=clip.frame_rate)
+    return folder
+
+
+def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path: Path, tiny_body: BodyModel):
+    own = tested.fit()
+    session, page = tested.page.session, tested.page
+    tested.field("Path").value = f" {small_results(tmp_path / 'theirs', tiny_body)} "
+    tested.click("Import")
+    assert tested.notices == [] or tested.notices[-1].kind != "error"
+    run = session.fits.runs[-1]
+    assert run.kind == "imported" and page.message[0] == "Imported: theirs; show it as A or B"
+    html = tested.html()
+    assert "imported" in html and "SMPLify-X results" in html and str(tmp_path / "theirs") in html
+    assert "Use its settings" not in html
+    shown = page.fit(FitChoice())
+    assert shown is not None and shown.run.id == own.id, "what was imported is not the newest fit"
+    tested.click("Show as A")
+    imported = page.fit(page.state.a)
+    assert imported is not None and imported.title == "theirs" and imported.run.id == run.id
+    tested.click("Show as B")
+    with pytest.raises(InputError, match="theirs was imported, to compare with: nothing can be fitted on from it"):
+        session.rerun_shape(imported, own.config)
+    assert session.following.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
+
+
+def test_what_cannot_be_imported_is_told(tested: LonePage, tmp_path: Path):
+    tested.field("Path").value = str(tmp_path / "nowhere")
+    tested.click("Import")
+    assert "there is no such file or folder" in tested.notices[-1].text
+    tested.field("First frame").value = "-1"
+    tested.click("Import")
+    assert "First frame is '-1'; expected a whole number" in tested.notices[-1].text
+    assert tested.page.session.fits.runs == ()
+
+
+def _upload(tested: LonePage, name: str, content: bytes) -> None:
+    handle = tested.field("Upload a file …")
+    handle._impl.value = viser.UploadedFile(name=name, content=content)
+    tested.call_back(handle, MagicMock())
+
+
+def test_an_upload_becomes_a_run_and_its_name_no_path(tested: LonePage, tmp_path: Path, tiny_body: BodyModel):
+    folder, file = small_results(tmp_path / "theirs", tiny_body), tmp_path / "r.zip"
+    with zipfile.ZipFile(file, "w") as archive:
+        for path in folder.rglob("*.*"):
+            archive.write(path, path.relative_to(folder))
+    before = sorted(tmp_path.rglob("*"))
+    _upload(tested, "../../evil\n.zip", file.read_bytes())
+    [run] = tested.page.session.fits.runs
+    assert run.name == "../../evil?.zip" and run.summary["source"] == "../../evil?.zip"
+    made = [path for path in sorted(tmp_path.rglob("*")) if path not in before]
+    assert [path.relative_to(tmp_path).parts[:2] for path in made] == [("p", "runs")]
+
+
+@pytest.mark.parametrize("content", [b"", b"no result", b"PK\x03\x04 cut off", b"\x80\x02}."])
+def test_a_broken_upload_is_told_by_its_own_name(tested: LonePage, content: bytes):
+    _upload(tested, "theirs.npz", content)
+    assert tested.notices[-1].kind == "error"
+    assert tested.notices[-1].text.startswith("theirs.npz") and "tcfit-upload" not in tested.notices[-1].text
+    assert tested.page.session.fits.runs == ()
+
+
+def page_a(tested: LonePage) -> Shown:
+    shown = tested.page.fit(tested.page.state.a)
+    assert shown is not None
+    return shown
+
+
+def test_an_imported_run_is_compared_and_searched_like_any_other(
+    panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
+        own, session = tested.fit(), tested.page.session
+        run = session.import_run(str(small_results(tmp_path / "theirs", tiny_body)), NONE)
+        tested.page.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
+        tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
+        shown = page_a(tested)
+        figures = {figure.name: figure.value for figure in tested.page.desk.metrics(shown) or ()}
+        assert figures["seconds"] is None and "theirs" in tested.html()
+        assert "Something went wrong" not in str(tested.notices)
+        tested.until(lambda: tested.page.desk.suspects(shown) is not None)

@@ -1,0 +1,147 @@
+"""The log of edits: incremental against from scratch, undo and redo, and detections that nothing changes."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitting_core.errors import InputError
+from fitting_core.keypoints import Keypoints
+from tcfit_app.project.edits import edit_log
+from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo, apply
+from tcfit_app.project.edits.kinds import Edit, MarkBad, MoveKeypoint
+from tests.samples.project_samples import edits, same_keypoints, sample_keypoints
+
+NOW: Any = None
+STEPS = st.lists(st.one_of(edits(), st.sampled_from(["undo", "redo"])), max_size=25)
+
+
+def entry(number: int, action: Action) -> LogEntry:
+    return LogEntry(id=number, time=NOW, author="a", action=action)
+
+
+def from_scratch(detections: Keypoints, done: list[tuple[int, Edit]]) -> Keypoints:
+    return apply(detections, [entry(number, edit) for number, edit in done])
+
+
+@pytest.mark.parametrize("memory", [edit_log._MEMORY, 3000, 0])
+def test_every_step_equals_the_edits_that_are_done_made_from_scratch(memory: int, monkeypatch: pytest.MonkeyPatch):
+    """With little memory, undo makes all edits again."""
+    monkeypatch.setattr(edit_log, "_MEMORY", memory)
+    detections = sample_keypoints()
+    copy = Keypoints(xy=detections.xy.copy(), confidence=detections.confidence.copy())
+
+    @given(STEPS)
+    @settings(max_examples=60)
+    def holds(steps: list[Edit | str]) -> None:
+        history, log = EditHistory(detections), []
+        done: list[tuple[int, Edit]] = []
+        undone: list[tuple[int, Edit]] = []
+        for number, step in enumerate(steps, 1):
+            if step == "undo":
+                assert (history.undoable is None) == (not done)
+                if not done:
+                    continue
+                undone.append(done.pop())
+                action: Action = Undo(edit=undone[-1][0])
+            elif step == "redo":
+                assert (history.redoable is None) == (not undone)
+                if not undone:
+                    continue
+                done.append(undone.pop())
+                action = Redo(edit=done[-1][0])
+            else:
+                assert not isinstance(step, str)
+                action = step
+                done.append((number, step))
+                undone.clear()
+            history.check(action)
+            history.add(entry(number, action))
+            log.append(entry(number, action))
+            assert same_keypoints(history.keypoints, from_scratch(detections, done))
+        assert same_keypoints(apply(detections, log), history.keypoints)
+        assert same_keypoints(detections, copy)
+
+    holds()
+
+
+@given(st.lists(edits(), max_size=12))
+@settings(max_examples=60)
+def test_undoing_everything_gives_the_detections_and_redoing_everything_the_corrections(made: list[Edit]):
+    detections = sample_keypoints()
+    log = [entry(number, edit) for number, edit in enumerate(made, 1)]
+    history = EditHistory(detections, log)
+    corrected = history.keypoints
+    for number, last in enumerate(reversed(log), 100):
+        history.add(entry(number, Undo(edit=last.id)))
+    assert same_keypoints(history.keypoints, detections) and not history.corrected.edited.any()
+    for number, first in enumerate(log, 200):
+        history.add(entry(number, Redo(edit=first.id)))
+    assert same_keypoints(history.keypoints, corrected)
+
+
+def test_a_new_edit_ends_redo():
+    history = EditHistory(sample_keypoints(), [entry(1, MarkBad(frames=(0,), joints=(0,))), entry(2, Undo(edit=1))])
+    assert history.redoable and history.redoable.id == 1 and history.undoable is None
+    history.add(entry(3, MarkBad(frames=(1,), joints=(0,))))
+    assert history.redoable is None and history.undoable and history.undoable.id == 3
+    with pytest.raises(InputError, match="Edit 1 cannot be redone now; none is next"):
+        history.check(Redo(edit=1))
+
+
+def test_undo_takes_back_the_last_edit_only():
+    first, second = (MarkBad(frames=(t,), joints=(0,)) for t in (0, 1))
+    history = EditHistory(sample_keypoints(), [entry(1, first), entry(2, second)])
+    with pytest.raises(InputError, match="Edit 1 cannot be undone now; edit 2 is next"):
+        history.check(Undo(edit=1))
+    with pytest.raises(InputError, match="cannot be undone"):
+        EditHistory(sample_keypoints(), [entry(1, Undo(edit=1))])
+
+
+def test_what_was_handed_out_stays_as_it_was():
+    history = EditHistory(sample_keypoints())
+    before, marks = history.keypoints, history.corrected
+    xy, bad = before.xy.copy(), marks.bad.copy()
+    history.add(entry(1, MoveKeypoint(frames=(0,), joints=(0,), xy=(((5.0, 5.0),),))))
+    history.add(entry(2, MarkBad(frames=(0,), joints=(1,))))
+    assert np.array_equal(before.xy, xy) and np.array_equal(marks.bad, bad)
+    assert history.keypoints.xy[0, 0, 0] == 5 and history.corrected.bad[0, 1]
+    for array in (before.xy, before.confidence, marks.bad, history.keypoints.xy):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 0
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many cells each step writes."""
+    written: list[int] = []
+    put = edit_log.Corrected.put
+
+    def counted(self: Any, frames: Any, joints: Any, values: Any) -> None:
+        written.append(len(frames) * len(joints))
+        put(self, frames, joints, values)
+
+    monkeypatch.setattr(edit_log.Corrected, "put", counted)
+    return written
+
+
+def test_one_more_edit_does_not_look_at_the_whole_clip(written: list[int]):
+    """For one edit and for one undo: as many as the edit touches."""
+    history = EditHistory(sample_keypoints(400))
+    for number in range(1, 21):
+        history.add(entry(number, MarkBad(frames=(number,), joints=(0, 1))))
+    history.add(entry(21, Undo(edit=20)))
+    assert written == [2] * 21
+
+
+def test_what_was_undone_takes_no_memory(written: list[int], monkeypatch: pytest.MonkeyPatch):
+    """However often one edits and undoes, the next undo need not make all edits again."""
+    edit = MarkBad(frames=(0,), joints=(0, 1))
+    monkeypatch.setattr(edit_log, "_MEMORY", 3 * edit_log.Corrected.none(sample_keypoints()).at((0,), (0, 1)).nbytes)
+    history = EditHistory(sample_keypoints(), [entry(1, edit)])
+    for number in range(2, 42, 2):
+        history.add(entry(number, edit))
+        history.add(entry(number + 1, Undo(edit=number)))
+    assert written == [2] * 41

@@ -1,0 +1,214 @@
+"""Every kind of edit: what it makes of keypoints, worked out by hand, and which edits are refused."""
+
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from fitting_core.errors import InputError
+from fitting_core.keypoints import BODY, FACE, HANDS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from tcfit_app.project.edits import edit_log
+from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, decode, encode
+from tcfit_app.project.edits.kinds import (
+    KINDS,
+    MIRRORED,
+    SIDES,
+    CopyFrom,
+    Edit,
+    Interpolate,
+    MarkBad,
+    MoveKeypoint,
+    Nudge,
+    Reset,
+    Restore,
+    SetConfidence,
+    SwapSides,
+)
+from tests.samples.project_samples import edits, same_keypoints, sample_keypoints
+
+NOW: Any = None
+"""No test here looks at times."""
+
+
+@pytest.fixture
+def detected() -> Keypoints:
+    """Keypoints 0 to 9 were detected in all frames, 10 to 12 in none."""
+    keypoints = sample_keypoints()
+    confidence = keypoints.confidence.copy()
+    confidence[:, :10], confidence[:, 10:13] = 0.4, 0
+    return Keypoints(xy=keypoints.xy, confidence=confidence)
+
+
+def after(detected: Keypoints, *made: Edit) -> EditHistory:
+    entries = [LogEntry(id=n, time=NOW, author="", action=edit) for n, edit in enumerate(made, 1)]
+    return EditHistory(detected, entries)
+
+
+def untouched(history: EditHistory, detected: Keypoints, frames: list[int], joints: list[int]) -> bool:
+    """Whether nothing but these frames and joints has changed."""
+    elsewhere = np.ones(detected.confidence.shape, dtype=bool)
+    elsewhere[np.ix_(frames, joints)] = False
+    found, marks = history.keypoints, history.corrected
+    same = (found.xy == detected.xy).all(-1) & (found.confidence == detected.confidence) & ~marks.bad & ~marks.edited
+    return bool(same[elsewhere].all())
+
+
+def test_move_puts_a_group_of_keypoints_where_it_says(detected: Keypoints):
+    xy = (((1.0, 2.0), (3.0, 4.0)), ((5.0, 6.0), (7.0, 8.0)))
+    history = after(detected, MoveKeypoint(frames=(4, 1), joints=(3, 11), xy=xy))
+    found = history.keypoints
+    assert found.xy[[4, 1]][:, [3, 11]].tolist() == [[list(p) for p in row] for row in xy]
+    assert (found.confidence[np.ix_([4, 1], [3, 11])] == 1).all() and history.corrected.edited[4, 3]
+    assert untouched(history, detected, [4, 1], [3, 11])
+    unsure = MoveKeypoint(frames=(0,), joints=(3,), xy=(((1.0, 2.0),),), confidence=0.25)
+    assert after(detected, unsure).keypoints.confidence[0, 3] == 0.25
+
+
+def test_bad_keypoints_have_no_confidence_until_they_are_restored(detected: Keypoints):
+    where: Any = {"frames": (1, 2), "joints": (3, 11)}
+    bad = after(detected, MarkBad(**where))
+    assert (bad.keypoints.confidence[1:3, [3, 11]] == 0).all() and np.array_equal(bad.keypoints.xy, detected.xy)
+    assert bad.corrected.bad[1:3, [3, 11]].all() and untouched(bad, detected, [1, 2], [3, 11])
+    assert same_keypoints(after(detected, MarkBad(**where), Restore(**where)).keypoints, detected)
+    moved = MoveKeypoint(frames=(1,), joints=(3,), xy=(((9.0, 9.0),),))
+    for edit, confidence in ((moved, 1.0), (SetConfidence(frames=(1,), joints=(3,), confidence=0.7), 0.7)):
+        again = after(detected, MarkBad(**where), edit)
+        assert again.keypoints.confidence[1, 3] == confidence and again.keypoints.confidence[2, 3] == 0
+    nudged = after(detected, MarkBad(**where), Nudge(**where, by=(1.0, 1.0)), Restore(**where))
+    assert same_keypoints(nudged.keypoints, detected)
+
+
+def test_restored_keypoints_are_as_sure_as_before(detected: Keypoints):
+    where: Any = {"frames": (1,), "joints": (3,)}
+    history = after(detected, SetConfidence(**where, confidence=0.6), MarkBad(**where), Restore(**where))
+    assert history.keypoints.confidence[1, 3] == 0.6
+
+
+def test_a_confidence_brings_nothing_that_is_nowhere(detected: Keypoints):
+    lost = Keypoints(xy=detected.xy, confidence=detected.confidence * (np.arange(137) != 5))
+    where: Any = {"frames": (1, 2), "joints": (3, 5)}
+    history = after(lost, MarkBad(**where), SetConfidence(confidence=0.5, **where))
+    assert (history.keypoints.confidence[1:3, 3] == 0.5).all() and (history.keypoints.confidence[1:3, 5] == 0).all()
+    assert history.corrected.edited[1, 3] and not history.corrected.edited[1, 5]
+
+
+def test_nudge_moves_what_is_there(detected: Keypoints):
+    history = after(detected, Nudge(frames=(0, 5), joints=(2, 12), by=(1.0, -2.0)))
+    found = history.keypoints
+    assert (
+        np.allclose(found.xy[[0, 5], 2] - detected.xy[[0, 5], 2], [1, -2]) and (found.confidence[[0, 5], 2] == 1).all()
+    )
+    assert untouched(history, detected, [0, 5], [2])
+
+
+def test_swap_exchanges_left_and_right_with_their_confidence(detected: Keypoints):
+    left, right = INDEX["left_wrist"], INDEX["right_wrist"]
+    once = after(detected, SwapSides(frames=(2,), joints=SIDES["arms"]))
+    assert np.array_equal(once.keypoints.xy[2, left], detected.xy[2, right])
+    assert once.keypoints.confidence[2, left] == detected.confidence[2, right]
+    assert untouched(once, detected, [2], list(SIDES["arms"]))
+    sides = np.zeros_like(once.corrected.edited)
+    sides[2, list(SIDES["arms"])] = True
+    assert np.array_equal(once.corrected.edited, sides)
+    hands = after(detected, SwapSides(frames=(2,), joints=SIDES["hands"])).keypoints
+    assert np.array_equal(hands.xy[2, LEFT_HAND], detected.xy[2, RIGHT_HAND])
+    assert np.array_equal(hands.confidence[2, RIGHT_HAND], detected.confidence[2, LEFT_HAND])
+    bad = after(detected, MarkBad(frames=(2,), joints=(left,)), SwapSides(frames=(2,), joints=SIDES["arms"]))
+    assert bad.corrected.bad[2, right] and not bad.corrected.bad[2, left]
+
+
+def test_the_other_side_of_a_keypoint():
+    assert all(MIRRORED[MIRRORED[j]] == j for j in MIRRORED) and set(MIRRORED) == set(range(FACE.start))
+    for joint, other in MIRRORED.items():
+        swapped = {"left": "right", "right": "left"}.get(NAMES[joint].split("_")[0])
+        assert NAMES[other] == (NAMES[joint] if swapped is None else f"{swapped}_{NAMES[joint].split('_', 1)[1]}")
+        assert (joint in range(137)[BODY]) == (other in range(137)[BODY])
+    assert len(SIDES["body"]) == 22 and set(SIDES["hands"]) == set(range(137)[HANDS])
+
+
+def test_copy_takes_over_what_another_frame_has(detected: Keypoints):
+    bad = MarkBad(frames=(1,), joints=(4,))
+    history = after(detected, bad, CopyFrom(frames=(2, 3), joints=(3, 4, 11), source=1))
+    found = history.keypoints
+    for frame in (2, 3):
+        assert np.array_equal(found.xy[frame, [3, 4, 11]], detected.xy[1, [3, 4, 11]])
+        assert found.confidence[frame, [3, 4, 11]].tolist() == [1, 0, 0]
+        assert history.corrected.bad[frame, [3, 4, 11]].tolist() == [False, True, False]
+    assert np.array_equal(found.xy[4:], detected.xy[4:])
+
+
+def test_interpolation_fills_a_straight_line(detected: Keypoints):
+    ends = [MoveKeypoint(frames=(t,), joints=(3,), xy=((xy,),)) for t, xy in ((1, (10.0, 0.0)), (5, (50.0, 80.0)))]
+    history = after(detected, *ends, Interpolate.between(1, 5, (3, 11)))
+    found = history.keypoints
+    assert np.allclose(found.xy[2:5, 3], [(20, 20), (30, 40), (40, 60)]) and (found.confidence[1:6, 3] == 1).all()
+    assert untouched(history, detected, [1, 2, 3, 4, 5], [3])
+    gap = after(detected, MarkBad(frames=(5,), joints=(3,)), Interpolate.between(1, 5, (3,)))
+    assert np.array_equal(gap.keypoints.xy, detected.xy)
+
+
+def test_reset_brings_the_detection_back(detected: Keypoints):
+    moved = MoveKeypoint(frames=(0, 1), joints=(3,), xy=(((1.0, 1.0),), ((2.0, 2.0),)))
+    both = after(detected, moved, MarkBad(frames=(0,), joints=(3,)), Reset(frames=(0, 1), joints=(3,)))
+    assert same_keypoints(both.keypoints, detected) and not both.corrected.bad.any() and not both.corrected.edited.any()
+
+
+ONE: Any = {"frames": (0,), "joints": (0,)}
+REFUSED = {
+    "no frame": (MarkBad(frames=(), joints=(0,)), "names no frame"),
+    "no keypoint": (MarkBad(frames=(0,), joints=()), "names no keypoint"),
+    "frames behind the end": (MarkBad(frames=(3, 6, 7, 8), joints=(0,)), "no frame 6-8; the clip has frames 0 to 5"),
+    "negative frame": (Reset(frames=(-1,), joints=(0,)), "no frame -1"),
+    "keypoint": (Reset(frames=(0,), joints=(137,)), "no keypoint 137"),
+    "frame twice": (Reset(frames=(1, 1), joints=(0,)), "a frame twice"),
+    "too few positions": (MoveKeypoint(frames=(0, 1), joints=(0,), xy=(((1.0, 1.0),),)), "not one position for each"),
+    "not a number": (MoveKeypoint(**ONE, xy=(((float("nan"), 1.0),),)), "not a number"),
+    "far away": (MoveKeypoint(**ONE, xy=(((1e9, 1.0),),)), "not a number between"),
+    "confidence": (SetConfidence(**ONE, confidence=1.5), "confidence is 1.5; expected 0 to 1"),
+    "confidence no number": (SetConfidence(**ONE, confidence=float("nan")), "confidence is nan"),
+    "infinite nudge": (Nudge(**ONE, by=(float("inf"), 0.0)), "distance is not a number"),
+    "source": (CopyFrom(**ONE, source=6), "copies from frame 6"),
+    "nothing between": (Interpolate.between(2, 3, (0,)), "names no frame"),
+    "outside of the ends": (Interpolate(frames=(1, 4), joints=(0,), first=0, last=3), "do not lie between"),
+    "end outside the clip": (Interpolate.between(3, 6, (0,)), "do not lie between frames 3 and 6"),
+    "one side": (SwapSides(frames=(0,), joints=(INDEX["left_wrist"],)), "left_wrist is named without"),
+    "face": (SwapSides(frames=(0,), joints=(100,)), "belongs to the face"),
+}
+
+
+@pytest.mark.parametrize(("edit", "message"), REFUSED.values(), ids=REFUSED)
+def test_senseless_edits_are_refused(edit: Edit, message: str, detected: Keypoints):
+    history = after(detected)
+    with pytest.raises(InputError, match=message):
+        history.check(edit)
+
+
+@given(edits())
+def test_an_edit_reads_back_from_its_text(edit: Edit):
+    assert decode(encode(edit)) == edit
+
+
+def test_every_kind_is_drawn_in_these_tests():
+    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 9
+    assert set(get_args(edit_log.Action)) == {*KINDS.values(), edit_log.Undo, edit_log.Redo}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        '{"kind": "explode", "frames": [0], "joints": [0]}',
+        '{"frames": [0], "joints": [0]}',
+        '{"kind": "mark_bad", "frames": [0]}',
+        '{"kind": "mark_bad", "frames": [0], "joints": [0], "force": true}',
+        '{"kind": "mark_bad", "frames": [0.5], "joints": [0]}',
+        '{"kind": "mark_bad", "frames": "0", "joints": [0]}',
+        '{"kind": "undo", "edit": null}',
+    ],
+)
+def test_other_texts_are_no_edits(text: str):
+    with pytest.raises(InputError, match="cannot be read"):
+        decode(text)

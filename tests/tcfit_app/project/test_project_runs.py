@@ -1,0 +1,170 @@
+"""The runs of a project: from start to end, what comes back of a fit, and the files beside their rows."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.config.schema import PRESETS
+from fitting_core.errors import InputError
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.run_files import read_run, write_run
+from tcfit_app.project.storage.runs import Run
+from tests.samples.project_samples import BODY, CONFIG, FRAMES, assert_same_fit, random_edit, sample_clip, sample_fit
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Iterator[Project]:
+    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as project:
+        yield project
+
+
+def started(project: Project, name: str = "") -> Run:
+    return project.runs.start(CONFIG, body=BODY, edits_seen=project.last_edit, name=name)
+
+
+def again(project: Project) -> Project:
+    """The project, closed and opened."""
+    project.close()
+    return Project.open(project.folder)
+
+
+def test_a_run_from_start_to_end(project: Project):
+    project.append(random_edit(0))
+    config = replace(PRESETS["paper"], hand_components=45, robust_at_height=None, pose_prior="/gone/vposer")
+    first = project.runs.start(config, body=BODY, edits_seen=1)
+    assert (first.name, first.state, first.ended, first.stored) == ("Run 1", "running", None, False)
+    fit = replace(sample_fit(3, components=45), config=config)
+    first = project.runs.finish(first.id, fit, summary={"jitter": {"phase3": 1.5}, "lost": None})
+    window = project.runs.start(
+        CONFIG, body=BODY, edits_seen=1, parent=first.id, frames=range(2, 4), name=" elbow fixed "
+    )
+    with again(project) as project:
+        assert [run.id for run in project.runs.all()] == [1, 2]
+        found = project.runs.get(1)
+        assert found == first and found.config == config and found.body == BODY and found.edits_seen == 1
+        assert found.state == "finished" and found.stored and found.ended and found.ended >= found.started
+        assert found.summary == {"jitter": {"phase3": 1.5}, "lost": None} and found.frames is None
+        assert_same_fit(project.runs.load(1), fit)
+        assert (window.name, window.parent, window.frames) == ("elbow fixed", 1, range(2, 4))
+        assert project.runs.get(2).frames == range(2, 4)
+        with pytest.raises(InputError, match="There is no run 3"):
+            project.runs.load(3)
+        with pytest.raises(InputError, match="There is no run 9"):
+            project.runs.start(CONFIG, body=BODY, edits_seen=0, parent=9)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("last_phase", [1, 2, 3])
+def test_every_phase_comes_back_to_the_last_bit(last_phase: int, dtype: torch.dtype, tmp_path: Path):
+    fit = sample_fit(5, last_phase=last_phase)
+    phases = tuple(replace(p, params=p.params.to(dtype=dtype)) for p in fit.phases)
+    shared = replace(phases[-1].params, betas=phases[-1].params.betas[:1].expand(FRAMES, -1))
+    fit = replace(fit, phases=(*phases[:-1], replace(phases[-1], params=shared)))
+    write_run(tmp_path / "1.npz", fit)
+    assert_same_fit(read_run(tmp_path / "1.npz", CONFIG), fit)
+    assert [p.name for p in tmp_path.iterdir()] == ["1.npz"]
+
+
+def test_phases_are_kept_while_a_run_goes_on(project: Project):
+    run = started(project)
+    for last in (1, 2):
+        project.runs.store(run.id, sample_fit(0, last_phase=last))
+        assert_same_fit(project.runs.load(run.id), sample_fit(0, last_phase=last))
+    assert project.runs.get(run.id).state == "running"
+    ended = project.runs.end(run.id, "failed", "no\nmemory \udc80")
+    assert (ended.state, ended.message, ended.stored) == ("failed", "no\nmemory ?", True)
+    with again(project) as project:
+        assert project.runs.get(run.id) == ended and project.runs.load(run.id).last.phase == 2
+
+
+def test_only_what_runs_can_end_and_only_what_has_ended_can_go(project: Project):
+    run = started(project)
+    with pytest.raises(InputError, match="Run 1 is running; cancel it first"):
+        project.runs.delete(run.id)
+    project.runs.end(run.id, "cancelled")
+    for call in (lambda: project.runs.finish(run.id, sample_fit(0)), lambda: project.runs.end(run.id, "failed")):
+        with pytest.raises(InputError, match="Run 1 is cancelled; expected one that is running"):
+            call()
+    with pytest.raises(InputError, match=r"000001\.npz: is missing; expected the result of a run"):
+        project.runs.load(run.id)
+
+
+def test_deleted_runs_can_come_back_until_they_are_purged(project: Project):
+    for seed in (1, 2):
+        project.runs.finish(started(project).id, sample_fit(seed))
+    project.runs.delete(1)
+    assert [r.id for r in project.runs.all()] == [2] and [r.id for r in project.runs.all(deleted=True)] == [1]
+    project.runs.undelete(1)
+    assert [r.id for r in project.runs.all()] == [1, 2]
+    project.runs.delete(2)
+    assert project.runs.purge() == [2] and project.runs.purge() == []
+    assert [p.name for p in (project.folder / "runs").iterdir()] == ["000001.npz"]
+    with again(project) as project:
+        assert [r.id for r in project.runs.all()] == [1] and project.runs.all(deleted=True) == []
+        assert started(project).id == 3, "numbers are not used twice"
+
+
+def test_opening_tidies_up_after_a_process_that_died(project: Project):
+    folder = project.folder / "runs"
+    for seed in (1, 2, 3):
+        started(project)
+        project.runs.store(seed, sample_fit(seed, last_phase=2))
+    (folder / "000002.npz").unlink()
+    project.runs.finish(3, sample_fit(3))
+    project.close()
+    for name in (".000003.77.partial.npz", "000044.npz"):
+        (folder / name).write_bytes(b"half")
+    (project.folder / ".detections.77.partial.npz").touch()
+    with Project.open(project.folder, read_only=True) as reader:
+        assert reader.runs.get(1).state == "running", "somebody may be writing it"
+    with Project.open(project.folder) as project:
+        assert [(r.state, r.stored) for r in project.runs.all()] == [
+            ("interrupted", True), ("interrupted", False), ("finished", True),
+        ]  # fmt: skip
+        assert_same_fit(project.runs.load(1), sample_fit(1, last_phase=2))
+        assert_same_fit(project.runs.load(3), sample_fit(3))
+        left = sorted(p.name for p in folder.iterdir())
+        assert left == ["000001.npz", "000003.npz", "orphans"], "what was no draft is set aside, not deleted"
+        assert [p.read_bytes() for p in (folder / "orphans").iterdir()] == [b"half"]
+        assert not list(project.folder.glob(".*"))
+
+
+BROKEN = {
+    "cut off": lambda content: content[: len(content) // 2],
+    "empty": lambda content: b"",
+    "text": lambda content: b"hello" * 100,
+    "a flipped bit": lambda content: content[:3000] + bytes([content[3000] ^ 4]) + content[3001:],
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_reported(name: str, project: Project):
+    project.runs.finish(started(project).id, sample_fit(1))
+    path = project.folder / "runs" / "000001.npz"
+    path.write_bytes(BROKEN[name](path.read_bytes()))
+    with pytest.raises(InputError, match=r"000001\.npz: is no complete result of a run"):
+        project.runs.load(1)
+
+
+def test_a_file_of_wrong_content_is_reported(tmp_path: Path):
+    write_run(tmp_path / "a.npz", sample_fit(1))
+    with np.load(tmp_path / "a.npz") as archive:
+        arrays = dict(archive)
+    changes = {
+        "phase2_betas": arrays["phase2_betas"][:, :9],
+        "observed": arrays["observed"][:3],
+        "phase3_objective": np.ones(7),
+        "about": np.array(str(arrays["about"]).replace("run 1", "run 2")),
+    }
+    for name, value in changes.items():
+        np.savez(tmp_path / "b.npz", **(arrays | {name: value}))
+        with pytest.raises(InputError, match="is no complete result"):
+            read_run(tmp_path / "b.npz", CONFIG)
+    del arrays["phase1_jaw_pose"]
+    np.savez(tmp_path / "b.npz", **arrays)
+    with pytest.raises(InputError, match="phase1_jaw_pose"):
+        read_run(tmp_path / "b.npz", CONFIG)

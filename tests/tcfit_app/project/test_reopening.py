@@ -1,0 +1,167 @@
+"""`tcfit review` where a project lies already: it opens that of the same clip, and says why it opens no other."""
+
+import json
+import shutil
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.errors import InputError
+from fitting_core.io.keypoints.openpose import write_openpose
+from tcfit_app.cli.main import main, parse
+from tcfit_app.cli.review_command import opened
+from tcfit_app.project.packed import pack
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage import database
+from tests.samples.project_samples import FRAMES, same_keypoints, sample_clip, sample_keypoints
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def images(folder: str, shade: int = 10) -> Path:
+    """A clip "walk"."""
+    path = Path(folder, "walk")
+    path.mkdir(parents=True)
+    for number in range(FRAMES):
+        cv2.imwrite(str(path / f"{number:06}.png"), np.full((480, 480, 3), shade, np.uint8))
+    return path
+
+
+def keypoints(folder: str, seed: int = 0) -> Path:
+    write_openpose(Path(folder), sample_keypoints(seed=seed), name="walk")
+    return Path(folder)
+
+
+def review(*arguments: Any) -> Project:
+    """What `tcfit review` opens; closed again."""
+    with opened(parse(["review", *map(str, arguments)])) as project:
+        return project
+
+
+_BEFORE_KINDS = 2
+"""Version of databases whose runs had no kind."""
+OPTIONS = {
+    "--fov": ["90"],
+    "--center": ["100", "200"],
+    "--first-frame": ["1"],
+    "--last-frame": ["2"],
+    "--frame-rate": ["12"],
+}
+
+
+def test_the_clip_of_another_folder_is_not_taken_for_this_one(capsys: pytest.CaptureFixture[str]):
+    review(images("one"))
+    with pytest.raises(InputError, match=r"walk.tcfit: is a project of another clip than .*two/walk. Give --out"):
+        review(images("two", shade=200))
+    assert "Opening" not in capsys.readouterr().err
+    assert review("two/walk", "--out", "second.tcfit").folder.name == "second.tcfit"
+    shutil.copytree("one/walk", "moved/walk")
+    assert review("moved/walk").folder.name == "walk.tcfit", "the same images"
+
+
+@pytest.mark.parametrize("with_keypoints", [False, True])
+def test_options_that_would_have_made_another_clip_are_refused(with_keypoints: bool):
+    video, points = images("one"), keypoints("points")
+    arguments = [video, "--keypoints", points] if with_keypoints else [video]
+    review(*arguments)
+    for option, value in OPTIONS.items():
+        with pytest.raises(InputError, match=rf"walk.tcfit: was made before.* {option} counts for a new project: give"):
+            review(*arguments, option, *value)
+
+
+@pytest.mark.parametrize("with_keypoints", [False, True])
+def test_the_command_that_made_a_project_opens_it_again(with_keypoints: bool, capsys: pytest.CaptureFixture[str]):
+    video, points = images("one"), keypoints("points")
+    options = [text for option, value in OPTIONS.items() for text in (option, *value)]
+    arguments = [video, *(["--keypoints", points] if with_keypoints else []), "--copy-video", *options]
+    first, again = review(*arguments), review(*arguments)
+    assert again.folder == first.folder and len(again.clip) == 2 and again.has_detections == with_keypoints
+    assert capsys.readouterr().err.endswith("Opening the project walk.tcfit, which was made before.\n")
+    assert review(video).clip.camera == first.clip.camera, "without options it is opened as it is"
+
+
+def test_other_keypoints_are_refused():
+    video, points = images("one"), keypoints("points")
+    review(video, "--keypoints", points)
+    with pytest.raises(InputError, match=r"walk.tcfit: was made with other keypoints.* Give --out"):
+        review(video, "--keypoints", keypoints("others", seed=1))
+    assert review(video).has_detections, "a video alone says nothing of keypoints"
+
+
+def test_another_person_is_refused():
+    video, points = images("one"), keypoints("points")
+    for mine, other in zip(sorted(points.iterdir()), sorted(keypoints("others", seed=1).iterdir()), strict=True):
+        both = [person for file in (mine, other) for person in json.loads(file.read_text())["people"]]
+        mine.write_text(json.dumps({"people": both}))
+    arguments = [video, "--keypoints", points, "--person"]
+    review(*arguments, "0")
+    with pytest.raises(InputError, match="of another person"):
+        review(*arguments, "1")
+    assert same_keypoints(review(*arguments, "0").detections, review(video).detections)
+
+
+def test_a_project_of_a_video_alone_says_how_it_gets_its_keypoints():
+    video, points = images("one"), keypoints("points")
+    assert not review(video).has_detections
+    with pytest.raises(InputError, match=r"made of the video alone.*tcfit review walk.tcfit.*panel Start"):
+        review(video, "--keypoints", points)
+    found = review(video, "--keypoints", points, "--out", "other").detections
+    with Project.open(Path("walk.tcfit")) as project:
+        project.take_detections(found)
+    assert same_keypoints(review(video, "--keypoints", points).detections, found)
+
+
+def test_a_project_without_a_video_is_told_by_its_keypoints():
+    points = keypoints("walk")
+    review("--keypoints", points)
+    assert review("--keypoints", points).folder.name == "walk.tcfit"
+    with pytest.raises(InputError, match="other keypoints"):
+        review("--keypoints", keypoints("new/walk", seed=1))
+    with pytest.raises(InputError, match="another clip"):
+        review(images("one"), "--keypoints", points)
+
+
+def test_a_project_of_an_older_tcfit_is_opened(capsys: pytest.CaptureFixture[str]):
+    video = images("one")
+    review(video)
+    with sqlite3.connect(Path("walk.tcfit", database.NAME)) as connection:
+        for table, column in (("runs", "kind"), ("runs", "moment"), ("marks", "last_edit"), ("marks", "last_moment")):
+            connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
+        connection.execute(f"PRAGMA user_version = {_BEFORE_KINDS}")
+    connection.close()
+    assert review(video).folder.name == "walk.tcfit"
+
+
+@pytest.mark.parametrize("command", ["review", "new"])
+def test_options_of_a_clip_are_refused_for_a_project(command: str, capsys: pytest.CaptureFixture[str]):
+    review(images("one"))
+    pack(Path("walk.tcfit"), Path("walk.tcfit.zip"))
+    given = ["--fov", "90", "--person", "2"]
+    for path in ("walk.tcfit", "walk.tcfit.zip") if command == "review" else ("walk.tcfit.zip",):
+        assert main([command, path, "--out", "x.tcfit", *given]) == 2
+        said = " ".join(capsys.readouterr().err.split())
+        assert f"{path}: is a project already. --fov, --person count for a new project" in said
+    assert not Path("x.tcfit").exists()
+
+
+def test_a_packed_project_opens_only_what_was_unpacked_of_it(capsys: pytest.CaptureFixture[str]):
+    for name in ("one", "two"):
+        Project.create(Path(name), replace(sample_clip(), name=name)).close()
+        Path(f"from-{name}").mkdir()
+        pack(Path(name), Path(f"from-{name}", "walk.tcfit.zip"))
+    assert review("from-one/walk.tcfit.zip").clip.name == "one"
+    capsys.readouterr()
+    assert review("from-one/walk.tcfit.zip").clip.name == "one"
+    said = "Opening the project walk.tcfit, which was unpacked before; from-one/walk.tcfit.zip was not read again."
+    assert said in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"walk.tcfit: is another project than the one in from-two.*--out"):
+        review("from-two/walk.tcfit.zip")
+    assert review("from-two/walk.tcfit.zip", "--out", "second.tcfit").clip.name == "two"

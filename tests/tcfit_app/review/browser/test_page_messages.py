@@ -1,0 +1,91 @@
+"""What travels between server and page, without a page."""
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+
+from fitting_core.keypoints import BONES, COUNT, NAMES
+from tcfit_app.review.browser import page_events, page_states
+from tcfit_app.review.browser.channel import script
+from tcfit_app.review.browser.page_events import Drag, Hello, Press, Range, decode
+
+
+def test_an_event_is_read() -> None:
+    text = '{"number": 3, "event": {"type": "hello", "tab": "ab12", "width": 800, "height": 600}}'
+    assert decode(text) == page_events.Envelope(number=3, event=Hello(tab="ab12", width=800, height=600))
+
+
+def test_a_button_of_a_panel_is_read() -> None:
+    text = '{"number": 1, "event": {"type": "press", "command": "action", "value": "play"}}'
+    assert decode(text).event == Press(command="action", value="play")
+
+
+def test_a_range_can_be_none() -> None:
+    event = decode('{"number": 1, "event": {"type": "range", "first": null, "last": null, "dragging": false}}').event
+    assert event == Range(first=None, last=None, dragging=False)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "null",
+        "[]",
+        "{",
+        "[" * 10_000,
+        '"\ud800"',
+        '{"number": 1, "event": {"type": "nothing"}}',
+        '{"number": 0, "event": {"type": "drawn", "frame": 1}}',
+        '{"number": 1, "event": {"type": "drawn", "frame": -1}}',
+        '{"number": 1, "event": {"type": "drawn", "frame": "1"}}',
+        '{"number": 1, "event": {"type": "drawn", "frame": 1, "more": 2}}',
+        '{"number": 1, "event": {"type": "seek", "frame": 1}}',
+        '{"number": 1, "event": {"type": "select", "joints": [137], "how": "replace"}}',
+        '{"number": 1, "event": {"type": "select", "joints": [1], "how": "all"}}',
+        '{"number": 1, "event": {"type": "select", "joints": [' + "1," * 137 + '1], "how": "add"}}',
+        '{"number": 1, "event": {"type": "key", "action": "' + "a" * 65 + '", "repeat": false}}',
+        '{"number": 1, "event": {"type": "press", "command": "action", "value": "' + "a" * 65 + '"}}',
+        '{"number": 1, "event": {"type": "drag", "phase": "move", "joints": [1], "dx": 1e9, "dy": 0, "frame": 0}}',
+        '{"number": 1, "event": {"type": "drag", "phase": "move", "joints": [1], "dx": NaN, "dy": 0, "frame": 0}}',
+        '{"number": 1, "event": {"type": "drawn", "frame": 1}' + " " * 20_000 + "}",
+    ],
+)
+def test_what_is_no_event_is_refused(text: str) -> None:
+    with pytest.raises(msgspec.DecodeError):
+        decode(text)
+
+
+def test_a_drag_of_all_keypoints_is_short_enough() -> None:
+    drag = Drag(phase="move", joints=tuple(range(COUNT)), dx=-1234.0123456789, dy=0.1, frame=123456)
+    text = msgspec.json.encode(page_events.Envelope(number=10**9, event=drag)).decode()
+    assert decode(text).event == drag
+    assert len(text) < page_events.EVENT_CHARACTERS / 4
+
+
+def test_the_skeleton_has_all_keypoints_in_groups() -> None:
+    skeleton = page_states.Skeleton()
+    assert [j for g in skeleton.groups for j in range(g.start, g.stop)] == list(range(COUNT))
+    assert list(skeleton.names) == NAMES and list(skeleton.bones) == BONES
+
+
+def test_values_of_a_curve() -> None:
+    assert page_states.curve_values(np.array([1.23456, np.nan, np.inf, -12345.6])) == (1.235, None, None, -12350.0)
+
+
+def test_frames_become_spans() -> None:
+    assert page_states.spans([7, 3, 4, 5, 3, 9, 8]) == ((3, 5), (7, 9))
+    assert page_states.spans([]) == ()
+
+
+def test_the_script_is_one_expression_that_knows_its_version() -> None:
+    assert script().count("const VERSION = ") == 1
+    assert "eval(" not in script() and "innerHTML" not in script()
+
+
+def test_no_two_files_of_the_script_use_one_name() -> None:
+    """They share one scope, in which the later of two functions of one name silently wins."""
+    names = re.findall(r"^(?:async )?(?:function\*?|const|let|class) (\w+)", script(), re.MULTILINE)
+    assert len(names) > 100
+    assert sorted(set(names)) == sorted(names)

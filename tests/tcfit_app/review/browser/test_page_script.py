@@ -1,0 +1,613 @@
+"""The app's script in viser's page, in a real browser: pointer, keyboard, timeline, and the way to the server."""
+
+import logging
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from viser import uplot
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+
+from fitting_core.keypoints import COUNT
+from tcfit_app.review.browser import page_states as states
+from tcfit_app.review.browser.channel import script
+from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Range, Resized, Seek, Select
+from tcfit_app.server.serving import ReviewServer, review_server
+from tests.drivers.page_tab import (
+    ELBOW,
+    HEIGHT,
+    HTML,
+    KEYS,
+    KNEE,
+    LENGTH,
+    MISSING,
+    PAIR,
+    PLACES,
+    POSTER,
+    POSTER_X,
+    SPACE,
+    TABS,
+    TIMELINE,
+    WIDTH,
+    WRIST,
+    Tab,
+    open_tab,
+)
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ReviewServer]:
+    with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as running:
+        running.viser.scene.set_up_direction("-y")
+        running.viser.gui.add_text("a field", "")
+        running.viser.gui.add_button("a button")
+        grey = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+        running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
+        running.viser.scene.add_image("/poster", grey, render_width=WIDTH / HEIGHT, render_height=1.0)
+        yield running
+
+
+@pytest.fixture(scope="module")
+def opened(server: ReviewServer, browser: "Browser") -> Tab:
+    return open_tab(server, browser)
+
+
+@pytest.fixture
+def tab(opened: Tab) -> Iterator[Tab]:
+    """The page with its states as at the start."""
+    for name in ("notice", "chips", "legend", "marks", "fit", "range"):
+        opened.send(name, None)
+    opened.send("skeleton", states.Skeleton())
+    opened.send("style", states.Style(bones=False))
+    opened.send("layout", POSTER)
+    opened.send("timeline", TIMELINE)
+    opened.send("keys", KEYS)
+    opened.frame += 1
+    opened.show()
+    opened.page.mouse.move(2, 300)
+    opened.look(300.0)
+    opened.events.clear()
+    yield opened
+    assert opened.complaints == []
+
+
+def test_what_is_sent_is_acknowledged_when_drawn(tab: Tab) -> None:
+    tab.send("keypoints", states.Keypoints(frame=77, xy=((0.0, 0.0),) * COUNT, confidence=(0.0,) * COUNT))
+    tab.await_drawn(77)
+
+
+def test_the_strip_takes_its_room_from_the_canvas_and_tells(tab: Tab) -> None:
+    with_strip = tab.page.evaluate("() => __viserMutable.canvas.clientHeight")
+    strip = tab.page.locator(".tcfit-strip").bounding_box()
+    assert strip and strip["y"] == with_strip and strip["y"] + strip["height"] == 640
+    tab.send("timeline", None)
+    assert tab.await_event(Resized).height == 640
+    tab.send("timeline", TIMELINE)
+    assert tab.await_event(Resized, 2).height == with_strip
+
+
+@pytest.mark.parametrize("distance", [300.0, 120.0])
+def test_a_drag_moves_by_what_the_pointer_moved(tab: Tab, distance: float) -> None:
+    tab.look(distance)
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.drag((x + 2, y - 1), (33, 21))
+    tab.settle()
+    assert tab.events[0] == Select(joints=(WRIST,), how="replace")
+    drags = [event for event in tab.events if isinstance(event, Drag)]
+    assert [drags[0].phase, drags[1].phase, drags[-1].phase] == ["start", "move", "end"]
+    assert {drag.joints for drag in drags} == {(WRIST,)} and drags[-1].frame == tab.frame
+    assert drags[-1].dx == pytest.approx(33 / tab.scale(), abs=0.01)
+    assert drags[-1].dy == pytest.approx(21 / tab.scale(), abs=0.01)
+
+
+def test_a_drag_works_in_the_second_poster(tab: Tab) -> None:
+    tab.send("layout", PAIR)
+    tab.look(420.0)
+    tab.drag(tab.screen(*PLACES[WRIST], poster=POSTER_X), (20, 10))
+    assert tab.await_event(Drag, 3).dx == pytest.approx(20 / tab.scale(), abs=0.01)
+
+
+def test_selected_keypoints_are_dragged_together(tab: Tab) -> None:
+    tab.show(selection=(WRIST, ELBOW))
+    tab.settle()
+    tab.drag(tab.screen(*PLACES[ELBOW]), (10, 0))
+    tab.settle()
+    assert all(isinstance(event, Drag) for event in tab.events)
+    assert tab.await_event(Drag).joints == (ELBOW, WRIST)
+
+
+def test_of_those_that_the_app_has_selected_one_is_dragged(tab: Tab) -> None:
+    tab.show()
+    tab.send("selection", states.Selection(joints=(WRIST, ELBOW), suggested=True))
+    tab.settle()
+    tab.drag(tab.screen(*PLACES[ELBOW]), (10, 0))
+    tab.settle()
+    assert tab.events[0] == Select(joints=(ELBOW,), how="replace")
+    assert tab.await_event(Drag).joints == (ELBOW,)
+
+
+def test_a_dragged_keypoint_follows_the_pointer_and_not_late_states(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+    target = (x + 60, y + 40)
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(*target, steps=3)
+    tab.await_event(Drag, 2)
+    tab.show(selection=(WRIST,))  # as it was before the drag
+    assert tab.painted(*target) and not tab.painted(x, y)
+    tab.page.mouse.up()
+    tab.show(selection=(WRIST,))
+    assert tab.painted(*target)  # the server's answer to the end is not here yet
+    moved = tab.await_event(Drag)
+    tab.show(joints=PLACES | {WRIST: (PLACES[WRIST][0] + moved.dx, PLACES[WRIST][1] + moved.dy)})
+    assert tab.painted(*target) and not tab.painted(x, y)
+    tab.show()  # undone, say: from the answer on the server decides
+    assert tab.painted(x, y) and not tab.painted(*target)
+
+
+def test_escape_gives_a_drag_up(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y, steps=3)
+    tab.await_event(Drag, 2)
+    tab.page.keyboard.press("Escape")
+    tab.settle()
+    assert tab.await_event(Drag).phase == "cancel"
+    assert tab.painted(x, y) and not tab.painted(x + 60, y)
+    tab.page.mouse.move(x + 80, y)
+    tab.page.mouse.up()
+    tab.settle()
+    assert tab.await_event(Drag).phase == "cancel"
+
+
+def test_another_frame_gives_a_drag_up(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y, steps=3)
+    tab.await_event(Drag, 2)
+    tab.send("keypoints", states.Keypoints(frame=tab.frame + 1, xy=((9.0, 9.0),) * COUNT, confidence=(0.0,) * COUNT))
+    tab.settle()
+    tab.page.mouse.up()
+    last = tab.await_event(Drag)
+    assert (last.phase, last.frame) == ("cancel", tab.frame)
+    tab.frame += 1
+
+
+def test_hovering_shows_name_confidence_and_marks(tab: Tab) -> None:
+    tooltip = ".tcfit > .tcfit-tooltip"
+    for joint, text in ((WRIST, "right_wrist  0.83  edited"), (KNEE, "left_knee  0.83  bad")):
+        x, y = tab.screen(*PLACES[joint])
+        tab.page.mouse.move(x + 4, y + 4)
+        tab.settle()
+        assert tab.text(tooltip) == text
+    tab.page.mouse.move(x + 30, y + 30)
+    tab.settle()
+    assert tab.text(tooltip) is None
+
+
+def test_a_missing_keypoint_is_only_there_when_selected(tab: Tab) -> None:
+    x, y = tab.screen(0, 0)
+    tab.page.mouse.move(x + 3, y + 3)
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") is None
+    tab.show(selection=(MISSING,))
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") == "left_ear  missing"
+
+
+def test_of_several_selected_keypoints_the_missing_ones_are_not_drawn_in_the_corner(tab: Tab) -> None:
+    tab.show(selection=(MISSING, KNEE))
+    x, y = tab.screen(0, 0)
+    tab.page.mouse.move(x + 3, y + 3)
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") is None
+    tab.show(selection=(MISSING,))
+    tab.settle()
+    tab.drag(tab.screen(0, 0), (40, 30))  # from there it is put in its place
+    tab.settle()
+    assert tab.await_event(Drag).joints == (MISSING,)
+
+
+def test_the_body_comes_before_a_hand_at_the_same_place(tab: Tab) -> None:
+    hand = COUNT - 71  # the last point of a hand
+    tab.show(joints={hand: (100.0, 100.0), WRIST: (100.0, 100.0)})
+    tab.settle()
+    tab.page.mouse.click(*tab.screen(100, 100))
+    assert tab.await_event(Select).joints == (WRIST,)
+
+
+def test_a_hidden_group_cannot_be_picked(tab: Tab) -> None:
+    tab.send("style", states.Style(groups=("face",)))
+    tab.settle()
+    x, y = tab.screen(*PLACES[WRIST])
+    assert not tab.painted(x, y)
+    tab.drag((x, y), (20, 20))
+    tab.settle()
+    assert tab.events == []
+
+
+def test_clicks_select_toggle_and_clear(tab: Tab) -> None:
+    tab.page.mouse.click(*tab.screen(*PLACES[WRIST]))
+    tab.page.keyboard.down("Shift")
+    tab.page.mouse.click(*tab.screen(*PLACES[ELBOW]))
+    tab.page.keyboard.up("Shift")
+    tab.page.mouse.click(*tab.screen(*PLACES[ELBOW]))
+    tab.page.mouse.click(*tab.screen(20, 20))
+    tab.settle()
+    assert tab.events == [
+        Select(joints=(WRIST,), how="replace"),
+        Select(joints=(ELBOW,), how="toggle"),
+        Select(joints=(ELBOW,), how="replace"),
+        Select(joints=(), how="replace"),
+    ]
+
+
+def test_a_rectangle_selects_what_is_in_it(tab: Tab) -> None:
+    left, top = tab.screen(60, 60)
+    right, bottom = tab.screen(150, 150)
+    tab.page.keyboard.down("Shift")
+    tab.drag((left, top), (right - left, bottom - top))
+    tab.page.keyboard.up("Shift")
+    tab.settle()
+    assert tab.events == [Select(joints=(ELBOW, WRIST), how="add")]
+
+
+def test_on_a_poster_the_camera_pans_and_zooms_and_never_turns(tab: Tab) -> None:
+    camera = tab.clients[-1].camera
+    tab.drag(tab.screen(30, 30), (80, 60))
+    tab.settle()
+    assert tuple(camera.position) == pytest.approx((0, 0, -300), abs=1e-6)
+    x, y = tab.screen(200, 60)
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.wheel(0, -300)
+    tab.page.wait_for_timeout(500)
+    tab.settle()
+    assert camera.position[2] > -290
+    assert tab.screen(200, 60) == pytest.approx((x, y), abs=1.0)  # what is under the pointer stays there
+    tab.page.mouse.down(button="right")
+    tab.page.mouse.move(x + 50, y + 20, steps=4)
+    tab.page.mouse.up(button="right")
+    tab.page.wait_for_timeout(300)
+    tab.settle()
+    assert tab.screen(200, 60) == pytest.approx((x + 50, y + 20), abs=1.5)
+    assert tuple(np.abs(camera.wxyz)) == pytest.approx((1, 0, 0, 0), abs=1e-6)
+
+
+def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
+    tab.send("layout", SPACE)
+    tab.settle()
+    before = np.array(tab.clients[-1].camera.wxyz)
+    tab.drag((200, 200), (80, 40))
+    tab.page.wait_for_timeout(300)
+    tab.settle()
+    assert set(map(type, tab.events)) <= {Gesture}
+    assert np.abs(np.array(tab.clients[-1].camera.wxyz) - before).max() > 0.01
+    tab.send("layout", POSTER)
+    tab.look(300.0)
+
+
+def test_in_space_keys_do_what_they_do_elsewhere(tab: Tab) -> None:
+    keys = tuple(states.KeyBinding(key=key, action=key) for key in ("KeyS", "KeyD"))
+    tab.send("keys", states.Keys(bindings=keys))
+    tab.send("layout", SPACE)
+    tab.settle()
+    before = tuple(tab.clients[-1].camera.position)
+    for key in ("s", "d", "w", "a", "ArrowUp"):
+        tab.page.keyboard.press(key, delay=30)
+    tab.page.wait_for_timeout(300)
+    tab.settle()
+    assert tab.events == [Key(action="KeyS", repeat=False), Key(action="KeyD", repeat=False)]
+    assert tuple(tab.clients[-1].camera.position) == before
+    tab.send("layout", POSTER)
+    tab.look(300.0)
+
+
+def strip_place(tab: Tab, frame: float) -> tuple[float, float]:
+    """On the screen, when the whole clip is shown."""
+    box = tab.page.locator(".tcfit-strip").bounding_box()
+    assert box is not None
+    return box["x"] + 62 + (frame + 0.5) / LENGTH * (box["width"] - 62 - 14), box["y"] + 50
+
+
+def test_pressing_in_the_timeline_seeks(tab: Tab) -> None:
+    tab.page.mouse.move(*strip_place(tab, 100))
+    tab.page.mouse.down()
+    assert tab.await_event(Seek) == Seek(frame=100, dragging=True)
+    tab.page.mouse.move(*strip_place(tab, 150), steps=3)
+    tab.page.mouse.up()
+    tab.settle()
+    assert tab.events[-1] == Seek(frame=150, dragging=False)
+
+
+def test_shift_in_the_timeline_chooses_a_range_and_a_double_click_none(tab: Tab) -> None:
+    start, end = strip_place(tab, 120), strip_place(tab, 60)
+    tab.page.keyboard.down("Shift")
+    tab.drag(start, (end[0] - start[0], 0))
+    tab.page.keyboard.up("Shift")
+    tab.settle()
+    assert tab.events[-1] == Range(first=60, last=120, dragging=False)
+    tab.page.mouse.dblclick(*start)
+    tab.settle()
+    assert tab.await_event(Range) == Range(first=None, last=None, dragging=False)
+
+
+def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
+    place = strip_place(tab, 200)
+    tab.page.mouse.move(*place)
+    for _ in range(4):
+        tab.page.mouse.wheel(0, -200)
+    tab.page.mouse.click(*place)
+    assert tab.await_event(Seek).frame == 200
+    tab.page.mouse.click(place[0] + 40, place[1])
+    tab.settle()
+    assert 201 <= tab.await_event(Seek).frame <= 204  # 16 when all is shown
+    assert tab.text(".tcfit-strip .tcfit-tooltip") is not None
+    for _ in range(6):
+        tab.page.mouse.wheel(0, 600)
+    tab.page.mouse.click(*strip_place(tab, 0))
+    tab.settle()
+    assert tab.await_event(Seek).frame == 0
+
+
+def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
+    tab.send("marks", states.Marks(bad=((40, 60),), flagged=((50, 50),)))
+    tab.page.mouse.move(*strip_place(tab, 50))
+    tab.settle()
+    assert tab.text(".tcfit-strip .tcfit-tooltip") == "Frame 50  0:01.67\nrun A  51 px\nbad, flagged"
+
+
+def test_the_legend_lies_above_the_curves_highest_values(tab: Tab) -> None:
+    peak = np.ones(LENGTH)
+    peak[-40:] = 300.0  # where the legend is
+    curve = states.Curve(label="run A", color="#ff0000", values=states.curve_values(peak))
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, title="Error", unit="px", curves=(curve,)))
+    tab.settle()
+    look = """(x) => {
+      const strip = document.querySelector('.tcfit-strip > canvas');
+      const pixels = strip.getContext('2d').getImageData(x, 0, 1, strip.height).data;
+      return [...Array(strip.height).keys()].filter((y) => pixels[4 * y] > 180 && pixels[4 * y + 1] < 60);
+    }"""
+    x = round(strip_place(tab, LENGTH - 15)[0])
+    drawn = tab.page.evaluate(look, x)
+    assert drawn and min(drawn) > 36  # below the legend, over which nothing else is drawn
+
+
+def test_of_a_long_run_s_name_the_phase_stays_in_sight(tab: Tab) -> None:
+    name = f"a very long name {'of a run ' * 30}corrected"
+    record = """() => {
+      const usual = CanvasRenderingContext2D.prototype.fillText;
+      window.written = [];
+      CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+        window.written.push(text);
+        usual.call(this, text, ...where);
+      };
+    }"""
+    tab.page.evaluate(record)
+    curve = states.Curve(label=f"{name} · temporal", color="#ff0000", values=(1.0,) * LENGTH)
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, curves=(curve,)))
+    poster = states.Poster(x=0.0, label=f"B   {name} · shared shape")
+    tab.send("layout", states.Layout(mode="poster", image=(WIDTH, HEIGHT), posters=(poster,)))
+    tab.settle()
+    written = tab.page.evaluate("window.written")
+    for phase in ("temporal", "shared shape"):
+        short = next(text for text in reversed(written) if phase in text)
+        assert short.endswith(f"rected · {phase}") and "a very" in short and "…" in short and len(short) < 120
+
+
+def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:
+    before = tuple(tab.clients[-1].camera.position)
+    keyboard = tab.page.keyboard
+    keyboard.down("ArrowRight")
+    keyboard.down("ArrowRight")
+    keyboard.up("ArrowRight")
+    for key in ("b", "Shift+B", "Control+z", "?", "Alt+b", "Control+b", "w", "ArrowUp", "e"):
+        keyboard.press(key, delay=30)
+    tab.settle()
+    assert tab.events == [
+        Key(action="next", repeat=False),
+        Key(action="next", repeat=True),
+        Key(action="bad", repeat=False),
+        Key(action="bad range", repeat=False),
+        Key(action="undo", repeat=False),
+        Key(action="help", repeat=False),
+    ]
+    assert tuple(tab.clients[-1].camera.position) == before
+
+
+def test_keys_in_a_field_are_the_field_s(tab: Tab) -> None:
+    field = tab.page.get_by_text("a field").locator("xpath=following::input[1]")
+    field.click()
+    tab.page.keyboard.press("b")
+    tab.page.keyboard.press("Space")
+    tab.settle()
+    assert tab.events == [] and field.input_value() == "b "
+    tab.page.mouse.click(*tab.screen(20, 20))  # on the picture: the field is left
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
+    field.fill("")
+
+
+def test_a_clicked_button_does_not_keep_the_space_bar(tab: Tab) -> None:
+    button = tab.page.get_by_role("button", name="a button")
+    button.click()
+    tab.page.keyboard.press("Space")
+    assert tab.await_event(Key).action == "play"
+    button.focus()
+    tab.page.keyboard.press("Tab")
+    tab.page.keyboard.press("Shift+Tab")  # reached by keyboard, it is pressed by keyboard
+    tab.page.keyboard.press("Space")
+    tab.settle()
+    assert len(tab.events) == 1
+    tab.page.mouse.click(*tab.screen(20, 20))
+
+
+def test_text_stays_text(tab: Tab) -> None:
+    tab.send("notice", states.Notice(title=HTML, text=HTML, kind="error", progress=0.5))
+    tab.send("chips", states.Chips(chips=(states.Chip(text=HTML, kind="busy", progress=0.4),)))
+    tab.send("legend", states.Legend(title=HTML, unit="mm", low=0, high=50, colors=("#000000", "#ffffff")))
+    tab.settle()
+    assert tab.text(".tcfit-card h2") == tab.text(".tcfit-card p") == tab.text(".tcfit-chip") == HTML
+    assert tab.text(".tcfit-legend") == f"{HTML} [mm]050"
+    assert tab.page.locator(".tcfit img").count() == 0
+    tab.send("notice", None)
+    tab.settle()
+    assert not tab.page.locator(".tcfit-card").is_visible()
+
+
+def test_a_plot_has_its_title_on_one_line_from_the_beginning(tab: Tab, server: ReviewServer) -> None:
+    tab.page.evaluate("""() => {
+      window.heights = [];
+      const look = () => {
+        const title = document.querySelector('.uplot .u-title');
+        if (title) window.heights.push(title.getBoundingClientRect().height);
+        if (window.heights.length < 20) requestAnimationFrame(look);
+      };
+      look();
+    }""")
+    line = np.array([0.0, 1.0])
+    series = uplot.Series(label="s"), uplot.Series(label="total", stroke="white")
+    plot = server.viser.gui.add_uplot((line, line), series, title="Mean cost of a frame, by term", height=170)
+    tab.page.wait_for_function("() => window.heights.length === 20")
+    plot.remove()
+    assert max(tab.page.evaluate("() => window.heights")) < 40
+
+
+def test_what_is_no_event_is_dropped(tab: Tab, caplog: pytest.LogCaptureFixture) -> None:
+    uuid = tab.channels[-1]._field._impl.uuid
+    send = "([uuid, value]) => __viserMutable.sendMessage({type: 'GuiUpdateMessage', uuid, updates: {value}})"
+    replayed = '{"number": 1, "event": {"type": "key", "action": "bad", "repeat": false}}'
+    with caplog.at_level(logging.WARNING, "tcfit_app"):
+        for value in ("{", "x" * 100_000, replayed):
+            tab.page.evaluate(send, [uuid, value])
+        tab.settle()
+    assert tab.events == []
+    assert len([record for record in caplog.records if "dropped" in record.message]) == 3
+
+
+def test_the_script_is_put_in_once(tab: Tab) -> None:
+    tab.page.evaluate(script())
+    assert tab.page.locator(".tcfit").count() == 1
+    tab.settle()
+
+
+def test_states_do_not_have_viser_draw_its_scene(tab: Tab) -> None:
+    count = "() => { window.drawn = 0; __viserMutable.scene.onBeforeRender = () => { window.drawn += 1 } }"
+    tab.page.wait_for_timeout(400)  # viser goes on drawing for a quarter of a second
+    tab.page.evaluate(count)
+    begin = time.monotonic()
+    for _ in range(15):
+        tab.settle()
+    drawn = tab.page.evaluate("() => { delete __viserMutable.scene.onBeforeRender; return window.drawn }")
+    assert drawn <= 2 + time.monotonic() - begin  # viser draws once a second anyway
+
+
+def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewServer) -> None:
+    tab.send("notice", states.Notice(title="From before"))
+    tab.settle()
+    server.viser._websock_server.disconnect_all_clients()
+    assert tab.await_event(Hello).width > 0
+    tab.settle()
+    assert tab.text(".tcfit-card") is None and tab.page.locator(".tcfit").count() == 1
+    assert len(tab.clients) == 2
+
+
+def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
+    """The page then takes nothing, lets go of a drag, and goes on in the same connection once it hears again."""
+    clients = len(tab.clients)
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y + 40, steps=3)
+    tab.await_event(Drag, 2)
+    tab.send("beat", states.Beat(milliseconds=250))
+    tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
+    assert "does not answer" in (tab.text(".tcfit-card h2") or "")
+    assert tab.await_event(Drag, 3).phase == "cancel"
+    known = len(tab.events)
+    tab.page.mouse.up()
+    tab.drag((x, y), (40, 0))
+    tab.page.keyboard.press("b")
+    tab.send("beat", states.Beat(milliseconds=60_000))
+    tab.page.wait_for_selector(".tcfit-card", state="hidden")
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
+    tab.settle()
+    assert [event for event in tab.events[known:] if not isinstance(event, Drawn)] == [tab.await_event(Key)]
+    tab.send("beat", None)
+    assert len(tab.clients) == clients
+
+
+def test_without_a_server_nothing_is_taken_until_it_is_back(
+    tab: Tab, server: ReviewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page says that it is cut off, drops what is being done, and lets go of a drag that has begun."""
+    busy, saved = states.Chip(text="Fit walk: stage 1", kind="busy"), states.Chip(text="Saved: right wrist moved")
+    tab.send("chips", states.Chips(chips=(busy, saved)))
+    tab.settle()
+    x, y = tab.screen(*PLACES[WRIST])
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 60, y + 40, steps=3)
+    tab.await_event(Drag, 2)
+    with monkeypatch.context() as closed:
+        refusal = Response(503, "Service Unavailable", Headers({"Connection": "close", "Content-Length": "0"}))
+        closed.setattr(server.gate, "answer", lambda request: refusal)
+        server.viser._websock_server.disconnect_all_clients()
+        tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
+        assert "ended or cannot be reached" in (tab.text(".tcfit-card h2") or "")
+        assert tab.page.locator(".tcfit-chip").all_text_contents() == [saved.text]
+        tab.page.mouse.up()
+        known = len(tab.events)
+        tab.page.mouse.click(x, y)
+        assert not tab.painted_now(x + 60, y + 40) and tab.painted_now(x, y)
+        tab.drag((x, y), (40, 0))
+        assert not tab.painted_now(x + 40, y)
+        tab.page.mouse.click(*strip_place(tab, 100))
+        tab.page.keyboard.press("b")
+        tab.page.wait_for_timeout(1500)  # viser has tried again, in vain
+        assert tab.text(".tcfit-card h2") and len(tab.events) == known
+    tab.await_event(Hello)
+    assert tab.events[known:] == [tab.await_event(Hello)]
+    assert tab.text(".tcfit-card h2") is None
+    for name, state in (("skeleton", states.Skeleton()), ("style", states.Style(bones=False)), ("layout", POSTER)):
+        tab.send(name, state)
+    tab.send("keys", KEYS)
+    tab.show()
+    tab.look(300.0)
+    tab.events.clear()
+    tab.drag(tab.screen(*PLACES[WRIST]), (33, 21))
+    tab.settle()
+    assert tab.await_event(Drag).phase == "end"
+    tab.page.keyboard.press("b")
+    assert tab.await_event(Key).action == "bad"
+
+
+def test_a_reload_keeps_the_tab_s_name_and_other_tabs_have_others(
+    tab: Tab, server: ReviewServer, browser: "Browser"
+) -> None:
+    tab.page.reload()
+    again = tab.await_event(Hello)
+    tab.page.reload()
+    assert tab.await_event(Hello, 2).tab == again.tab
+    assert tab.page.locator(".tcfit").count() == 1
+    other = open_tab(server, browser)
+    assert other.await_event(Hello).tab != again.tab
+    other.page.close()
+
+
+def test_a_newer_script_takes_the_place_of_an_older_one(tab: Tab) -> None:
+    """The last test: from here on the page's events are counted anew, which the server takes for repeated ones."""
+    newer = script().replace('const VERSION = "', 'const VERSION = "newer ')
+    newer = newer.replace('version !== "', 'version !== "newer ')
+    tab.page.evaluate(newer)
+    assert tab.page.evaluate("() => tcfit.version").startswith("newer ")
+    assert tab.page.locator(".tcfit").count() == tab.page.locator(".tcfit-strip").count() == 1
+    assert tab.page.evaluate("() => __viserMutable.canvas.parentElement.getBoundingClientRect().height") == 640

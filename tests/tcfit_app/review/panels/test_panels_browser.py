@@ -1,0 +1,139 @@
+"""The panels in Chromium: buttons of HTML that viser knows nothing of."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.drivers.lone_page import sample_project
+from tests.drivers.review_page import Reviewing, reviewing, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+ATTACK = "<img src=x onerror='window.attacked=1'>"
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory: pytest.TempPathFactory, browser: "Browser") -> Iterator[Reviewing]:
+    folder = tmp_path_factory.mktemp("panels") / "walk.tcfit"
+    sample_project(folder, "first", ATTACK).close()
+    with reviewing(folder, browser) as found:
+        found.tab.wait_for_selector(".tcfit-panel button", timeout=60_000)
+        yield found
+
+
+def test_buttons_work_and_show_their_state(opened: Reviewing):
+    button = opened.tab.locator("[data-value=space]")
+    button.click()
+    until(lambda: button.get_attribute("aria-pressed") == "true")
+    assert opened.page.state.mode == "space"
+    opened.tab.locator("[data-value=edit]").click()
+    until(lambda: opened.page.state.mode == "edit")
+
+
+def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
+    button = opened.tab.locator("[data-tcfit='view.group'][data-value=face]")
+    button.hover()
+    opened.tab.mouse.down()
+    opened.page.do(lambda: opened.page.set(bones=False))
+    until(lambda: opened.tab.locator("[data-value=bones][aria-pressed=false]").count() > 0)
+    opened.tab.mouse.up()
+    until(lambda: "face" not in opened.page.state.groups)
+
+
+def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
+    groups = opened.page.state.groups
+    opened.tab.locator("[data-tcfit='view.group'][data-value=body]").hover()
+    opened.tab.mouse.down()
+    opened.tab.locator("[data-tcfit='view.group'][data-value=left_hand]").hover()
+    opened.tab.mouse.up()
+    opened.tab.wait_for_timeout(200)
+    assert opened.page.state.groups == groups
+
+
+def test_buttons_by_keyboard(opened: Reviewing):
+    opened.tab.locator("[data-tcfit='view.color'][data-value=confidence]").focus()
+    opened.tab.keyboard.press("Enter")
+    until(lambda: opened.page.state.color_by == "confidence")
+    opened.tab.keyboard.press("Escape")
+
+
+def test_names_of_runs_are_text(opened: Reviewing):
+    opened.page.do(lambda: opened.page.set(selection=(4,)))
+    for name in ("Keypoints", "Review", "View"):
+        opened.tab.get_by_text(name, exact=True).first.click()
+        opened.tab.wait_for_timeout(100)
+    assert opened.tab.evaluate("window.attacked") is None
+    assert opened.tab.locator("img[src=x]").count() == 0
+
+
+def test_a_row_leads_to_its_frame(opened: Reviewing):
+    opened.page.do(lambda: opened.page.set(frame=3, selection=(4,)))
+    opened.page.do(opened.page.correcting.toggle_bad)
+    until(lambda: opened.page.session.project.last_edit == 1)
+    opened.page.do(lambda: opened.page.seek(0))
+    opened.tab.get_by_text("Keypoints", exact=True).first.click()
+    opened.tab.locator("tr[data-tcfit='keypoints.visit']").first.click()
+    until(lambda: opened.page.state.frame == 3)
+    opened.tab.locator("[data-value=undo]").click()
+    until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
+
+
+@pytest.mark.parametrize(
+    "keys", [["Backspace"], ["7", "Backspace"], ["7", "Backspace", "-"], ["End", *3 * ["Backspace"]]]
+)
+def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: list[str]):
+    def weight() -> float:
+        return opened.page.state.settings.config.temporal.weight
+
+    opened.tab.get_by_role("tab", name="Fit").click()
+    field = opened.tab.locator(".mantine-NumberInput-input:visible").first
+    field.fill("250")
+    until(lambda: weight() == 250)
+    field.press("Control+a")
+    for key in keys:
+        field.press(key)
+    assert field.input_value() in ("", "-")
+    field.press("Tab")
+    until(lambda: field.input_value() == "250" and weight() == 250)
+    opened.tab.evaluate("document.activeElement.blur()")
+
+
+def test_enter_in_the_field_name_renames(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Runs").click()
+    field = opened.tab.locator("input.mantine-TextInput-input:visible").first
+    run = opened.session.fits.runs[-1]
+    until(lambda: field.input_value() == run.name)
+    field.press("Control+a")
+    opened.tab.keyboard.type("mine")
+    opened.tab.keyboard.press("Enter")
+    until(lambda: opened.session.fits.runs[-1].name == "mine")
+
+
+def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
+    window = opened.tab.locator("[role=dialog]", has_text="Nudge by 1 px")
+    ways = (
+        lambda: opened.tab.keyboard.press("Escape"),
+        lambda: window.get_by_text("Close", exact=True).click(),
+        lambda: opened.tab.mouse.click(5, 450),
+    )
+    for close in ways:
+        opened.tab.keyboard.press("h")
+        window.wait_for()
+        close()
+        window.wait_for(state="detached")
+
+
+def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Reviewing):
+    def shown() -> str:
+        return opened.tab.locator("[role=tab][aria-selected=true]").inner_text()
+
+    opened.tab.get_by_role("tab", name="Runs").click()
+    until(lambda: shown() == "Runs")
+    for part in (opened.tab.reload, opened.server.viser._websock_server.disconnect_all_clients):
+        client = opened.page.client.client_id
+        part()
+        until(lambda client=client: opened.app.pages and opened.page.client.client_id != client and opened.page.ready)
+        until(lambda: opened.tab.locator("[role=tab]").count() and shown() == "Runs", "the panel")
+    opened.tab.get_by_role("tab", name="View", exact=True).click()

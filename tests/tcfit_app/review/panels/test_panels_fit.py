@@ -1,0 +1,218 @@
+"""The panel Fit: what is entered gets into the run, what is wrong is told and fits nothing, and what is drawn."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.config.schema import PRESETS
+from fitting_core.config.settings import changed
+from fitting_core.config.toml import as_toml
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.kinds import MarkBad
+from tcfit_app.review.panels.fit.fit_progress import POINTS, charted, curves
+from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
+from tcfit_app.review.panels.fit.panel import FitPanel
+from tcfit_app.review.view_state import FitSettings
+from tests.drivers.lone_page import LonePage, tiny_page
+from tests.samples.sessions import QUICK
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, FitPanel) as made:
+        yield made
+
+
+def test_what_is_entered_is_in_the_run(tested: LonePage):
+    page = tested.page
+    tested.enter("w_T", 42.5)
+    tested.enter("Mode", "sliding window")
+    tested.enter("Window", 3)
+    tested.enter("Focal length", 1000.0)
+    tested.click("Fit everything")
+    (job,) = page.session.jobs.values()
+    assert job.run is not None
+    tested.until(lambda: not page.session.jobs)
+    run = page.session.project.runs.get(job.run)
+    assert run.state == "finished"
+    assert run.config == changed(
+        QUICK, {"temporal.weight": 42.5, "temporal.mode": "sliding_window", "temporal.window_size": 3}, origin=""
+    )
+    clip, camera = page.session.project.clip.camera, page.session.fits.fit(run).camera
+    assert camera.focal == (1000.0, pytest.approx(1000 * clip.focal[1] / clip.focal[0]))
+    assert camera.center == clip.center and "review" in camera.source
+    assert page.corrected_fit().camera == camera  # pyright: ignore
+    page.set(frames=range(2, 4))
+    jobs, submit = [], page.session.worker.submit
+    page.session.worker.submit = lambda job: jobs.append(job) or submit(job)  # pyright: ignore
+    tested.click("Re-run frames 2–3")
+    assert jobs[0].job.clip.camera == camera, "it is fitted again as its own camera sees it"
+    tested.until(lambda: not page.session.jobs)
+    rerun = page.session.fits.runs[-1]
+    assert (rerun.kind, rerun.frames, rerun.parent) == ("frames", range(2, 4), run.id)
+    assert page.session.fits.fit(rerun).camera == camera
+
+
+@pytest.mark.parametrize(
+    ("label", "value", "said"),
+    [
+        ("Window", 1, "expected 2 or more"),
+        ("Window", 2.5, "whole number"),
+        ("w_T", -1.0, "0 or more"),
+        ("Focal length", 0.0, "above 0"),
+        ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
+        ("Around", -1, "0 to 1000"),
+    ],
+)
+def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, value: object, said: str):
+    tested.enter(label, value)
+    assert said in tested.html()
+    assert tested.field(label).value == value, "it stays, to be put right"
+    assert tested.button("Fit everything").disabled
+    tested.page.do(lambda: tested.press("action", "fit"))  # by its key
+    assert tested.notices and tested.notices[-1].kind == "error"
+    assert not tested.page.session.jobs and not tested.page.session.fits.runs
+    tested.enter("Preset", "tcfit")
+    assert said not in tested.html()
+    if label != "Gender":
+        assert tested.field(label).value != value
+    assert not tested.page.state.settings.problems
+
+
+def test_a_preset_sets_everything_and_changes_are_named(tested: LonePage):
+    tested.enter("Preset", "tcfit")
+    assert tested.page.state.settings.config == PRESETS["tcfit"] and "Back to the preset" not in tested.html()
+    tested.enter("w_T", 5.0)
+    tested.enter("Window", 9)
+    assert "w_T, window size" in tested.html()
+    tested.click("Back to the preset")
+    tested.draw()
+    assert tested.page.state.settings.config == PRESETS["tcfit"]
+    assert tested.field("w_T").value == 100.0 and tested.field("Window").value == 7
+
+
+def test_all_settings_as_a_text(tested: LonePage):
+    text = tested.field("TOML").value
+    assert text == as_toml(QUICK, preset_name="paper")
+    tested.enter("TOML", text.replace("hand_components = 12", "hand_components = 6"))
+    tested.click("Use these settings")
+    assert tested.page.state.settings.config == replace(QUICK, hand_components=6)
+    tested.draw()
+    tested.enter("TOML", "hand_components = 99")
+    tested.click("Use these settings")
+    assert "hand_components is 99" in tested.notices[-1].text
+    tested.enter("TOML", "[weights\n")
+    tested.click("Use these settings")
+    assert "is no TOML" in tested.notices[-1].text
+    assert tested.page.state.settings.config == replace(QUICK, hand_components=6)
+
+
+def test_echoes_of_the_server_are_ignored(tested: LonePage):
+    before = tested.page.state.settings
+    for label in ("Preset", "w_T", "Mode", "Focal length", "Around", "Gender", "TOML"):
+        tested.call_back(tested.field(label), None)
+    assert tested.page.state.settings is before
+
+
+def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
+    assert not tested.draw()
+    tested.enter("w_T", 5.0)
+    assert tested.draw()
+    assert not tested.draw()
+
+
+def test_typing_on_is_not_overwritten(tested: LonePage):
+    """Two values come in before the drawing thread takes the first."""
+    waiting: list = []
+    tested.page._do = waiting.append
+    tested.enter("w_T", 1.0)
+    tested.enter("w_T", 12.0)
+    waiting.pop(0)()
+    tested.draw()
+    assert tested.field("w_T").value == 12.0
+    waiting.pop(0)()
+    tested.draw()
+    assert tested.field("w_T").value == 12.0 == tested.page.state.settings.config.temporal.weight
+
+
+def test_cancel_and_what_remains_to_be_seen(tested: LonePage):
+    session = tested.page.session
+    tested.enter("TOML", as_toml(replace(QUICK, settings=replace(QUICK.settings, iterations=500)), preset_name="paper"))
+    tested.click("Use these settings")
+    tested.click("Fit everything")
+    tested.click("Fit everything")
+    tested.until(lambda: next(iter(session.jobs.values())).progress)
+    assert "phase 1 of 3" in tested.html() and "waiting" in tested.html()
+    tested.click("Cancel all 2")
+    tested.until(lambda: not session.jobs)
+    assert [run.state for run in session.fits.runs] == ["cancelled"] * 2
+    shown = tested.html()
+    assert "cancelled" in shown and "fit.cancel" not in shown
+
+
+def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    def fail(*_: object) -> None:
+        raise MemoryError("no <b>memory</b>")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("tcfit_app.fitting.jobs.fit_events", fail)
+        tested.click("Fit everything")
+        tested.until(lambda: not tested.page.session.jobs)
+    assert "MemoryError: no &lt;b&gt;memory&lt;/b&gt;" in tested.html()
+    tested.click("Fit everything")
+    assert "MemoryError" not in tested.html()
+
+
+def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: LonePage):
+    page, run = tested.page, tested.fit()
+    other = tested.fit()
+    page.set(b=FitChoice(run=run.id), selection=(4,))
+    page.correcting.toggle_bad()
+    page.correcting.show_corrections()
+    assert page.state.b.run == run.id, "not before they are fitted"
+    assert "The fit follows" in [chip.text for chip in page.status._chips(0.0)]
+    tested.until(lambda: page.correcting.show_corrections() or page.state.b.run != run.id)
+    corrections = page.session.fits.run(page.state.b.run)  # pyright: ignore[reportArgumentType]
+    assert corrections is not None and (corrections.kind, corrections.parent) == ("corrections", run.id)
+    page.set(b=FitChoice(run=other.id))
+    page.correcting.show_corrections()
+    assert page.state.b.run == other.id, "what was chosen since stays"
+
+
+def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
+    session, run = tested.page.session, tested.fit()
+    assert tested.button("Re-run around edits").disabled
+    session.edit(MarkBad(frames=(1,), joints=(4,)), author="test")
+    assert session.frames_edited_since(run) == {1}
+    session.undo(author="test")
+    assert session.frames_edited_since(run) == set() and session.edits_since(run) == 0
+    session.redo(author="test")
+    session.mark([5], "flag", author="test")
+    tested.enter("Around", 0)
+    tested.click("Re-run around edits: 1, 5")
+    tested.until(lambda: not session.jobs)
+    again = session.fits.fit(session.fits.runs[-1]).last.params.body_pose
+    before = session.fits.fit(run).last.params.body_pose
+    moved = np.flatnonzero((again != before).any(1).numpy())
+    assert set(moved) <= {1, 5}
+
+
+def test_loss_curves_are_thinned_and_have_the_largest_terms():
+    costs = {f"term{i}": float(i) for i in range(9)}
+    losses = [(0.5 * i, {**costs, "total": 36.0}) for i in range(5000)]
+    names = charted(losses)
+    assert names == ("total", "term4", "term5", "term6", "term7", "term8")
+    x, *ys = curves([(0.0, {"total": 0.0, "term8": float("inf")}), *losses], names)
+    assert len(x) == POINTS and x[0] == 0 and x[-1] == losses[-1][0]
+    assert ys[0][0] > 0, "the axis is logarithmic" and np.isnan(ys[-1][0])
+
+
+def test_presets_are_told_apart():
+    for name, config in PRESETS.items():
+        assert nearest_preset(config) == name and not differences(config, name)
+    assert FitSettings().preset == nearest_preset(FitSettings().config)

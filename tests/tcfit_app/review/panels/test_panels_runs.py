@@ -1,0 +1,375 @@
+"""The panels Runs, Compare and Export on fits of a tiny project."""
+
+import csv
+import io
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.motion.motion import Progress
+from tcfit_app.analysis.between_runs import peaks
+from tcfit_app.exports.exporting import Exporting
+from tcfit_app.exports.source import ExportSource
+from tcfit_app.exports.table import EXPORTS, Export
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.kinds import MoveKeypoint
+from tcfit_app.project.packed import unpack
+from tcfit_app.project.project import Project
+from tcfit_app.review.panels.compare import panel as compare
+from tcfit_app.review.panels.compare.panel import ComparePanel
+from tcfit_app.review.panels.export import ExportPanel
+from tcfit_app.review.panels.runs.panel import RunsPanel
+from tcfit_app.review.panels.runs.runs_shown import run_names
+from tcfit_app.review.view_state import FitSettings
+from tests.drivers.lone_page import LonePage, tiny_page
+from tests.samples.project_samples import sample_clip
+from tests.samples.sessions import FRAMES, QUICK
+
+EVIL = "<img src=x onerror=alert(1)>"
+
+
+Opener = Callable[[type], LonePage]
+
+
+@pytest.fixture
+def panel_of(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[Opener]:
+    with ExitStack() as opened:
+        yield lambda kind: opened.enter_context(tiny_page(panel_server, tmp_path / "p", tiny_body, kind))
+
+
+def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session = tested.page.session
+    assert "Nothing was fitted yet" in tested.html()
+    first, second = tested.fit(), tested.fit()
+    tested.enter("Run", f"{first.id} · {first.name}")
+    tested.draw()
+    tested.enter("Name", EVIL)
+    tested.click("Rename")
+    assert session.project.runs.get(first.id).name == EVIL
+    assert "<img" not in tested.html() and "&lt;img src=x" in tested.html()
+    tested.click("Show as A")
+    assert tested.page.state.a == FitChoice(run=first.id)
+    tested.click("Delete")
+    tested.draw()
+    assert [run.id for run in session.fits.runs] == [second.id]
+    tested.press("deleted.restore")
+    assert [run.id for run in session.fits.runs] == [first.id, second.id]
+    tested.press("runs.choose", str(first.id))
+    tested.draw()
+    assert tested.field("Run").value == f"{first.id} · {EVIL}" and tested.field("Name").value == EVIL
+
+
+def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    first = tested.fit()
+    tested.draw()
+    tested.enter("Name", "mine")
+    rename, delete = (tested.button(label) for label in ("Rename", "Delete"))
+    second = tested.fit()
+    tested.draw()
+    assert tested.field("Name").value == "mine" and tested.field("Run").value.startswith(f"{first.id} ")
+    tested.press("runs.choose", str(second.id))
+    tested.draw()  # the user presses just before that is drawn
+    tested.press(delete.command, delete.value)
+    assert [run.id for run in tested.page.session.fits.runs] == [second.id]
+    with pytest.raises(InputError, match="deleted meanwhile"):
+        tested.press(rename.command, rename.value)
+
+
+def test_removing_for_good_asks(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    run = tested.fit()
+    tested.click("Delete")
+    tested.click("Remove all for good")
+    assert tested.page.session.project.runs.get(run.id).deleted
+    tested.click("Keep them")
+    assert "Remove 1 deleted run" not in tested.html()
+    tested.click("Remove all for good")
+    tested.click("Remove 1 deleted run")
+    with pytest.raises(InputError, match="no run"):
+        tested.page.session.project.runs.get(run.id)
+
+
+def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session, first = tested.page.session, tested.fit()
+    runs, fit = session.project.runs, session.fits.fit(first)
+    started = runs.start(QUICK, body=first.body, edits_seen=0, kind="corrections", parent=first.id, name="Corrected")
+    runs.finish(started.id, fit)
+    session.fits.changed()
+    assert ">Run 1<" in of_parent(tested)
+    session.delete(first.id)
+    assert "Run 1 (deleted)" in of_parent(tested)
+    session.purge()
+    assert "a run that was removed" in of_parent(tested)
+
+
+def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    session, first = tested.page.session, tested.fit()
+    runs, fit = session.project.runs, session.fits.fit(first)
+    assert "<dt>Took</dt>" in tested.html()
+    patched = replace(fit.last, objective={"by frame": float(fit.last.frame_cost.mean())})
+    started = runs.start(QUICK, body=first.body, edits_seen=0, kind="corrections", parent=first.id, name="Corrected")
+    runs.finish(started.id, replace(fit, phases=(*fit.phases[:-1], patched)))
+    session.fits.changed()
+    tested.press("runs.choose", str(started.id))
+    shown = tested.html()
+    assert "<dt>Took</dt>" not in shown
+    assert "<dt>Phases</dt><dd>every frame, shape, over time</dd>" in shown
+    costs = shown.partition("<dt>Cost</dt><dd>")[2].partition("</dd>")[0].split(", ")
+    assert len(costs) == 3 and costs[2] == f"{fit.last.frame_cost.mean():.4g} without the temporal term"
+
+
+def of_parent(tested: LonePage) -> str:
+    """What the details of the chosen run say after "From"."""
+    return tested.html().partition("From")[2].partition("Edits")[0]
+
+
+def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tested.fit()
+    tested.page.set(settings=FitSettings())
+    tested.click("Use its settings")
+    settings = tested.page.state.settings
+    assert (settings.config, settings.preset, settings.focal) == (QUICK, "paper", None)
+
+
+def test_a_run_without_a_name_is_refused(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tested.fit()
+    tested.draw()
+    tested.enter("Name", "   ")
+    tested.click("Rename")
+    assert tested.notices[-1].kind == "error" and tested.page.session.fits.runs[0].name == "Run 1"
+
+
+@pytest.mark.parametrize("kind", [RunsPanel, ComparePanel, ExportPanel])
+def test_nothing_is_sent_when_nothing_changed(panel_of: Opener, kind: type, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    tested = panel_of(kind)
+    before = tested.html()
+    tested.fit()
+    assert tested.html() != before
+    tested.until(lambda: not getattr(tested.panels[0], "_waiting", False))
+    tested.draw()
+    assert not tested.draw()
+
+
+def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    tested = panel_of(ComparePanel)
+    assert "There is none yet" in tested.html()
+    tested.fit()
+    assert "Being measured" in tested.html()
+    tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
+    tested.press("compare.frame", "3")
+    assert tested.page.state.frame == 3
+
+
+def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    tested = panel_of(ComparePanel)
+    points = np.random.default_rng(0).normal(0, 0.2, (FRAMES, len(kp.LIMBS), 3))
+    np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
+    tested.draw()
+    assert "only be compared with each other" in tested.html()
+    tested.click("Compare with it")
+    assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
+    tested.enter("File", str(tmp_path / "reference.npz"))
+    tested.enter("Begins at frame", "-2")
+    tested.click("Compare with it")
+    assert "expected a whole number" in tested.notices[-1].text
+    first = tested.page.session.project.clip.first_frame
+    tested.enter("Begins at frame", str(first + 2))
+    tested.click("Compare with it")
+    tested.until(lambda: "a world of its own" in tested.html())
+    tested.fit()
+    tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
+    assert tested.page.session.project.reference is not None
+    tested.click("Forget the reference")
+    tested.until(lambda: "PA-MPJPE" not in tested.html())
+    assert tested.page.session.project.reference is None
+
+
+def test_peaks_are_apart_from_each_other():
+    values = np.zeros(100)
+    values[[10, 11, 12, 50, 90]] = 5, 9, 6, 7, 8
+    values[70] = np.nan
+    assert peaks(values) == [11, 90, 50]
+    assert peaks(np.zeros(5)) == [] == peaks(np.zeros(0))
+
+
+_MADE = (
+    "glb",
+    "npz",
+    "bvh",
+    "smplifyx",
+    "fit",
+    "ply",
+    "openpose",
+    "coco",
+    "pose",
+    "figures",
+    "figures-json",
+    "summary",
+    "report",
+)
+"""Exports that need neither OpenGL nor a video."""
+
+
+def downloaded(tested: LonePage, name: str) -> bytes:
+    """What the browser gets of an export."""
+    tested.press("export.begin", name)
+    running = tested.panels[0].running
+    running.join(60)
+    assert running.state == "finished", running.reason
+    assert "sent to the downloads" in tested.html()
+    return tested.downloads[running.name]
+
+
+def test_files_are_downloaded(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
+    with pytest.raises(InputError, match="no fit to export"):
+        tested.press("export.begin", "summary")
+    tested.fit()
+    got = {name: downloaded(tested, name) for name in _MADE}
+    with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
+        assert fit["poses"].shape == (FRAMES, 165) and bool(fit["complete"])
+    assert json.loads(got["summary"])["frames"] == FRAMES
+    rows = got["figures"].decode().splitlines()
+    assert len(rows) == FRAMES + 1 and rows[0].startswith("frame,A Reprojection") and rows[1].startswith("0,")
+    figures = json.loads(got["figures-json"])
+    assert list(figures["figures"]) == next(csv.reader(rows)) and figures["frame_rate"] == 25.0
+    assert got["report"].startswith(b"<!") and b"Reprojection" in got["report"]
+    assert got["glb"].startswith(b"glTF") and json.loads(got["coco"])["images"]
+    for name, suffix, count in (("bvh", ".bvh", 1), ("ply", ".ply", FRAMES), ("smplifyx", ".pkl", FRAMES)):
+        with ZipFile(io.BytesIO(got[name])) as archive:
+            assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
+            assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
+    assert set(EXPORTS) - set(_MADE) == {"obj", "overlay", "side-by-side", "project", "project-with-video"}
+
+
+def test_run_frames_and_axes_are_chosen(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    tested.draw()
+    assert tested.button("selected").disabled
+    tested.page.set(frames=range(2, 5))
+    tested.click("frames 2–4")
+    tested.click("A: ")
+    tested.click("y up")
+    run = tested.page.session.fits.runs[0]
+    first = tested.page.session.fits.fit(run).phase(1)
+    assert first is not None
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        assert read["trans"].shape == (3, 3) and int(read["first_frame"]) == 2
+        assert str(read["axes"]).startswith("y-up")
+        assert np.allclose(read["pose_body"], first.params.body_pose[2:5])
+    tested.page.set(frames=None)
+    tested.draw()
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
+
+
+def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run, clip = tested.fit(), tested.page.session.project.clip.name
+
+    def name(export: str) -> str:
+        downloaded(tested, export)
+        return tested.panels[0].running.name.removeprefix(clip)
+
+    assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
+    tested.press("export.side", "A")
+    tested.page.set(frames=range(2, 5))
+    tested.press("export.frames", "selected")
+    assert name("npz") == f"-run{run.id}-SMPLify-X-2-4.smplx.npz"
+    assert name("figures") == "-2-4.figures.csv", "it shows A and B"
+    assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
+    tested.page.set(frames=None, a=FitChoice(phase=2))
+    tested.draw()
+    assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
+    second = tested.fit()
+    tested.page.set(b=FitChoice(run=run.id))
+    tested.press("export.side", "B")
+    assert name("summary") == f"-run{run.id}-temporal.summary.json"
+    tested.page.set(b=FitChoice(run=second.id))
+    assert name("summary") == ".summary.json"
+
+
+def test_long_names_of_runs_are_told_apart(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    run = tested.fit()
+    name = f"a very long name {'of a run ' * 15}corrected"
+    tested.page.session.rename(run.id, name)
+    shown = tested.html()
+    assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
+    assert f'title="{name} · temporal"' in shown
+    renamed = tested.page.session.fits.runs[0]
+    others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
+    names = run_names([renamed, *others])
+    assert names == ["a very long name…n corrected", "a very long name…ected twice", "a very lo, a ver…n corrected"]
+    assert run_names([renamed, replace(renamed, id=2)])[1] == "a very long name…n corrected (#2)"
+
+
+def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    (tmp_path / "got.zip").write_bytes(downloaded(tested, "project"))
+    unpack(tmp_path / "got.zip", tmp_path / "got.tcfit")
+    with Project.open(tmp_path / "got.tcfit") as found:
+        assert [run.name for run in found.runs.all()] == ["Run 1"] and found.runs.load(1).last.phase == 3
+
+
+def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
+    tested = panel_of(ExportPanel)
+    session = tested.page.session
+    session.project.append(MoveKeypoint(frames=(3,), joints=(4,), xy=(((12.5, 34.25),),)))
+    (tmp_path / "got.zip").write_bytes(downloaded(tested, "openpose"))
+    with ZipFile(tmp_path / "got.zip") as archive:
+        archive.extractall(tmp_path / "openpose")
+    for name in ("coco", "pose"):
+        (tmp_path / f"keypoints.{name}").write_bytes(downloaded(tested, name))
+    for path in (tmp_path / "openpose", tmp_path / "keypoints.coco", tmp_path / "keypoints.pose"):
+        people = read_detections(path)
+        assert len(people.frames) == FRAMES
+        assert np.allclose(people.frames[3][0, 4, :2], (12.5, 34.25), atol=0.01)
+
+
+def test_an_export_can_be_cancelled_and_can_fail():
+    def endless(source: ExportSource, path: Path, progress: Progress) -> None:
+        path.write_bytes(b"half")
+        while True:
+            progress(0.5)
+            time.sleep(0.001)
+
+    def broken(source: ExportSource, path: Path, progress: Progress) -> None:
+        raise InputError("No off-screen OpenGL here.")
+
+    source, got = ExportSource(name="walk", known_clip=sample_clip()), []
+
+    def take(name: str, content: bytes) -> None:
+        got.append(content)
+
+    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, "a", take)
+    one.cancel()
+    one.join(10)
+    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, "a", take)
+    other.join(10)
+    assert (one.state, other.state, other.reason) == ("cancelled", "failed", "No off-screen OpenGL here.")
+    assert not got

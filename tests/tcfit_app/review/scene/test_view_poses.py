@@ -1,0 +1,236 @@
+"""Where the viewer's camera stands, and what of it is the user's doing. No browser."""
+
+import contextlib
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from viser import _messages
+
+from tcfit_app.review.scene.cameras import Cameras
+from tcfit_app.review.scene.poses import POSTER_FOV, Pose, Window, overview_pose, poster_pose, space_pose
+
+ONE = (-0.8, -0.5, 0.8, 0.5)
+TWO = (-1.7, -0.5, 1.7, 0.5)
+BOUNDS = np.array([[-0.4, -0.9, 3.0], [0.5, 0.9, 3.6]])
+WINDOW = Window(width=1440, height=900, covered=132)
+
+
+def on_screen(pose: Pose, point: tuple[float, float], window: Window) -> tuple[float, float]:
+    """Where a point of the poster plane is seen in the window."""
+    scale = window.height / (2 * -pose.position[2] * math.tan(pose.fov / 2))
+    return (
+        window.width / 2 + scale * (point[0] - pose.position[0]),
+        window.height / 2 + scale * (point[1] - pose.position[1]),
+    )
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (1920, 1080), (900, 1000), (500, 300)])
+@pytest.mark.parametrize("rectangle", [ONE, TWO, (0.1, -0.2, 0.3, 0.1)])
+def test_posters_fill_the_part_that_is_not_covered(size: tuple[int, int], rectangle: tuple):
+    window = Window(width=size[0], height=size[1], covered=132)
+    pose = poster_pose(rectangle, TWO, window)
+    left, top = on_screen(pose, rectangle[:2], window)
+    right, bottom = on_screen(pose, rectangle[2:], window)
+    free = size[1] - 132
+    assert (left + right) / 2 == pytest.approx(size[0] / 2, abs=0.1)
+    assert (top + bottom) / 2 == pytest.approx(free / 2, abs=0.1)
+    assert max((right - left) / size[0], (bottom - top) / free) == pytest.approx(1 / 1.03, abs=1e-3)
+    assert pose.near < pose.least_distance < pose.distance < pose.most_distance < pose.far
+
+
+def test_depth_shifts_nothing_even_when_zoomed_in():
+    """A relief of a fifth of the image's height, at the edge of a window zoomed in 20-fold."""
+    pose = poster_pose((0.0, 0.0, 0.05, 0.05), ONE, WINDOW)
+    assert pose.fov == POSTER_FOV
+    assert 0.2 / -pose.position[2] * WINDOW.width / 2 < 1.0
+
+
+def extent(pose: Pose, box: np.ndarray) -> tuple[float, float, float, float]:
+    """Of a box (least and greatest coordinates) in the window: left, top, right, bottom, in -1 ... 1."""
+    forward = np.subtract(pose.look_at, pose.position) / pose.distance
+    right = np.cross(forward, pose.up) / np.linalg.norm(np.cross(forward, pose.up))
+    corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T - pose.position
+    slope = math.tan(pose.fov / 2) * (corners @ forward)
+    x = corners @ right / slope * WINDOW.height / WINDOW.width
+    y = corners @ np.cross(forward, right) / slope
+    return x.min(), y.min(), x.max(), y.max()
+
+
+def test_bodies_in_space_are_seen_above_what_is_covered():
+    left, top, right, bottom = extent(space_pose(BOUNDS, WINDOW), BOUNDS)
+    assert -1 < left < right < 1 and top > -1
+    assert bottom < 1 - 2 * WINDOW.covered / WINDOW.height + 0.05
+    assert bottom - top > 1.2
+
+
+def test_the_overview_holds_bodies_and_video_camera():
+    pose = overview_pose(BOUNDS, WINDOW)
+    assert all(-1 < edge < 1 for box in (BOUNDS, np.zeros((2, 3))) for edge in extent(pose, box))
+
+
+class Tab:
+    """A browser tab: carries out the messages when told to, and lets its user move the camera."""
+
+    def __init__(self) -> None:
+        self.camera = SimpleNamespace(
+            position=np.array([3.0, 3, 3]),
+            look_at=np.zeros(3),
+            up_direction=np.array([0.0, -1, 0]),
+            fov=1.0,
+            image_width=1440,
+            image_height=900,
+        )
+        self.sent: list[_messages.Message] = []
+        self.atomic = contextlib.nullcontext
+        self._websock_connection = SimpleNamespace(queue_message=self.sent.append)
+
+    def obey(self) -> None:
+        """Carries out what was sent, and reports it."""
+        for message in self.sent:
+            if isinstance(message, _messages.SetCameraFovMessage):
+                self.camera.fov = message.fov
+            elif isinstance(message, _messages.SetCameraPositionMessage):
+                self.camera.position = np.array(message.position)
+            elif isinstance(message, _messages.SetCameraLookAtMessage):
+                self.camera.look_at = np.array(message.look_at)
+        self.sent.clear()
+
+    def move(self, *shift: float) -> None:
+        """The user pans and zooms."""
+        self.camera.position = self.camera.position + shift
+        self.camera.look_at = np.add(self.camera.look_at, (*shift[:2], 0.0))
+
+
+@pytest.fixture
+def tab() -> Tab:
+    return Tab()
+
+
+@pytest.fixture
+def view(tab: Tab) -> Cameras:
+    """With one poster, all settled."""
+    view = Cameras(tab)  # type: ignore[arg-type]
+    view.show_posters(ONE)
+    tab.obey()
+    view.follow()
+    assert not view.moved
+    return view
+
+
+def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cameras):
+    tab.camera.image_width = 700
+    view.follow()
+    assert tab.sent
+    tab.obey()
+    view.touched()
+    tab.move(0.1, 0.0, 500.0)
+    view.follow()
+    assert view.moved
+    tab.camera.image_width = 1440
+    view.follow()
+    assert not tab.sent and view.moved
+
+
+def test_posters_make_room_for_what_is_laid_over_the_bottom(tab: Tab, view: Cameras):
+    view.follow((1000, 700), 0.0)
+    tab.obey()
+    for covered, lowest in ((34.0, 700 - 34), (0.0, 700)):
+        view.follow((1000, 700), covered)
+        assert tab.sent
+        tab.obey()
+        assert on_screen(view.pose, ONE[2:], Window(width=1000, height=700))[1] < lowest
+    view.follow()
+    assert not tab.sent
+
+
+def test_what_the_browser_reports_is_not_taken_for_the_user(tab: Tab, view: Cameras):
+    """A busy browser reports where its camera was before the last command."""
+    pose = view.pose
+    tab.move(0.2, 0.1, 800.0)
+    view.follow()
+    assert not view.moved and view.pose == pose and not tab.sent
+
+
+def test_a_reset_takes_the_camera_back(tab: Tab, view: Cameras):
+    pose = view.pose
+    view.touched()
+    tab.move(0.2, 0.1, 800.0)
+    assert not view.pose.close_to(pose)
+    view.reset()
+    assert not view.moved and view.pose == pose and tab.sent
+
+
+def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
+    view.touched()
+    tab.move(0.2, 0.1, 800.0)
+    was = tab.camera.position
+    for go in (lambda: view.show_space(BOUNDS), lambda: view.show_posters(TWO), lambda: view.show_posters(ONE)):
+        go()
+        tab.obey()
+        view.follow()
+    np.testing.assert_allclose(tab.camera.position, was)
+    view.show_posters(ONE)  # the next frame
+    assert not tab.sent
+
+
+def test_a_turned_camera_comes_back_straight(tab: Tab, view: Cameras):
+    looked_at = tab.camera.look_at
+    view.touched()
+    tab.camera.position = np.add(tab.camera.position, (300.0, 0.0, 20.0))
+    view.show_space(BOUNDS)
+    view.show_posters(ONE)
+    tab.obey()
+    np.testing.assert_allclose(tab.camera.look_at, looked_at)
+    np.testing.assert_allclose(tab.camera.position[:2], looked_at[:2])
+
+
+def test_resetting_space_twice_takes_the_camera_into_view(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.reset()
+    tab.obey()
+    view.follow()
+    assert view.pose.close_to(overview_pose(BOUNDS, WINDOW))
+    view.reset()
+    assert view.pose.close_to(space_pose(BOUNDS, WINDOW))
+
+
+def test_in_space_a_larger_box_and_another_window_are_refitted_and_a_step_is_not(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.show_space(BOUNDS + 0.05)  # the next frame
+    assert not tab.sent
+    wide = np.stack([BOUNDS[0] - 1.0, BOUNDS[1] + 1.0])
+    view.show_space(wide)
+    assert tab.sent and view.pose == space_pose(wide, WINDOW)
+    tab.obey()
+    tab.camera.image_width, tab.camera.image_height = 600, 700
+    view.follow()
+    narrow = Window(width=600, height=700, covered=WINDOW.covered)
+    assert tab.sent and view.pose == space_pose(wide, narrow)
+    tab.obey()
+    assert all(-1 < edge < 1 for edge in extent(view.pose, wide)[1::2])
+
+
+def test_in_space_a_camera_that_was_moved_or_shows_the_overview_stays(tab: Tab, view: Cameras):
+    view.show_space(BOUNDS)
+    tab.obey()
+    view.reset()  # to the overview
+    tab.obey()
+    for _ in range(2):
+        view.show_space(3 * BOUNDS)
+        tab.camera.image_width -= 300
+        view.follow()
+        assert not tab.sent
+        view.touched()
+
+
+def test_poses_are_told_apart_within_a_pixel():
+    pose = poster_pose(ONE, ONE, WINDOW)
+    x, y, z = pose.position
+    pixel = pose.height / WINDOW.height
+    for shift, same in ((0.02 * pixel, True), (0.5 * pixel, False)):
+        assert pose.close_to(replace(pose, position=(x + shift, y, z))) is same

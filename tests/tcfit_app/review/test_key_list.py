@@ -1,0 +1,39 @@
+"""The lists of keys say all that ACTIONS holds, in the app and in README.md."""
+
+from pathlib import Path
+
+from tcfit_app.review.gestures.actions import ACTIONS, Key
+from tcfit_app.review.gestures.key_list import joined_keys, key_groups, keys_html, keys_markdown
+
+README = Path(__file__).parents[3] / "README.md"
+
+
+def test_the_readme_has_the_keys_of_the_app():
+    assert keys_markdown() in README.read_text(encoding="utf-8")
+
+
+def test_every_key_is_listed_in_the_group_of_its_action():
+    for action in ACTIONS.values():
+        for key in action.keys:
+            keys = " ".join(keys for keys, _ in key_groups()[action.group])
+            assert str(key).rpartition("+")[2] in keys, action.title
+
+
+def test_an_action_has_a_line_of_its_own_or_its_family_has():
+    for action in ACTIONS.values():
+        if action.keys:
+            titles = [title for _, title in key_groups()[action.group]]
+            assert titles.count(action.family or action.title) == 1
+
+
+def test_keys_of_a_family_say_their_modifiers_once():
+    left, right = Key(code="ArrowLeft", ctrl=True), Key(code="ArrowRight", ctrl=True)
+    assert joined_keys((left,), (right,)) == "Ctrl+← →"
+    assert joined_keys((Key(code="KeyN"),), (Key(code="KeyN", shift=True),)) == "N, Shift+N"
+    assert joined_keys((left, right)) == "Ctrl+← or Ctrl+→"
+
+
+def test_the_window_has_a_heading_for_each_group():
+    shown = keys_html()
+    assert all(f"<b>{group}</b>" in shown for group in key_groups())
+    assert "A | B" in shown and "tcfit-close" in shown

@@ -1,0 +1,568 @@
+"""A session: what edits, fits and drags do to a project, and what is shown of them meanwhile."""
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.fit.fitting import evaluated
+from tcfit_app.fitting import following, live
+from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.fitting.jobs import RerunFrames
+from tcfit_app.project.edits.edit_windows import around
+from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
+from tcfit_app.project.project import Project
+from tcfit_app.review.session import Session
+from tests.samples.scenes import finished
+from tests.samples.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
+
+WRIST = kp.INDEX["right_wrist"]
+
+
+@pytest.fixture(scope="module")
+def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with one whole fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    with session_of(folder, tiny_body) as session:
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+        assert session.fits.runs[0].state == "finished"
+    return folder
+
+
+@pytest.fixture
+def folder(fitted: Path, tmp_path: Path) -> Path:
+    import shutil
+
+    return Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
+
+
+@pytest.fixture
+def session(folder: Path, tiny_body: BodyModel) -> Iterator[Session]:
+    with session_of(folder, tiny_body) as made:
+        yield made
+
+
+def moved(session: Session, by: float, frame: int = 4) -> tuple[MoveKeypoint, np.ndarray]:
+    xy = session.project.corrected.xy[frame, [WRIST]] + by
+    return MoveKeypoint(frames=(frame,), joints=(WRIST,), xy=(((float(xy[0, 0]), float(xy[0, 1])),),)), xy
+
+
+def drag(session: Session, shown: Shown, by: float, frame: int = 4) -> None:
+    edit, xy = moved(session, by, frame)
+    follower = session.following.begin_drag(shown, frame, (WRIST,), xy)
+    session.release(follower, edit, author="me", shown=shown)
+
+
+def test_a_fit_streams_in_phase_by_phase(tiny_body: BodyModel, tmp_path: Path):
+    folder = tmp_path / "a.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    with session_of(folder, tiny_body) as session:
+        assert session.fits.show(FitChoice()) is None
+        run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        phases, revisions = set(), []
+        job = next(iter(session.jobs.values()))
+        assert job.run == run.id and job.title == f"Fit {session.project.clip.name}"
+
+        def look() -> bool:
+            if (shown := session.fits.show(FitChoice())) is not None:
+                phases.add(shown.phase)
+                revisions.append(shown.revision)
+            return not session.jobs
+
+        until(session, look)
+        assert 3 in phases and revisions == sorted(revisions)
+        assert [p.phase for p in session.fits.fit(session.fits.runs[0]).phases] == [1, 2, 3]
+        first, last = session.fits.show(FitChoice(phase=1)), newest(session)
+        assert first is not None and first.phase == 1 and not torch.equal(first.params.betas, last.params.betas)
+        assert job.losses and all(terms["data"] > 0 for _, terms in job.losses)
+        assert [n.kind for n in told(session)] == ["done"]
+
+
+def test_windows_appear_as_they_finish(session: Session):
+    config = replace(QUICK, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3, weight=1e4))
+    before = newest(session)
+    session.fit_everything(config, kind="smplx", gender="neutral")
+    seen: list[Shown] = []
+
+    def look() -> bool:
+        shown = newest(session)
+        if shown.result is None:
+            seen.append(shown)
+        return not session.jobs
+
+    until(session, look)
+    assert seen and all(shown.phase == 3 and shown.run.id != before.run.id for shown in seen)
+    final = newest(session)
+    first_window = seen[-1].params.body_pose[0]
+    assert torch.equal(first_window, final.params.body_pose[0])
+
+
+def test_a_rerun_is_a_run_of_its_own_with_its_parent(session: Session):
+    before = newest(session)
+    config = replace(QUICK, temporal=replace(QUICK.temporal, weight=3000.0))
+    run = session.rerun_frames(before, config, (range(2, 5),))
+    assert (run.kind, run.parent, run.frames) == ("frames", before.run.id, range(2, 5))
+    assert newest(session).phase == 3, "until its frames come in, the run shows those it starts from"
+    idle(session)
+    after = newest(session)
+    assert after.run.id == run.id and after.run.config.temporal.weight == 3000.0
+    pose, was = after.params.body_pose, before.params.body_pose
+    assert torch.equal(pose[:2], was[:2]) and torch.equal(pose[5:], was[5:]) and not torch.equal(pose[2:5], was[2:5])
+    first = session.fits.show(FitChoice(run=run.id, phase=1))
+    assert first is not None and torch.equal(
+        first.params.body_pose, session.fits.fit(before.run).phases[0].params.body_pose
+    )
+    assert session.fits.show(FitChoice(run=before.run.id)) is not None, "the run before is still there"
+
+
+def test_the_shape_again(session: Session):
+    before = newest(session)
+    config = replace(QUICK, shape_sample=replace(QUICK.shape_sample, size=5, seed=3))
+    session.rerun_shape(before, config)
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "shape" and not torch.equal(after.params.betas, before.params.betas)
+    assert [p.phase for p in session.fits.fit(after.run).phases] == [1, 2, 3]
+
+
+def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
+    session: Session, folder: Path, tiny_body: BodyModel
+):
+    before = newest(session)
+    edit, xy = moved(session, 25.0)
+    follower = session.following.begin_drag(before, 4, (WRIST,), xy)
+    assert follower is not None
+    until(session, lambda: session.following.live)
+    live = session.following.live
+    assert live is not None and live.frames == range(1, FRAMES) and live.run == before.run.id
+    session.release(follower, edit, author="me", shown=before)
+    assert session.project.last_edit == 1, "saved at release, before the fit has converged"
+    idle(session)
+    after = newest(session)
+    assert session.following.live is None and after.run.kind == "corrections" and after.run.parent == before.run.id
+    assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
+    assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
+    assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
+    costs = evaluated(session.clip_of(after.camera), tiny_body, after.run.config, after.params).frame_cost
+    assert after.result is not None
+    np.testing.assert_allclose(after.result.frame_cost[1:], costs[1:])
+    drag(session, after, -10.0)
+    idle(session)
+    again = newest(session)
+    assert again.run.id == after.run.id and again.revision > after.revision, "corrections of corrections are one run"
+    with Project.open(folder, read_only=True) as copy:
+        stored = copy.runs.load(again.run.id)
+        assert (
+            torch.equal(stored.last.params.body_pose, again.params.body_pose)
+            and copy.runs.get(again.run.id).edits_seen == 2
+        )
+
+
+def test_windows_of_a_later_drag_are_no_earlier_ones(session: Session):
+    """Meshes are kept by their revision: one that came again would show the body of the drag before."""
+    seen: list[int] = []
+    for frame in (1, 6):
+        shown = newest(session)
+        edit, xy = moved(session, 25.0, frame)
+        follower = session.following.begin_drag(shown, frame, (WRIST,), xy)
+        until(session, lambda: session.following.live)
+        assert session.following.live is not None
+        seen.append(session.following.live.revision)
+        session.release(follower, edit, author="me", shown=shown)
+        idle(session)
+        assert session.following.live is None
+    assert seen[1] > seen[0]
+
+
+def test_a_second_drag_keeps_what_the_first_one_did(session: Session):
+    """Both start from the same result, before the first has been kept."""
+    before = newest(session)
+    drag(session, before, 30.0, frame=0)
+    drag(session, before, 30.0, frame=7)
+    idle(session)
+    after = newest(session)
+    for frame in (0, 7):
+        assert not torch.equal(after.params.body_pose[frame], before.params.body_pose[frame])
+
+
+def test_a_drag_goes_on_from_what_was_kept_since_it_began(session: Session, monkeypatch: pytest.MonkeyPatch):
+    """The second begins while the first still converges, as where neighbours are corrected one after the other."""
+    started: list[torch.Tensor] = []
+    rerun = live.rerun_events
+
+    def noted(clip, body, config, params, frames, **named):
+        started.append(params.body_pose)
+        return rerun(clip, body, config, params, frames, **named)
+
+    monkeypatch.setattr(live, "rerun_events", noted)
+    before = newest(session)
+    drags = []
+    for frame, by in ((0, 30.0), (5, -30.0)):
+        edit, xy = moved(session, by, frame)
+        drags.append((session.following.begin_drag(before, frame, (WRIST,), xy), edit))
+    for follower, edit in drags:
+        session.release(follower, edit, author="me", shown=before)
+    idle(session)
+    after = pose(session, slice(0, 2))
+    assert not torch.equal(after, before.params.body_pose[:2])
+    assert torch.equal(started[1][:2], after), "the second window is held by what the first drag led to"
+    assert session.edits_since(newest(session).run) == 0
+
+
+def test_an_edit_whose_drag_could_not_be_followed_is_followed_after_it(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    before = newest(session)
+    monkeypatch.setattr(live.LiveCorrection, "resolve", lambda _: 1 / 0)
+    edit, xy = moved(session, 25.0)
+    follower = session.following.begin_drag(before, 4, (WRIST,), xy)
+    until(session, lambda: told(session))
+    assert "could not follow" in told(session)[-1].title
+    session.release(follower, edit, author="me", shown=before)
+    idle(session)
+    assert newest(session).run.kind == "corrections" and session.edits_since(newest(session).run) == 0
+    monkeypatch.setattr(live.LiveCorrection, "release", lambda _: 1 / 0)
+    drag(session, newest(session), 12.0)
+    idle(session)
+    assert session.edits_since(newest(session).run) == 0, "it failed after its release"
+
+
+def test_a_run_that_is_being_read_does_not_hide_a_newer_one(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body) as session:
+        drag(session, newest(session), 25.0)
+        idle(session)
+    with session_of(folder, tiny_body) as session:
+        run, load = session.fits.runs[-1], session.project.runs.load
+        read, gone_on = threading.Event(), threading.Event()
+
+        def slow(number: int) -> object:
+            fit = load(number)
+            if threading.current_thread() is reader:
+                read.set()
+                gone_on.wait(10)
+            return fit
+
+        session.project.runs.load = slow  # pyright: ignore[reportAttributeAccessIssue]
+        reader = threading.Thread(target=lambda: session.fits.fit(run))
+        reader.start()
+        assert read.wait(10)
+        drag(session, newest(session), -10.0)
+        idle(session)
+        kept = pose(session, 4)
+        gone_on.set()
+        reader.join()
+        assert torch.equal(pose(session, 4), kept)
+
+
+def test_costs_of_a_rerun_are_of_the_sharpness_that_is_stored(session: Session, tiny_body: BodyModel):
+    before = newest(session)
+    config = replace(QUICK, sharper_keypoints=True)
+    start = replace(session.fits.fit(before.run), sharpness=100.0)
+    clip = session.clip_of(before.camera)
+    found = finished(RerunFrames(clip=clip, body=tiny_body, config=config, start=start, windows=(range(2, 4),)).run())
+    expected = evaluated(clip, tiny_body, config, found.last.params, sharpness=100.0)
+    assert found.sharpness == 100.0
+    np.testing.assert_allclose(found.last.frame_cost[2:4], expected.frame_cost[2:4])
+    others = [0, 1, *range(4, FRAMES)]
+    assert (found.last.frame_cost[others] == start.last.frame_cost[others]).all(), "as in the run before"
+
+
+def test_a_cancelled_shape_keeps_its_second_phase(session: Session):
+    before = newest(session)
+    first = session.fits.fit(before.run).phases[0]
+    config = replace(QUICK, shape_sample=replace(QUICK.shape_sample, size=5, seed=3))
+    slow = replace(config, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3))
+    run = session.rerun_shape(before, slow)
+    assert session.fits.phases(run) == (1,), "the shape is found again"
+    until(session, lambda: newest(session).phase == 3)
+    betas = newest(session).params.betas
+    assert torch.equal(betas, betas[:1].expand_as(betas)), "frames that are still to come have the new shape, too"
+    session.worker.pause()
+    session.cancel(run.id)
+    session.worker.resume()
+    idle(session)
+    after = session.fits.run(run.id)
+    assert after is not None and after.state == "cancelled" and session.fits.phases(after) == (1, 2)
+    second = session.fits.fit(after).phases[1].params
+    assert torch.equal(second.body_pose, first.params.body_pose) and not torch.equal(second.betas, first.params.betas)
+
+
+def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: pytest.MonkeyPatch):
+    before = newest(session)
+    for _ in range(3):
+        session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(8.0, 0.0)), author="me", shown=before)
+    assert not session.jobs
+    until(session, lambda: session.jobs)
+    assert len(session.jobs) == 1, "one job for all of them"
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "corrections" and not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
+    session.undo(author="me", shown=after)
+    idle(session)
+    assert newest(session).revision > after.revision, "undo is followed too"
+    session.following.after_edits = False
+    session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(8.0, 0.0)), author="me", shown=after)
+    assert not session.following.busy
+    session.following.after_edits = True
+    monkeypatch.setattr(following, "MOST_FOLLOWED", 3)
+    session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me", shown=after)
+    until(session, lambda: not session.following.busy)
+    assert not session.jobs and "re-run them" in told(session)[-1].text
+
+
+def nudge(session: Session, frame: int, shown: Shown | None) -> None:
+    session.edit(Nudge(frames=(frame,), joints=(WRIST,), by=(25.0, 0.0)), author="me", shown=shown)
+
+
+def pose(session: Session, frame: int | slice) -> torch.Tensor:
+    return newest(session).params.body_pose[frame]
+
+
+def test_frames_of_a_run_under_way_are_fitted_again_when_it_has_finished(session: Session):
+    before = newest(session)
+    nudge(session, 0, None)
+    nudge(session, 7, None)
+    session.worker.pause()
+    first = session.rerun_frames(before, QUICK, (range(0, 2),))
+    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+    assert second.parent == first.id
+    session.worker.resume()
+    idle(session)
+    found = [session.fits.show(FitChoice(run=run.id)) for run in (first, second)]
+    one, both = (shown.params.body_pose for shown in found if shown is not None)
+    assert not torch.equal(one[0], before.params.body_pose[0]) and torch.equal(one[2:], before.params.body_pose[2:])
+    assert torch.equal(both[:6], one[:6]) and not torch.equal(both[7], one[7])
+
+
+def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
+    session.worker.pause()
+    first = session.rerun_frames(newest(session), QUICK, (range(0, 2),))
+    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+    session.cancel(first.id)
+    session.worker.resume()
+    idle(session)
+    after = session.fits.run(second.id)
+    assert after is not None and after.state == "failed" and "did not finish" in after.message
+
+
+def test_a_drag_that_overtook_an_edit_stays(session: Session):
+    before = newest(session)
+    session.worker.pause()  # as behind a long fit
+    nudge(session, 4, before)
+    until(session, lambda: session.jobs)
+    drag(session, before, 40.0, frame=5)
+    until(session, lambda: newest(session).run.kind == "corrections")
+    dragged = pose(session, 5)
+    session.worker.resume()
+    idle(session)
+    away = torch.linalg.norm(before.params.body_pose[5] - dragged)
+    assert torch.linalg.norm(pose(session, 5) - dragged) < 0.2 * away, "fitted again from the drag on, with both edits"
+    assert session.edits_since(newest(session).run) == 0
+
+
+def test_an_edit_that_came_while_the_fit_followed_is_not_written_over(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    before = newest(session)
+    run = RerunFrames.run
+
+    def edited_meanwhile(job: RerunFrames):
+        if session.project.last_edit == 1:
+            nudge(session, 1, None)
+        return run(job)
+
+    monkeypatch.setattr(RerunFrames, "run", edited_meanwhile)
+    nudge(session, 0, before)
+    idle(session)
+    after = newest(session).run
+    assert after.kind == "corrections" and after.edits_seen == 2, "both are in: frame 0 was followed again"
+
+
+def test_edits_made_while_the_fit_follows_others_are_followed_together(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(following, "SETTLING", 0.0)
+    monkeypatch.setattr(following, "MOST_FOLLOWED", FRAMES - 1)
+    before = newest(session)
+    session.worker.pause()  # as behind a long fit
+    for frame in (0, 7, 1, 6, 0):
+        nudge(session, frame, before)
+        session.take_news()
+    assert len(session.jobs) == 1 and session.following.busy
+    session.worker.resume()
+    idle(session)
+    assert not told(session), "each of them is few frames: that they wait together is nothing to refuse"
+    assert session.edits_since(newest(session).run) == 0
+    for frame in (0, 7):
+        assert not torch.equal(pose(session, frame), before.params.body_pose[frame])
+
+
+def test_cancelling_what_follows_edits_cancels_those_that_wait_for_it(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(following, "SETTLING", 0.0)
+    before = newest(session)
+    session.worker.pause()
+    for frame in (0, 7):
+        nudge(session, frame, before)
+        session.take_news()
+    session.cancel()
+    session.worker.resume()
+    idle(session)
+    assert newest(session).run.id == before.run.id and session.edits_since(before.run) == 2
+
+
+def test_edits_of_two_runs_are_both_followed(session: Session):
+    before = newest(session)
+    other = session.rerun_frames(before, QUICK, (range(0, 2),))
+    idle(session)
+    nudge(session, 0, before)
+    nudge(session, 7, newest(session))  # before the first has settled
+    idle(session)
+    followed = {run.parent for run in session.fits.runs if run.kind == "corrections"}
+    assert followed == {before.run.id, other.id}
+
+
+def test_edits_that_no_window_holds_stay_unseen(session: Session):
+    before = newest(session)
+    nudge(session, 0, None)
+    nudge(session, 7, before)
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "corrections" and torch.equal(after.params.body_pose[0], before.params.body_pose[0])
+    assert session.frames_edited_since(after.run) == {0, 7}, "counted from the first that is not in"
+    partly = session.rerun_frames(after, QUICK, (range(6, 8),))
+    wholly = session.rerun_frames(after, QUICK, (range(0, 8),))
+    assert (partly.edits_seen, wholly.edits_seen) == (0, 2)
+
+
+def test_a_fit_without_its_body_follows_nothing_and_says_so(folder: Path):
+    with session_of(folder, None) as session:
+        shown = newest(session)
+        edit, xy = moved(session, 25.0)
+        assert session.following.begin_drag(shown, 4, (WRIST,), xy) is None
+        session.edit(edit, author="me", shown=shown)
+        until(session, lambda: not session.following.busy)
+        assert told(session)[-1].kind == "error" and "There is no neutral smplx body" in told(session)[-1].text
+
+
+@pytest.mark.parametrize("barred", [("finish",), ("finish", "end")])
+def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
+    session: Session, monkeypatch: pytest.MonkeyPatch, barred: tuple[str, ...]
+):
+    full = True
+    runs = session.project.runs
+
+    def on_full_disk(write):
+        def tried(*given, **named):
+            if full:
+                raise InputError("the disk is full")
+            return write(*given, **named)
+
+        return tried
+
+    for name in (*barred, "finish_late"):
+        monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
+    monkeypatch.setattr("tcfit_app.review.session._RETRY", 0.0)
+    run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
+    idle(session)
+    kept = session.fits.run(run.id)
+    assert kept is not None and kept.state == ("running" if "end" in barred else "failed") and not kept.stored
+    assert any("leave tcfit running" in notice.text for notice in told(session))
+    full = False
+    session.take_news()
+    kept = session.fits.run(run.id)
+    assert kept is not None and kept.state == "finished" and "is written after all" in told(session)[-1].title
+    assert newest(session).run.id == run.id and torch.equal(
+        session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
+    )
+
+
+def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, monkeypatch: pytest.MonkeyPatch):
+    before = newest(session)
+    runs = [session.fit_everything(QUICK, kind="smplx", gender="neutral") for _ in range(2)]
+    session.cancel(runs[1].id)
+    session.cancel(runs[0].id)
+    idle(session)
+    assert {session.fits.run(run.id).state for run in runs} == {"cancelled"}  # pyright: ignore
+    wrong = replace(QUICK, pose_prior="/nowhere/at all.npz")
+    failed = session.fit_everything(wrong, kind="smplx", gender="neutral")
+    idle(session)
+    after = session.fits.run(failed.id)
+    assert after is not None and after.state == "failed" and "nowhere" in after.message
+    assert told(session)[-1].kind == "error" and "nowhere" in told(session)[-1].text
+    assert newest(session).run.id == before.run.id
+    session.rerun_frames(before, QUICK, (range(2, 4),))
+    idle(session)
+    assert newest(session).run.state == "finished"
+
+
+def test_runs_are_renamed_deleted_and_restored(session: Session):
+    before = newest(session)
+    session.rename(before.run.id, "first")
+    assert newest(session).run.name == "first"
+    session.delete(before.run.id)
+    assert session.fits.show(FitChoice()) is None and session.fits.show(FitChoice(run=before.run.id)) is None
+    session.restore(before.run.id)
+    assert newest(session).run.id == before.run.id
+    session.delete(before.run.id)
+    assert session.purge() == 1 and not session.fits.runs
+
+
+def test_everything_is_there_after_a_restart(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body) as session:
+        drag(session, newest(session), 25.0)
+        idle(session)
+        pose = newest(session).params.body_pose
+        running = session.fit_everything(QUICK, kind="smplx", gender="neutral")
+    with session_of(folder, tiny_body) as session:
+        assert session.fits.run(running.id).state in ("cancelled", "finished")  # pyright: ignore
+        shown = session.fits.show(FitChoice(run=2))
+        assert shown is not None and torch.equal(shown.params.body_pose, pose)
+        assert session.undo(author="me") is not None and session.undo(author="me") is None
+
+
+def test_read_only(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body, read_only=True) as session:
+        shown = newest(session)
+        edit, xy = moved(session, 25.0)
+        assert session.following.begin_drag(shown, 4, (WRIST,), xy) is None
+        for command in (
+            lambda: session.edit(edit, author="me"),
+            lambda: session.mark([1], "flag", author="me"),
+            lambda: session.fit_everything(QUICK, kind="smplx", gender="neutral"),
+            lambda: session.rerun_frames(shown, QUICK, (range(2, 4),)),
+            lambda: session.rename(1, "other"),
+        ):
+            with pytest.raises(InputError):
+                command()
+        assert not session.jobs and not session.edits
+
+
+def test_without_a_body_model_the_user_is_told(folder: Path):
+    with session_of(folder, None) as session, pytest.raises(InputError, match="There is no neutral smplx body"):
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+
+
+def test_frames_around():
+    assert around([4], 2, 10) == (range(2, 7),)
+    assert around([0, 9], 2, 10) == (range(0, 3), range(7, 10))
+    assert around([1, 5], 2, 10) == (range(0, 8),), "ranges that touch are one"
+    assert around([], 2, 10) == ()
+
+
+def test_a_closing_session_does_not_hang(session: Session):
+    session.fit_everything(QUICK, kind="smplx", gender="neutral")
+    start = time.monotonic()
+    session.close()
+    assert time.monotonic() - start < 20

@@ -1,0 +1,31 @@
+"""How far a job is, in the timeline."""
+
+from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.review.timeline import PLOTTED, fit_spans
+from tcfit_app.review.view_state import ViewState
+
+
+def job(phase: int | None, *windows: range) -> RunningJob:
+    return RunningJob(number=1, run=1, title="job", phases=(3,), started=True, phase=phase, windows=list(windows))
+
+
+def spans(found: RunningJob, frames: range) -> list[tuple[int, int, str]]:
+    return [(span.first, span.last, span.state) for span in fit_spans(found, frames)]
+
+
+def test_a_whole_fit_covers_the_clip_phase_by_phase():
+    clip = range(100)
+    assert spans(job(None), clip) == spans(job(1), clip) == [(0, 99, "fitting")]
+    assert spans(job(2), clip) == [(0, 99, "phase1")]
+    assert spans(job(3, range(0, 20), range(20, 27)), clip) == [(0, 19, "done"), (20, 26, "done"), (27, 99, "phase2")]
+    assert spans(job(3, clip), clip) == [(0, 99, "done")]
+
+
+def test_frames_that_are_fitted_again_are_all_that_is_drawn():
+    frames = range(10, 70)
+    assert spans(job(3), frames) == [(10, 69, "phase2")]
+    assert spans(job(3, range(10, 30)), frames) == [(10, 29, "done"), (30, 69, "phase2")]
+
+
+def test_the_curve_of_a_new_page_can_be_plotted():
+    assert ViewState().curve in PLOTTED

@@ -1,0 +1,210 @@
+"""Frames of the video for the views."""
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.video.frames import FrameSource
+from tcfit_app.review.shared.jpeg import FrameSize, encoded, placeholder, shown_size
+from tcfit_app.review.shared.video_frames import VideoFrames, _forward
+
+COUNT, SIZE, STEP = 24, (1200, 640), 10
+
+
+def decoded(jpeg: bytes) -> np.ndarray:
+    """RGB."""
+    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def shown(jpeg: bytes) -> int:
+    """The index that a frame's grey tells; its left half is red."""
+    return round(float(decoded(jpeg)[:, -20:].mean()) / STEP)
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return walk(tmp_path_factory.mktemp("video") / "walk.avi", SIZE)
+
+
+def walk(path: Path, size: tuple[int, int]) -> Path:
+    """A video whose frames' right halves tell their index."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, size)
+    for index in range(COUNT):
+        image = np.full((size[1], size[0], 3), STEP * index, np.uint8)
+        image[:, : size[0] // 2] = (0, 0, 255)
+        writer.write(image)
+    writer.release()
+    return path
+
+
+@pytest.fixture
+def opened(video: Path) -> Callable[..., VideoFrames]:
+    """opened(source=video, **options): frames that are closed at the end."""
+    every: list[VideoFrames] = []
+
+    def make(source: Path | None = video, *, first_frame: int = 0, count: int = COUNT, **options) -> VideoFrames:
+        every.append(VideoFrames(source, first_frame=first_frame, count=count, size=SIZE, **options))
+        return every[-1]
+
+    yield make
+    for frames in every:
+        frames.close()
+
+
+def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize(
+    ("size", "small"),
+    [((1920, 1080), (960, 540)), ((1088, 1920), (540, 953)), ((640, 480), (640, 480)), ((4000, 10), (960, 2))],
+)
+def test_playing_frames_are_small_and_keep_their_shape(size: tuple[int, int], small: tuple[int, int]):
+    assert shown_size(size, "playing") == small and shown_size(size, "full") == size
+
+
+def test_jpegs_have_colours_the_right_way_round():
+    image = np.zeros((40, 60, 3), np.uint8)
+    image[..., 0] = 200
+    for kind in ("playing", "full"):
+        assert abs(decoded(encoded(image, kind)).mean((0, 1)) - (200, 0, 0)).max() < 6
+
+
+@pytest.mark.parametrize(("kind", "size"), [("playing", (960, 512)), ("full", SIZE)])
+def test_every_frame_in_any_order(opened: Callable[..., VideoFrames], kind: FrameSize, size: tuple[int, int]):
+    frames = opened(fill=False)
+    order = list(range(COUNT))
+    random.Random(0).shuffle(order)
+    for frame in order:
+        jpeg = frames.wait(frame, kind)
+        assert shown(jpeg) == frame and decoded(jpeg).shape[1::-1] == size
+        assert frames.get(frame, kind) == jpeg and frames.problem_of(frame) == ""
+    red = decoded(frames.wait(3))[:, : SIZE[0] // 3].mean((0, 1))
+    assert red[0] > 240 and red[1:].max() < 15
+
+
+def test_a_clip_that_starts_later_in_its_video(opened: Callable[..., VideoFrames]):
+    frames = opened(first_frame=5, count=10)
+    assert [shown(frames.wait(frame)) for frame in (0, 9)] == [5, 14]
+
+
+def test_asking_does_not_wait_but_has_the_frame_decoded(opened: Callable[..., VideoFrames]):
+    frames = opened(fill=False)
+    assert frames.get(20) is None and frames.nearest(20) is None
+    until(lambda: frames.get(20) is not None)
+    found = frames.nearest(20, "playing")
+    assert found is not None and found is frames.get(20) and shown(found) == 20
+    until(lambda: frames.get(20, "playing") not in (None, found))
+    assert frames.nearest(20, "playing") is frames.get(20, "playing")
+
+
+def test_a_small_clip_is_kept_in_one_size(tmp_path: Path):
+    small = walk(tmp_path / "small.avi", (192, 108))
+    with VideoFrames(small, first_frame=0, count=COUNT, size=(192, 108)) as frames:
+        assert frames.wait(7) is frames.get(7, "playing") is frames.nearest(7)
+        until(lambda: len(frames._cache) == COUNT)
+
+
+def test_frames_to_be_played_are_there_without_asking(opened: Callable[..., VideoFrames]):
+    frames = opened(fill=False)
+    frames.prefetch([22, 23, 10, 11], reader="page 1")
+    frames.prefetch(range(5, 2, -1), reader="page 2")
+    wanted = [22, 23, 10, 11, 5, 4, 3]
+    until(lambda: all((frame, "playing") in frames._cache for frame in wanted))
+    assert len(frames._cache) == len(wanted)
+
+
+def test_a_waiting_reader_comes_before_what_is_played(opened: Callable[..., VideoFrames], monkeypatch):
+    order, gate = [], threading.Event()
+    original = FrameSource.frame
+
+    def recorded(self: FrameSource, index: int) -> np.ndarray:
+        gate.wait(10)
+        order.append(index)
+        return original(self, index)
+
+    monkeypatch.setattr(FrameSource, "frame", recorded)
+    frames = opened(fill=False)
+    frames.prefetch(range(0, 8))
+    until(lambda: any(frames._coming.values()) and len(frames._coming[None]) < 8)  # one of them is being decoded
+    frames.get(19)
+    frames.get(21)
+    gate.set()
+    until(lambda: len(order) == 10)
+    assert order[:4] == [0, 21, 19, 1]
+
+
+def test_what_was_to_be_played_is_forgotten(opened: Callable[..., VideoFrames]):
+    frames = opened(fill=False)
+    frames.prefetch(range(COUNT), reader=1)
+    frames.prefetch([3], reader=1)
+    frames.prefetch(range(COUNT), reader=2)
+    frames.leave(2)
+    frames.wait(3, "playing")
+    time.sleep(0.05)
+    assert len(frames._cache) < COUNT
+
+
+def test_the_rest_of_the_clip_follows(opened: Callable[..., VideoFrames]):
+    frames = opened()
+    until(lambda: all((frame, "playing") in frames._cache for frame in range(COUNT)))
+    assert all(shown(frames.get(frame, "playing") or b"") == frame for frame in range(COUNT))
+
+
+def test_the_rest_of_the_clip_leaves_half_of_the_memory(opened: Callable[..., VideoFrames]):
+    one = len(opened().wait(2, "playing"))
+    frames = opened(limit=10 * one)
+    until(lambda: frames._cache.used >= 5 * one * 0.9)
+    time.sleep(0.1)
+    assert frames._cache.used < 7 * one
+
+
+def test_playing_backwards_decodes_forwards():
+    assert _forward(list(range(30, 0, -1))) == [*range(19, 31), *range(7, 19), *range(1, 7)]
+    assert _forward([5, 6, 1, 2]) == [5, 6, 1, 2] and _forward([4]) == [4] and _forward([]) == []
+
+
+@pytest.mark.parametrize("source", [None, "gone.mp4", "text.mp4"])
+def test_no_video_is_a_grey_frame_and_a_reason(opened: Callable[..., VideoFrames], tmp_path: Path, source: str | None):
+    (tmp_path / "text.mp4").write_text("no video")
+    frames = opened(tmp_path / source if source else None)
+    assert frames.wait(3, "playing") == placeholder(SIZE, "playing") == frames.get(4, "playing")
+    assert decoded(frames.wait(0)).shape[1::-1] == SIZE
+    expected = {None: "no video", "gone.mp4": "does not exist", "text.mp4": "is not a video"}[source]
+    assert expected in frames.problem and expected in frames.problem_of(2)
+
+
+def test_missing_frames_are_grey_and_the_others_are_not(opened: Callable[..., VideoFrames]):
+    frames = opened(count=COUNT + 3)
+    assert shown(frames.wait(COUNT - 1)) == COUNT - 1
+    assert frames.wait(COUNT) == placeholder(SIZE, "full")
+    assert f"There is no frame {COUNT}" in frames.problem_of(COUNT)
+    assert frames.problem == "" and frames.problem_of(COUNT - 1) == ""
+    assert frames.get(COUNT) == placeholder(SIZE, "full"), "it is not decoded again and again"
+
+
+def test_closing_ends_the_thread_at_once(video: Path):
+    frames = VideoFrames(video, first_frame=0, count=COUNT, size=SIZE)
+    frames.prefetch(range(COUNT), "full")
+    frames.close()
+    assert not frames._thread.is_alive()
+    start = time.monotonic()
+    assert decoded(frames.wait(9)).shape[1::-1] == SIZE and time.monotonic() - start < 1
+    frames.close()
+
+
+def test_many_readers_at_once(opened: Callable[..., VideoFrames]):
+    frames = opened(limit=10**6)
+    wanted = [random.Random(seed).randrange(COUNT) for seed in range(60)]
+    with ThreadPoolExecutor(6) as pool:
+        assert [shown(jpeg) for jpeg in pool.map(lambda f: frames.wait(f, "playing"), wanted)] == wanted

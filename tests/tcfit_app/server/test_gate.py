@@ -1,0 +1,611 @@
+"""The gate in front of viser, tried with real clients."""
+
+import http.client
+import logging
+import socket
+import threading
+import time
+import webbrowser
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from ipaddress import ip_address
+
+import msgspec
+import pytest
+import viser
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from fitting_core.errors import InputError
+from tcfit_app.server import gated_viser
+from tcfit_app.server.address import Address, listen
+from tcfit_app.server.gate import PROTECTION
+from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
+from tests.drivers.browser import chromium
+
+HOME = "/"
+
+
+def silent(text: str) -> None:
+    """Says nothing."""
+
+
+def serve(**options) -> AbstractContextManager[ReviewServer]:
+    """A server for tests, at any free port."""
+    return review_server("A clip", **({"port": 0, "open_browser": False, "say": silent} | options))
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ReviewServer]:
+    with serve() as running:
+        yield running
+
+
+@dataclass(frozen=True)
+class Answer:
+    status: int
+    headers: dict[str, str]
+    body: str
+
+
+def get(server: ReviewServer, path: str, **headers: str) -> Answer:
+    """GET without redirects; underscores in names of headers become dashes."""
+    client = http.client.HTTPConnection("127.0.0.1", server.address.port, timeout=20)
+    client.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+    response = client.getresponse()
+    body = response.read().decode()
+    client.close()
+    return Answer(response.status, dict(response.getheaders()), body)
+
+
+def entrance(server: ReviewServer) -> str:
+    """The link's path, with the token."""
+    return server.gate.link.removeprefix(server.address.url)
+
+
+def admit(server: ReviewServer) -> str:
+    """Comes in through the link; the cookie."""
+    answer = get(server, entrance(server))
+    assert answer.status == 200
+    return answer.headers["Set-Cookie"].partition(";")[0]
+
+
+@pytest.fixture(scope="module")
+def cookie(server: ReviewServer) -> str:
+    return admit(server)
+
+
+def open_websocket(server: ReviewServer, path: str = HOME, **headers: str) -> ClientConnection:
+    """As viser's client does it; with the server's own Origin, unless another one or "" is given."""
+    origin = headers.pop("Origin", server.address.url)
+    return connect(
+        f"ws://127.0.0.1:{server.address.port}{path}",
+        origin=origin or None,  # pyright: ignore[reportArgumentType]
+        additional_headers=headers,
+        subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
+        max_size=None,
+        proxy=None,
+        close_timeout=2,
+    )
+
+
+def refusal(server: ReviewServer, path: str = HOME, **headers: str) -> int:
+    """The status with which a websocket is refused."""
+    with pytest.raises(InvalidStatus) as refused:
+        open_websocket(server, path, **headers)
+    return refused.value.response.status_code
+
+
+def raw(server: ReviewServer, request: bytes) -> bytes:
+    """All that the server answers to these bytes until it hangs up."""
+    with socket.create_connection(("127.0.0.1", server.address.port), timeout=20) as client:
+        client.sendall(request)
+        received = b""
+        try:
+            while part := client.recv(65536):
+                received += part
+        except ConnectionResetError:
+            pass
+    return received
+
+
+def handshake(*, host: str = "127.0.0.1", origin: str = "http://127.0.0.1", cookie: str = "") -> bytes:
+    """A request for a websocket, with headers that a library would not send."""
+    lines = [
+        f"GET / HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nCookie: {cookie}\r\nUpgrade: websocket",
+        "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+        f"Sec-WebSocket-Protocol: viser-v{viser.__version__}\r\n\r\n",
+    ]
+    return "\r\n".join(lines).encode()
+
+
+def status_of(server: ReviewServer, request: bytes) -> int:
+    """The status of the answer; the connection is closed then."""
+    with socket.create_connection(("127.0.0.1", server.address.port), timeout=20) as client:
+        client.sendall(request)
+        return int(client.recv(12).split()[1])
+
+
+# Admission
+
+
+def test_the_link_gives_a_cookie_that_opens_the_page_and_the_websocket(server: ReviewServer):
+    answer = get(server, entrance(server))
+    cookie, *attributes = answer.headers["Set-Cookie"].split("; ")
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} == set(attributes)
+    assert "url=/'" in answer.body and "Location" not in answer.headers
+    page = get(server, HOME, Cookie=cookie)
+    assert page.status == 200 and "viser" in page.body.lower()
+    with open_websocket(server, Cookie=cookie) as client:
+        assert isinstance(client.recv(timeout=10), bytes)
+
+
+def test_a_link_works_once_and_the_next_one_for_another_browser(server: ReviewServer):
+    used = entrance(server)
+    first = admit(server)
+    assert get(server, used).status == 403
+    assert entrance(server) != used
+    second = admit(server)
+    for cookie in (first, second):
+        assert get(server, HOME, Cookie=cookie).status == 200
+
+
+def test_of_many_that_use_a_link_at_the_same_time_one_gets_in(server: ReviewServer):
+    link = entrance(server)
+    with ThreadPoolExecutor(12) as pool:
+        statuses = list(pool.map(lambda _: get(server, link).status, range(12)))
+    assert sorted(statuses) == [200, *[403] * 11]
+
+
+def test_a_known_browser_does_not_use_up_a_link(server: ReviewServer, cookie: str):
+    link = entrance(server)
+    answer = get(server, link, Cookie=cookie)
+    assert (answer.status, answer.headers["Location"]) == (303, "/")
+    assert entrance(server) == link
+
+
+def test_fresh_links_are_said_after_each_use():
+    said: list[str] = []
+    with serve(say=said.append) as server:
+        first = server.gate.link
+        assert said[-1].endswith(first)
+        admit(server)
+        deadline = time.monotonic() + 5
+        while len(said) < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert said[-1].endswith(server.gate.link) and server.gate.link != first
+
+
+# Refusal
+
+
+@pytest.mark.parametrize(
+    "path", [HOME, "/?token=", "/?token=wrong", "/?token=%F0", "/?token=\u00e9".encode().decode("latin1")]
+)
+def test_without_link_or_cookie_there_is_only_a_hint(server: ReviewServer, path: str):
+    answer = raw(server, f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode("latin1"))
+    assert answer.startswith(b"HTTP/1.1 403 ") and b"link" in answer
+    assert b"Set-Cookie" not in answer and len(answer) < 1000
+
+
+@pytest.mark.parametrize(
+    "change", [lambda c: c[:-1], lambda c: c + "x", lambda c: c.replace("=", "x=", 1), lambda c: ""]
+)
+def test_a_wrong_cookie_is_refused(server: ReviewServer, cookie: str, change):
+    assert get(server, HOME, Cookie=change(cookie)).status == 403
+    assert refusal(server, Cookie=change(cookie)) == 403
+
+
+def test_the_cookie_is_found_among_others(server: ReviewServer, cookie: str):
+    name = cookie.partition("=")[0]
+    assert get(server, HOME, Cookie=f"a=b; {name}=\u00e9; {cookie};;c").status == 200
+
+
+def test_a_token_opens_no_websocket(server: ReviewServer):
+    link = entrance(server)
+    assert refusal(server, link) == 403
+    assert entrance(server) == link
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "127.0.0.1.evil.example",
+        "localhost.",
+        "me@127.0.0.1",
+        "10.0.0.1",
+        "[::2]",
+        "",
+        "a b",
+        "localhost:x",
+    ],
+)
+def test_another_host_is_misdirected(server: ReviewServer, cookie: str, host: str):
+    for path in (HOME, entrance(server)):
+        request = f"GET {path} HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n"
+        assert raw(server, request.encode()).startswith(b"HTTP/1.1 421 ")
+    assert status_of(server, handshake(host=host, origin=f"http://{host}", cookie=cookie)) == 421
+
+
+@pytest.mark.parametrize("hosts", [[], ["127.0.0.1", "127.0.0.1"], ["127.0.0.1", "evil.example"]])
+def test_there_must_be_one_host(server: ReviewServer, cookie: str, hosts: list[str]):
+    lines = "".join(f"Host: {host}\r\n" for host in hosts)
+    assert raw(server, f"GET / HTTP/1.1\r\n{lines}Cookie: {cookie}\r\n\r\n".encode()).startswith(b"HTTP/1.1 421 ")
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST", "127.0.0.1", "[::1]", "localhost:9000"])
+def test_its_own_names_are_accepted_also_through_a_tunnel(server: ReviewServer, cookie: str, host: str):
+    assert get(server, HOME, Host=host, Cookie=cookie).status == 200
+    assert status_of(server, handshake(host=host, origin=f"http://{host}", cookie=cookie)) == 101
+
+
+FOREIGN = [
+    "http://evil.example",
+    "null",
+    "http://127.0.0.1:1",
+    "http://localhost",
+    "file://",
+    "http://127.0.0.1.evil.example",
+]
+
+
+@pytest.mark.parametrize("origin", FOREIGN)
+def test_other_pages_get_nothing_even_with_the_cookie(server: ReviewServer, cookie: str, origin: str):
+    assert get(server, HOME, Cookie=cookie, Origin=origin).status == 403
+    assert refusal(server, Cookie=cookie, Origin=origin) == 403
+
+
+def test_a_websocket_needs_an_origin(server: ReviewServer, cookie: str):
+    assert refusal(server, Cookie=cookie, Origin="") == 403
+
+
+def test_another_page_does_not_use_up_a_link(server: ReviewServer):
+    link = entrance(server)
+    assert get(server, link, Origin="http://evil.example").status == 403
+    assert get(server, link, Origin=server.address.url).status == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../../etc/passwd",
+        "/%2e%2e/%2e%2e/etc/passwd",
+        "/..\\..\\x",
+        "//evil.example/?x",
+        "/index.html",
+        "/.",
+        "*",
+        "http://a/",
+    ],
+)
+def test_there_is_one_path(server: ReviewServer, cookie: str, path: str):
+    request = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    assert raw(server, f"{request}Cookie: {cookie}\r\n\r\n".encode()).startswith(b"HTTP/1.1 404 ")
+    assert raw(server, f"{request}\r\n".encode()).startswith(b"HTTP/1.1 403 ")
+    if path.startswith("/i"):
+        assert refusal(server, path, Cookie=cookie) == 404
+
+
+def test_the_icon_that_browsers_ask_for_is_nothing(server: ReviewServer, cookie: str):
+    request = "GET /favicon.ico HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    assert raw(server, f"{request}Cookie: {cookie}\r\n\r\n".encode()).startswith(b"HTTP/1.1 204 ")
+    assert raw(server, f"{request}\r\n".encode()).startswith(b"HTTP/1.1 403 ")
+
+
+def test_no_query_reaches_the_page(server: ReviewServer, cookie: str):
+    """viser's page would connect to the server that ?websocket= names, and run the scripts that it sends."""
+    answer = get(server, "/?websocket=ws://evil.example", Cookie=cookie)
+    assert (answer.status, answer.headers["Location"]) == (303, "/")
+
+
+def test_every_answer_is_protected(server: ReviewServer, cookie: str):
+    for answer in (
+        get(server, HOME),
+        get(server, HOME, Cookie=cookie),
+        get(server, "/x", Cookie=cookie),
+        get(server, HOME, Host="evil.example"),
+        get(server, entrance(server)),
+    ):
+        assert PROTECTION.items() <= answer.headers.items()
+    assert PROTECTION["Referrer-Policy"] == "no-referrer"
+
+
+def test_nobody_opens_the_share_tunnel(server: ReviewServer, cookie: str, monkeypatch: pytest.MonkeyPatch):
+    asked: list[str] = []
+    monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda self: asked.append("request"))
+    monkeypatch.setattr(viser.ViserServer, "disconnect_share_url", lambda self: asked.append("disconnect"))
+    box = server.viser.gui.add_checkbox("Checked", False)
+    with open_websocket(server, Cookie=cookie) as client:
+        for message in (
+            {"type": "ShareUrlRequest"},
+            {"type": "ShareUrlDisconnect"},
+            {"type": "GuiUpdateMessage", "uuid": box._impl.uuid, "updates": {"value": True}},
+        ):
+            client.send(msgspec.msgpack.encode(message))
+        deadline = time.monotonic() + 10
+        while not box.value and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert box.value, "messages do not arrive at all"
+    assert not asked
+
+
+# Robustness
+
+
+@pytest.mark.parametrize(
+    "request_bytes",
+    [
+        b"GET /?token=" + b"a" * 20000 + b" HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: " + b"a" * 20000 + b"\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + b"X: y\r\n" * 1000 + b"\r\n",
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 5\r\n\r\nhello",
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 0\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\r\n\r\n",
+        b"\r\n\r\n",
+    ],
+    ids=["long path", "long header", "many headers", "body", "POST", "TLS", "empty"],
+)
+def test_what_is_no_small_get_is_cut_off(server: ReviewServer, request_bytes: bytes):
+    assert raw(server, request_bytes) == b""
+    assert get(server, HOME).status == 403
+
+
+def test_slow_requests_are_cut_off_and_hold_up_nobody(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(gated_viser, "REQUEST_SECONDS", 2.0)
+    with serve() as server, ExitStack() as clients:
+        address = ("127.0.0.1", server.address.port)
+        slow = [clients.enter_context(socket.create_connection(address, timeout=10)) for _ in range(20)]
+        start = time.monotonic()
+        for client in slow[1:]:
+            client.sendall(b"GET / HTTP/1.1\r\nHost: ")
+        assert get(server, entrance(server)).status == 200
+        assert time.monotonic() - start < 1.8, "the slow ones held up the other"
+        dripping = slow[-1]
+        with pytest.raises(ConnectionError):
+            while time.monotonic() - start < 12:
+                dripping.sendall(b"1")
+                time.sleep(0.1)
+        assert time.monotonic() - start < 8
+        for client in slow[:-1]:
+            assert client.recv(1) == b""
+
+
+def test_neither_token_nor_cookie_gets_into_logs(
+    caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    caplog.set_level(logging.DEBUG)
+    monkeypatch.setattr(gated_viser._log, "filters", [gated_viser._is_no_noise])  # viser adds one, which hides more
+    with serve() as server:
+        link = entrance(server)
+        raw(server, f"GET {link} HTTP/1.0\r\n\r\n".encode())  # quoted in the traceback of websockets
+        cookie = admit(server)
+        raw(server, f"GET / HTTP/1.1\r\nCookie: {cookie}\x01\r\n\r\n".encode())
+        with open_websocket(server, Cookie=cookie) as client:
+            client.recv(timeout=10)
+    ours = [record for record in caplog.records if record.name.startswith("tcfit_app")]
+    assert "connection open" in [record.getMessage() for record in ours], "the log is not recorded"
+    text = "".join(map(logging.Formatter().format, ours)) + "".join(capfd.readouterr())
+    for secret in (link.partition("=")[2], cookie.partition("=")[2]):
+        assert secret not in text
+
+
+def test_messages_that_are_none_end_their_connection_without_a_traceback(
+    server: ReviewServer, cookie: str, caplog: pytest.LogCaptureFixture
+):
+    for sent in ("text", b"", b"\xc1", msgspec.msgpack.encode(5), msgspec.msgpack.encode({"type": "NoSuch"})):
+        with open_websocket(server, Cookie=cookie) as client:
+            client.send(sent)
+            with pytest.raises(ConnectionClosed):
+                while True:
+                    client.recv(timeout=10)
+    assert not [record for record in caplog.records if record.exc_info]
+    assert get(server, HOME, Cookie=cookie).status == 200
+
+
+def test_the_end_closes_everything_at_once(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(gated_viser, "GOODBYE_SECONDS", 5.0)
+    before = set(threading.enumerate())
+    with ExitStack() as stack:
+        with serve() as server:
+            address = ("127.0.0.1", server.address.port)
+            idle = stack.enter_context(socket.create_connection(address, timeout=5))
+            client = open_websocket(server, Cookie=admit(server))
+            client.recv(timeout=10)
+            start = time.monotonic()
+        assert time.monotonic() - start < 3
+        assert idle.recv(1) == b""
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                client.recv(timeout=5)
+        assert closed.value.rcvd and closed.value.rcvd.code == 1001
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(address)
+    client.close()
+    left = [
+        thread for thread in set(threading.enumerate()) - before if not thread.name.startswith("ThreadPoolExecutor")
+    ]
+    for thread in left:
+        thread.join(5)  # the client's own ends a moment later
+    assert not any(thread.is_alive() for thread in left)
+
+
+def test_the_end_does_not_wait_for_a_browser_that_is_silent():
+    with serve() as server:
+        cookie = admit(server)
+        client = socket.create_connection(("127.0.0.1", server.address.port), timeout=5)
+        client.sendall(handshake(cookie=cookie))
+        assert client.recv(12) == b"HTTP/1.1 101"
+        start = time.monotonic()
+    assert time.monotonic() - start < gated_viser.GOODBYE_SECONDS + 3
+    client.close()
+
+
+def test_an_exception_inside_closes_the_server_too():
+    with pytest.raises(KeyError), serve() as server:
+        raise KeyError
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", server.address.port))
+
+
+def test_two_servers_do_not_share_their_visitors(server: ReviewServer, cookie: str):
+    said: list[str] = []
+    with serve(port=server.address.port, say=said.append) as other:
+        assert other.address.port > server.address.port
+        assert f"Port {server.address.port} is in use" in said[0]
+        assert get(other, HOME, Cookie=cookie).status == 403
+        assert get(other, entrance(server)).status == 403
+        both = f"{cookie}; {admit(other)}"  # a browser sends its cookies to all ports of a host
+        for one in (server, other):
+            assert get(one, HOME, Cookie=both).status == 200
+            with open_websocket(one, Cookie=both) as client:
+                assert client.recv(timeout=10)
+    assert get(server, HOME, Cookie=cookie).status == 200
+
+
+def test_other_software_on_websockets_is_left_alone(server: ReviewServer):
+    from viser.infra import _infra
+    from websockets.asyncio import server as network
+
+    assert _infra.websockets.asyncio.server.serve is network.serve
+
+
+# Address
+
+
+def address(ip: str, asked: str | None = None) -> Address:
+    return Address(asked=asked or ip, ip=ip_address(ip), port=8080)
+
+
+@pytest.mark.parametrize(
+    ("listening", "host", "accepted"),
+    [
+        (address("127.0.0.1", "review.test"), "review.test:8080", True),
+        (address("127.0.0.1"), "192.168.1.5:8080", False),
+        (address("192.168.1.5"), "192.168.1.5:8080", True),
+        (address("192.168.1.5", "Box.example.org"), "box.example.org:8080", True),
+        (address("192.168.1.5"), "box.example.org:8080", False),
+        (address("0.0.0.0"), "192.168.1.5:8080", True),
+        (address("0.0.0.0"), f"{socket.gethostname()}:8080", True),
+        (address("0.0.0.0"), f"{socket.gethostname()}.evil.example:8080", False),
+        (address("0.0.0.0"), "1.2.3.4.evil.example", False),
+        (address("::"), "[fe80::1]:8080", True),
+    ],
+)
+def test_names_that_an_address_has(listening: Address, host: str, accepted: bool):
+    assert listening.accepts(host) is accepted
+
+
+def test_urls_for_this_computer():
+    urls = [address("127.0.0.1").url, address("0.0.0.0").url, address("::1").url, address("10.0.0.2", "box").url]
+    assert urls == ["http://127.0.0.1:8080", "http://127.0.0.1:8080", "http://[::1]:8080", "http://box:8080"]
+
+
+def test_only_this_computer_reaches_it_unless_asked(server: ReviewServer):
+    assert server.address.loopback and server.viser.get_host() == "127.0.0.1"
+
+
+def test_other_computers_bring_a_warning_and_need_the_link_as_well():
+    said: list[str] = []
+    with serve(host="0.0.0.0", say=said.append) as server:
+        assert "Warning" in said[0] and "encrypted" in said[0]
+        assert get(server, HOME, Host="192.168.1.5").status == 403
+        assert get(server, HOME, Host="evil.example").status == 421
+        assert get(server, HOME, Host="192.168.1.5", Cookie=admit(server)).status == 200
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "message"),
+    [
+        ("no-such-host.invalid", 0, "not known"),
+        ("", 0, "not known"),
+        ("192.0.2.1", 0, "Cannot listen"),
+        ("127.0.0.1", 70000, "no port 70000"),
+        ("127.0.0.1", -1, "no port -1"),
+    ],
+)
+def test_where_nothing_can_listen(host: str, port: int, message: str):
+    with pytest.raises(InputError, match=message), serve(host=host, port=port):
+        pass
+
+
+def test_all_ports_in_use(monkeypatch: pytest.MonkeyPatch, server: ReviewServer):
+    monkeypatch.setattr("tcfit_app.server.address.PORTS_TRIED", 1)
+    with pytest.raises(InputError, match="in use"):
+        listen("127.0.0.1", server.address.port)
+
+
+# Browser
+
+
+@pytest.mark.parametrize(
+    ("environment", "platform", "there"),
+    [
+        ({}, "linux", False),
+        ({"DISPLAY": ":0"}, "linux", True),
+        ({"WAYLAND_DISPLAY": "wayland-0"}, "linux", True),
+        ({"DISPLAY": ":0", "CI": "true"}, "linux", False),
+        ({"DISPLAY": "localhost:10.0", "SSH_CONNECTION": "1"}, "linux", False),
+        ({"SSH_CONNECTION": "1", "BROWSER": "/code/helper"}, "linux", True),
+        ({}, "darwin", True),
+        ({}, "win32", True),
+        ({"CI": "1"}, "darwin", False),
+    ],
+)
+def test_where_a_browser_is_opened(environment: dict[str, str], platform: str, there: bool):
+    assert browser_at_hand(environment, platform) is there
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_browser_is_opened_at_the_link(monkeypatch: pytest.MonkeyPatch, wanted: bool):
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setattr("tcfit_app.server.serving.browser_at_hand", lambda *_: True)
+    with serve(open_browser=wanted) as server:
+        assert opened == [server.gate.link] * wanted
+
+
+READY = "() => Boolean(window.__viserMutable?.canvas && window.__viserMutable?.cameraControl)"
+CLICK = "link => { document.body.innerHTML = `<a href='${link}'>Review</a>`; document.querySelector('a').click(); }"
+
+
+WEBSOCKET = """([url, protocol]) => new Promise(done => {
+    const socket = new WebSocket(url, protocol);
+    socket.onopen = () => done("open");
+    socket.onerror = () => done("refused");
+})"""
+
+
+def test_in_a_browser():
+    with chromium() as browser, serve() as server, serve() as foreign:
+        page, requests = browser.new_page(), []
+        page.on("request", lambda request: requests.append(request))
+        pages_before = page.evaluate("history.length")
+        page.goto(server.gate.link)
+        page.wait_for_url(f"{server.address.url}/")
+        page.wait_for_function(READY, timeout=60_000)
+        page.wait_for_function("document.title === 'A clip'")
+        assert page.locator("canvas").count() >= 1
+        assert len(server.viser.get_clients()) == 1
+        assert page.evaluate("[document.cookie, document.referrer, history.length]") == ["", "", pages_before + 1]
+        assert not [r.url for r in requests if not r.url.startswith((server.address.url, "data:", "blob:"))]
+        assert not [r.headers["referer"] for r in requests if "referer" in r.headers]
+
+        page.reload()
+        page.wait_for_function(READY, timeout=60_000)
+
+        stranger = browser.new_context().new_page()
+        answer = stranger.goto(server.address.url)
+        assert answer and answer.status == 403 and "link" in stranger.inner_text("body")
+
+        # A link in a page of another site: the cookie has to be sent right after it was set.
+        stranger.goto("data:text/html,elsewhere")
+        stranger.evaluate(CLICK, server.gate.link)
+        stranger.wait_for_function(READY, timeout=60_000)
+        # From another port, the browser sends the cookie all the same.
+        stranger.goto(foreign.gate.link)
+        stranger.wait_for_url(f"{foreign.address.url}/")
+        target = server.address.url.replace("http", "ws")
+        assert stranger.evaluate(WEBSOCKET, [target, f"viser-v{viser.__version__}"]) == "refused"
