@@ -19,6 +19,7 @@ from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
+from tcfit_app.options import preparing
 from tcfit_app.options.fit import BodyOptions, fit_config
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.tcfit_app.conftest import FRAMES, Finished
@@ -270,7 +271,7 @@ def test_what_could_not_be_written_does_not_count(
 def test_a_folder_that_cannot_be_written_is_told_at_once(
     fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):
-    monkeypatch.setattr(fit_command.os, "access", lambda path, mode: path != tmp_path)
+    monkeypatch.setattr(preparing.os, "access", lambda path, mode: path != tmp_path)
     assert main(fit_arguments) == 2
     told = capsys.readouterr().err
     assert f"{tmp_path} is read-only" in told and "Phase" not in told
@@ -309,8 +310,8 @@ def test_missing_opengl_does_not_fail_the_fit(
 def test_body_by_file(tmp_path: Path):
     file = tmp_path / "SMPLX_MALE.npz"
     file.touch()
-    assert fit_command.body_file(BodyOptions(body_model=str(file))) == file
-    assert fit_command.body_file(BodyOptions(models=tmp_path, gender="male")) == file
+    assert preparing.body_file(BodyOptions(body_model=str(file))) == file
+    assert preparing.body_file(BodyOptions(models=tmp_path, gender="male")) == file
 
 
 def test_settings_are_a_configuration_file(tmp_path: Path, capsys: pytest.CaptureFixture):
