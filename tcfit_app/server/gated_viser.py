@@ -1,38 +1,29 @@
 """viser's server behind the gate: no request reaches it that the gate has not let through.
 
-viser takes neither a socket nor a check of requests, and a proxy in front would leave its own port open to everybody on
-this computer. So the one call with which it starts its network server is answered here. That, the share tunnel's
-handlers and its console are its internals; the range of versions in pyproject.toml is narrow for that reason.
+The one call with which viser starts its network server is answered here (`viser_bridge.network_server`).
 """
 
 import logging
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
-from threading import Lock
 from traceback import walk_tb
-from types import SimpleNamespace
 from typing import Any
-from zipfile import ZipFile
 
 import rich
 import viser
 import websockets.asyncio.server
-from viser import _gui_api, _gui_handles, _icons, _messages
-from viser.infra import _infra
 from websockets.exceptions import InvalidMessage
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from tcfit_app.server import viser_bridge
 from tcfit_app.server.gate import Gate, protect
 
 REQUEST_SECONDS = 30.0
 """How long one request may take, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
 GOODBYE_SECONDS = 1.0
 """How long browsers have to hang up when the server stops."""
-
-_starting = Lock()
 
 # Below INFO, websockets logs whole requests, with tokens and cookies.
 _log = logging.getLogger("tcfit_app.requests")
@@ -47,31 +38,22 @@ def _is_no_noise(record: logging.LogRecord) -> bool:
     error = record.exc_info[1] if record.exc_info else None
     if error is None:
         return True
-    in_consumer = any(frame.f_code is _infra._message_consumer.__code__ for frame, _ in walk_tb(error.__traceback__))
+    in_consumer = any(viser_bridge.handles_messages(frame) for frame, _ in walk_tb(error.__traceback__))
     return not (in_consumer or isinstance(error, InvalidMessage))
 
 
 _log.addFilter(_is_no_noise)
 
 
-@cache
-def _icons_archive() -> ZipFile:
-    return ZipFile(_icons.ICONS_DIR / "tabler-icons.zip")
-
-
-@cache
-def icon(name: str) -> str:
-    """As viser's `svg_from_icon`, which opens its archive of 5000 icons anew for each: 60 ms, in front of every tab."""
-    return _icons_archive().read(f"{name}.svg").decode()
-
-
-for _user in (_gui_api, _gui_handles):
-    setattr(_user, "svg_from_icon", icon)  # noqa: B010
-
-
 @contextmanager
 def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserServer]:
-    """A viser server on that socket (which it closes) behind that gate, without the share tunnel; stops at the end."""
+    """A viser server on that socket (which it closes) behind that gate, without the share tunnel; stops at the end.
+
+    Raises:
+        InputError: The viser that is installed is not one that tcfit knows.
+    """
+    viser_bridge.check()
+    viser_bridge.keep_icons_open()
     started: list[websockets.asyncio.server.Server] = []
 
     def serve(handler: Any, host: str, port: int, **options: Any) -> websockets.asyncio.server.serve:
@@ -83,14 +65,12 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
         return serving
 
     host, port = listening.getsockname()[:2]
-    with _network_from(serve), _quiet():  # viser prints an address that would be refused
+    with viser_bridge.network_server(serve), _quiet():  # viser prints an address that would be refused
         server = viser.ViserServer(host=host, port=port, verbose=False)
     try:
         if not started:
             raise RuntimeError(f"viser {viser.__version__} starts its server in a way that tcfit does not know")
-        # They would put the server onto the internet at the request of any page that is connected.
-        for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-            server._websock_server.unregister_handler(message)
+        viser_bridge.forbid_sharing(server)
         yield server
     finally:
         with suppress(RuntimeError):  # somebody stopped viser before: its loop is closed
@@ -123,23 +103,6 @@ def _hang_up(server: websockets.asyncio.server.Server) -> None:
         if connection.protocol.state is State.CONNECTING:
             connection.transport.abort()
     server.get_loop().call_later(GOODBYE_SECONDS, lambda: [c.transport.abort() for c in list(server.handlers)])
-
-
-@contextmanager
-def _network_from(serve: Callable[..., Any]) -> Iterator[None]:
-    """For its duration viser, and nobody else, finds `serve` where it looks for that of websockets."""
-    stand_in = SimpleNamespace(
-        asyncio=SimpleNamespace(server=SimpleNamespace(serve=serve)),
-        datastructures=websockets.datastructures,
-        exceptions=websockets.exceptions,
-    )
-    with _starting:
-        seen_by_viser: Any = _infra
-        original, seen_by_viser.websockets = seen_by_viser.websockets, stand_in
-        try:
-            yield
-        finally:
-            seen_by_viser.websockets = original
 
 
 @contextmanager

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from threading import Thread
 
 import viser
-from viser import _messages
 
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import Gate
 from tcfit_app.server.gated_viser import gated_viser
+from tcfit_app.server.viser_bridge import run_javascript
 
 HOST = "127.0.0.1"
 PORT = 8080
@@ -114,5 +114,4 @@ def _dress(server: viser.ViserServer, title: str) -> None:
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
     # viser has no setting for the tab's title.
-    script = f"document.title = {json.dumps(title)};"
-    server._websock_server.queue_message(_messages.RunJavascriptMessage(source=script))
+    run_javascript(server, f"document.title = {json.dumps(title)};")

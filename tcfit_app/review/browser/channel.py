@@ -14,10 +14,10 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 import viser
-from viser import _messages
 
 from tcfit_app.review.browser.page_events import PageEvent, decode
 from tcfit_app.review.browser.page_states import STATES, PageState
+from tcfit_app.server.viser_bridge import field_id, run_javascript
 
 SCRIPTS = (
     "style",
@@ -60,13 +60,13 @@ class Channel:
             client: The tab.
             receive: Gets the page's events, in order, in viser's event loop: it must only pass them on.
         """
-        self._connection = client._websock_connection
+        self._client = client
         self._receive = receive
         self._last = 0
         self._field = client.gui.add_text("", "", visible=False)
         self._field.on_update(self._take)  # pyright: ignore[reportArgumentType]
-        self._run(script())
-        self._run(f"tcfit.connect({_json(self._field._impl.uuid)})")
+        run_javascript(client, script())
+        run_javascript(client, f"tcfit.connect({_json(field_id(self._field))})")
 
     def send(self, name: str, state: PageState | None) -> None:
         """Replace the page's state of that name, one of STATES; None takes it away.
@@ -74,7 +74,7 @@ class Channel:
         If the connection is slow, the newest state of each name waits, and no other.
         """
         assert name in STATES and (state is None or type(state) is STATES[name]), f"{state} is no {name}"
-        self._run(f"tcfit.receive({_json(name)}, {_json(state)})", key=f"tcfit {name}")
+        run_javascript(self._client, f"tcfit.receive({_json(name)}, {_json(state)})", key=f"tcfit {name}")
 
     async def _take(self, event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
         # A coroutine: viser calls these in the order of arrival, others in any order from several threads.
@@ -88,12 +88,6 @@ class Channel:
             return
         self._last = envelope.number
         self._receive(envelope.event)
-
-    def _run(self, source: str, key: str | None = None) -> None:
-        message = _messages.RunJavascriptMessage(source=source)
-        if key is not None:  # viser drops a message that still waits when another one comes with its key
-            message.redundancy_key = lambda: key
-        self._connection.queue_message(message)
 
 
 @cache

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 import viser
 from jaxtyping import Float
-from viser import _messages
 
 from tcfit_app.review.scene.poses import Pose, Rectangle, Window, overview_pose, poster_pose, space_pose, straightened
+from tcfit_app.server.viser_bridge import place_camera
 
 Scene = Rectangle | Literal["space"]
 """What there is to look at: posters, told by their extent in the world, or the 3D scene."""
@@ -144,21 +144,14 @@ class Cameras:
     def _go(self, pose: Pose, *, moved: bool = False) -> None:
         assert self._scene is not None
         self._places[self._scene] = _Place(pose, moved)
-        # viser's own setters leave out what equals the last report, which may be older than the last command.
-        with self._client.atomic():
-            for message in _pose_messages(pose):
-                self._client._websock_connection.queue_message(message)
-
-
-def _pose_messages(pose: Pose) -> list[_messages.Message]:
-    """In the order in which the browser must apply them: a bound on the distance moves a camera that is beyond it."""
-    return [
-        _messages.SetCameraFovMessage(pose.fov),
-        _messages.SetCameraNearMessage(pose.near),
-        _messages.SetCameraFarMessage(pose.far),
-        _messages.SetCameraUpDirectionMessage(pose.up),
-        _messages.SetCameraPositionMessage(pose.position),
-        _messages.SetCameraLookAtMessage(pose.look_at),
-        _messages.SetCameraMinOrbitDistanceMessage(pose.least_distance),
-        _messages.SetCameraMaxOrbitDistanceMessage(pose.most_distance),
-    ]
+        place_camera(
+            self._client,
+            fov=pose.fov,
+            near=pose.near,
+            far=pose.far,
+            up=pose.up,
+            position=pose.position,
+            look_at=pose.look_at,
+            least_distance=pose.least_distance,
+            most_distance=pose.most_distance,
+        )

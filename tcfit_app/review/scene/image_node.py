@@ -5,14 +5,11 @@ import viser
 
 from tcfit_app.review.scene.layers import FrameImage
 from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.server.viser_bridge import show_encoded
 
 
 class ImageNode:
-    """One image of any size in a browser tab: y down, seen from -z.
-
-    viser's handle would encode an array. Its two private properties take the bytes instead; both belong to what the
-    pinned version sends, and the image's own size is nowhere in it.
-    """
+    """One image of any size in a browser tab: y down, seen from -z. The image's own size is nowhere in it."""
 
     def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, first: FrameImage) -> None:
         self._node = client.scene.add_image(
@@ -27,8 +24,7 @@ class ImageNode:
     ) -> None:
         """Shows the image in a rectangle of that width and height around the position, in world units."""
         if image is not self._image:
-            self._node._format = image.format
-            self._node._data = image.data
+            show_encoded(self._node, image.data, image.format)
             self._image = image
         self._node.render_width, self._node.render_height = size
         self._node.position = position

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import viser
 from jaxtyping import UInt8
-from viser import _messages
 
 from tcfit_app.review.scene.layers import color_table
+from tcfit_app.server.viser_bridge import run_javascript
 
 
 class MeshDressing:
@@ -23,7 +23,7 @@ class MeshDressing:
 
     def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
-        self._run(_SCRIPT.replace("TABLE", json.dumps(_linear_table())))
+        run_javascript(client, _SCRIPT.replace("TABLE", json.dumps(_linear_table())))
 
     def paint(self, name: str, indices: UInt8[np.ndarray, "V"] | None) -> None:
         """Gives the node's mesh colours, lines of `layers.color_table` by vertex; None takes them away.
@@ -42,10 +42,7 @@ class MeshDressing:
         self._dress(name, dark=True)
 
     def _dress(self, name: str, **wish: object) -> None:
-        self._run(f"window.tcfitDress({json.dumps(name)}, {json.dumps(wish)});")
-
-    def _run(self, source: str) -> None:
-        self._client._websock_connection.queue_message(_messages.RunJavascriptMessage(source=source))
+        run_javascript(self._client, f"window.tcfitDress({json.dumps(name)}, {json.dumps(wish)});")
 
 
 def _linear_table() -> list[float]:

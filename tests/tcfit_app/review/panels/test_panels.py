@@ -24,7 +24,7 @@ from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
 from tcfit_app.review.picture import _surroundings
 from tcfit_app.review.timeline import PLOTTED
-from tcfit_app.server.gated_viser import icon
+from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.project_samples import FRAMES
 
@@ -487,8 +487,11 @@ def test_the_distance_between_a_and_b_in_the_timeline(tested: LonePage):
     assert "Distance between A and B" in timeline and "[0.0,1.0,2.0,3.0,4.0,5.0]" in timeline
 
 
-def test_icons_are_viser_s_own():
+def test_icons_are_viser_s_own(monkeypatch: pytest.MonkeyPatch):
     """Read from its archive by us, as viser does it slowly."""
     for kind in PANELS:
         assert icon(kind.icon) == svg_from_icon(kind.icon)
+    for user in (_gui_handles, _gui_api):
+        monkeypatch.setattr(user, "svg_from_icon", svg_from_icon)
+    keep_icons_open()
     assert _gui_handles.svg_from_icon is icon and _gui_api.svg_from_icon is icon  # pyright: ignore

@@ -1,0 +1,190 @@
+"""Everything that tcfit uses of viser beyond its documented Python API, and the check that it is there.
+
+No other file imports a private module of viser or touches a private attribute of its objects (a test holds this), so
+that a new version of viser is looked through here, and in the page's `viser_bridge.js`.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from threading import Lock
+from types import FrameType, SimpleNamespace
+from typing import Any
+from zipfile import ZipFile
+
+import viser
+import websockets.asyncio.server
+
+from fitting_core.errors import InputError
+
+TESTED = "1.1.1"
+"""The version that tcfit is tested with."""
+_SERIES = TESTED.rpartition(".")[0]
+
+Vector = tuple[float, float, float]
+
+
+def _unfit(missing: Sequence[str] = ()) -> InputError:
+    without = f", which lacks {', '.join(missing)}" if missing else ""
+    return InputError(
+        f"tcfit needs viser {_SERIES}.x, found {viser.__version__}{without}. Install it: pip install viser=={TESTED}"
+    )
+
+
+try:
+    from viser import _gui_api, _gui_handles, _icons, _messages
+    from viser.infra import _infra
+except ImportError as error:
+    raise _unfit([str(error.name)]) from error
+
+_NEEDED = {
+    _messages: (
+        "RunJavascriptMessage SetCameraFovMessage SetCameraNearMessage SetCameraFarMessage SetCameraUpDirectionMessage "
+        "SetCameraPositionMessage SetCameraLookAtMessage SetCameraMinOrbitDistanceMessage "
+        "SetCameraMaxOrbitDistanceMessage ShareUrlRequest ShareUrlDisconnect"
+    ),
+    _gui_api: "svg_from_icon",
+    _gui_handles: "svg_from_icon",
+    _icons: "ICONS_DIR",
+    _infra: "websockets _message_consumer",
+}
+"""What is used of viser's private modules."""
+
+
+def check() -> None:
+    """Look whether this is a viser that tcfit knows.
+
+    Raises:
+        InputError: It is another version, or lacks something that is used here.
+    """
+    needed = [(module, name) for module, names in _NEEDED.items() for name in names.split()]
+    missing = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
+    if missing or not viser.__version__.startswith(f"{_SERIES}."):
+        raise _unfit(missing)
+
+
+# --- messages to the page ---
+
+
+def run_javascript(receiver: viser.ViserServer | viser.ClientHandle, source: str, *, key: str | None = None) -> None:
+    """Run a script in the page of one browser tab, or of all that there are and will be.
+
+    Args:
+        receiver: The tab, or the server for all of them.
+        source: The script.
+        key: Where several scripts of one key wait for a slow connection, only the newest is sent.
+    """
+    message = _messages.RunJavascriptMessage(source=source)
+    if key is not None:
+        message.redundancy_key = lambda: key
+    if isinstance(receiver, viser.ViserServer):
+        receiver._websock_server.queue_message(message)
+    else:
+        receiver._websock_connection.queue_message(message)
+
+
+def place_camera(
+    client: viser.ClientHandle,
+    *,
+    fov: float,
+    near: float,
+    far: float,
+    up: Vector,
+    position: Vector,
+    look_at: Vector,
+    least_distance: float,
+    most_distance: float,
+) -> None:
+    """Move the viewer's camera, whatever its last report was.
+
+    viser's own setters leave out what equals the last report, which may be older than the last command.
+    """
+    # In the order in which the browser must apply them: a bound on the distance moves a camera that is beyond it.
+    messages = (
+        _messages.SetCameraFovMessage(fov),
+        _messages.SetCameraNearMessage(near),
+        _messages.SetCameraFarMessage(far),
+        _messages.SetCameraUpDirectionMessage(up),
+        _messages.SetCameraPositionMessage(position),
+        _messages.SetCameraLookAtMessage(look_at),
+        _messages.SetCameraMinOrbitDistanceMessage(least_distance),
+        _messages.SetCameraMaxOrbitDistanceMessage(most_distance),
+    )
+    with client.atomic():
+        for message in messages:
+            client._websock_connection.queue_message(message)
+
+
+def show_encoded(node: viser.ImageHandle, data: bytes, format: Any) -> None:
+    """Show an image that is encoded already; viser's own way takes arrays and encodes them.
+
+    Args:
+        node: In the scene.
+        data: The file's bytes.
+        format: "jpeg" or "png".
+    """
+    node._format = format
+    node._data = data
+
+
+def field_id(field: viser.GuiTextHandle) -> str:
+    """By which the page's script finds a text field, to send its value."""
+    return field._impl.uuid
+
+
+# --- the server ---
+
+
+def forbid_sharing(server: viser.ViserServer) -> None:
+    """Any page that is connected could ask for viser's share tunnel, which puts the server onto the internet."""
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)
+
+
+def handles_messages(frame: FrameType) -> bool:
+    """Whether this is viser's loop that reads what a page sends."""
+    return frame.f_code is _infra._message_consumer.__code__
+
+
+_starting = Lock()
+
+
+@contextmanager
+def network_server(serve: Callable[..., Any]) -> Iterator[None]:
+    """For its duration viser, and nobody else, finds `serve` where it looks for that of websockets.
+
+    viser takes neither a socket nor a check of requests, and a proxy in front would leave its own port open to
+    everybody on this computer.
+    """
+    stand_in = SimpleNamespace(
+        asyncio=SimpleNamespace(server=SimpleNamespace(serve=serve)),
+        datastructures=websockets.datastructures,
+        exceptions=websockets.exceptions,
+    )
+    with _starting:
+        seen_by_viser: Any = _infra
+        original, seen_by_viser.websockets = seen_by_viser.websockets, stand_in
+        try:
+            yield
+        finally:
+            seen_by_viser.websockets = original
+
+
+# --- icons ---
+
+
+@cache
+def _icons_archive() -> ZipFile:
+    return ZipFile(_icons.ICONS_DIR / "tabler-icons.zip")
+
+
+@cache
+def icon(name: str) -> str:
+    """An icon as SVG."""
+    return _icons_archive().read(f"{name}.svg").decode()
+
+
+def keep_icons_open() -> None:
+    """viser opens its archive of 5000 icons anew for each icon: 60 ms, for each of seven in front of every tab."""
+    for user in (_gui_api, _gui_handles):
+        setattr(user, "svg_from_icon", icon)  # noqa: B010
