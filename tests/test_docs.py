@@ -124,6 +124,12 @@ def test_every_picture_is_shown():
     assert set((DOCS / "images").iterdir()) <= shown
 
 
+@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "index.md"], ids=name_of)
+def test_the_version_of_torch_that_is_named_is_the_tested_one(page: Path):
+    named = re.findall(r"PyTorch (\d+\.\d+\.\d+)", text_of(page))
+    assert named and all(f"\ntorch=={version}\n" in text_of(ROOT / "constraints.txt") for version in named)
+
+
 # --- commands ---
 
 
