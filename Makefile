@@ -7,9 +7,10 @@ ARGS ?=
 VENV := .venv
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
+INSTALLED_DOCS := $(VENV)/.installed-docs
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow check clean
+.PHONY: help install demo test test-slow check docs clean
 .DELETE_ON_ERROR:
 
 help: ## This list
@@ -32,6 +33,10 @@ check: $(INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff format --check .
 	@$(RUN) -m pyright --pythonpath $(RUN)
 
+docs: $(INSTALLED_DOCS) ## Build the documentation into build/site
+	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet --strict
+	@echo 'Open build/site/index.html'
+
 clean: ## Delete .venv and what tools left behind
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 
@@ -44,4 +49,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 		echo 'No virtual environment could be made. On Debian and Ubuntu: apt-get install python3-venv' >&2; exit 1; }
 	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
+	@touch $@
+
+$(INSTALLED_DOCS): $(INSTALLED)
+	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]' -c constraints.txt
 	@touch $@

@@ -1,4 +1,4 @@
-"""All keys and gestures as lists: the app's window of keys, and the table in README.md."""
+"""All keys and gestures as lists: the app's window of keys, and the table in docs/app.md."""
 
 from itertools import groupby
 
@@ -66,7 +66,7 @@ def _block(title: str, rows: tuple[tuple[str, str], ...]) -> Html:
 
 
 def keys_markdown() -> str:
-    """The table in README.md."""
+    """The table in docs/app.md."""
     rows = [
         (f"**{title}**" if number == 0 else "", keys, what.replace("|", "\\|"))
         for title, lines in {**key_groups(), **GESTURES}.items()

@@ -1,15 +1,15 @@
-"""The lists of keys say all that ACTIONS holds, in the app and in README.md."""
+"""The lists of keys say all that ACTIONS holds, in the app and in its documentation."""
 
 from pathlib import Path
 
 from tcfit_app.review.gestures.actions import ACTIONS, Key
 from tcfit_app.review.gestures.key_list import joined_keys, key_groups, keys_html, keys_markdown
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = Path(__file__).parents[3] / "docs" / "app.md"
 
 
-def test_the_readme_has_the_keys_of_the_app():
-    assert keys_markdown() in README.read_text(encoding="utf-8")
+def test_the_documentation_has_the_keys_of_the_app():
+    assert keys_markdown() in PAGE.read_text(encoding="utf-8")
 
 
 def test_every_key_is_listed_in_the_group_of_its_action():

@@ -1,0 +1,244 @@
+"""README and documentation: short where it must be, every link leads somewhere, and every command and example works."""
+
+import importlib
+import io
+import re
+import runpy
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.config import PRESETS, SolverSettings
+from fitting_core.io.openpose import write_openpose
+from tcfit_app.cli import parse
+from tests.posed_clips import CAMERA, clip_of, motion
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+TEXTS = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")), *PAGES]
+BYTES_OF_README = 8000
+
+_LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+_HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
+_FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_SPAN = re.compile(r"`([^`\n]+)`")
+_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9_-]*")
+_OPENPOSE = {"--write_json", "--hand", "--face", "--keypoint_scale"}
+"""Options of OpenPose, which is not ours."""
+QUICK = replace(
+    PRESETS["tcfit"],
+    relay_rounds=0,
+    yaws="side_view",
+    limb_flips=False,
+    sharper_keypoints=False,
+    settings=SolverSettings(iterations=3),
+)
+"""For examples, which show how to call, and not how good the fit is."""
+
+
+def name_of(path: Path) -> str:
+    """As pytest shows it."""
+    return path.relative_to(ROOT).as_posix()
+
+
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def indented(text: str) -> Iterator[str]:
+    """The lines of command that a page shows, continued ones joined, without their indentation."""
+    joined = _FENCED.sub("", text).replace("\\\n", " ")
+    return (line.strip() for line in joined.splitlines() if line.startswith("    "))
+
+
+def words(line: str) -> list[str]:
+    """A line of a shell, without its comment and without where its output goes."""
+    found = shlex.split(line, comments=True)
+    return found[: found.index(">")] if ">" in found else found
+
+
+def shown(program: str) -> list[tuple[str, ...]]:
+    """The arguments of each command line of a program in the pages' blocks."""
+    texts = map(text_of, TEXTS)
+    lines = (line.removeprefix(".venv/bin/") for text in texts for line in indented(text))
+    return [tuple(words(line.removeprefix(program))) for line in lines if line.startswith(program + " ")]
+
+
+def spans() -> Iterator[tuple[str, str]]:
+    """Page and content of each span of code in running text."""
+    for path in TEXTS:
+        text = _FENCED.sub("", text_of(path))
+        running = "\n".join(line for line in text.splitlines() if not line.startswith("    "))
+        yield from ((name_of(path), span) for span in _SPAN.findall(running))
+
+
+# --- size and links ---
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_bytes()) <= BYTES_OF_README
+
+
+def anchors(page: Path) -> set[str]:
+    """What a link into a page can name: its headings, as GitHub and mkdocs write them."""
+    headings = _HEADING.findall(_FENCED.sub("", text_of(page)))
+    plain = (re.sub(r"[^\w\s-]", "", heading).strip().lower() for heading in headings)
+    return {re.sub(r"\s+", "-", heading) for heading in plain}
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=name_of)
+def test_every_relative_link_leads_somewhere(page: Path):
+    for link in _LINK.findall(text_of(page)):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.is_file(), f"{link}: is not there"
+        assert not anchor or anchor in anchors(target), f"{link}: no such heading"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_a_page_of_the_site_links_to_nothing_outside(page: Path):
+    """mkdocs takes only what lies in docs/."""
+    links = (link.partition("#")[0] for link in _LINK.findall(text_of(page)) if not re.match(r"[a-z]+:", link))
+    assert all((page.parent / link).resolve().is_relative_to(DOCS) for link in links)
+
+
+def test_the_site_s_navigation_has_every_page():
+    named = re.findall(r"^ +- .+: (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
+    assert sorted(named) == sorted(page.relative_to(DOCS).as_posix() for page in PAGES)
+
+
+def test_every_picture_is_shown():
+    shown = {(page.parent / link).resolve() for page in TEXTS for link in _LINK.findall(text_of(page))}
+    assert set((DOCS / "images").iterdir()) <= shown
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "index.md"], ids=name_of)
+def test_the_version_of_torch_that_is_named_is_the_tested_one(page: Path):
+    named = re.findall(r"PyTorch (\d+\.\d+\.\d+)", text_of(page))
+    assert named and all(f"\ntorch=={version}\n" in text_of(ROOT / "constraints.txt") for version in named)
+
+
+# --- commands ---
+
+
+@cache
+def help_of(*command: str) -> str:
+    """What a command prints for --help."""
+    with redirect_stdout(io.StringIO()) as printed, pytest.raises(SystemExit) as end:
+        parse([*command, "--help"])
+    assert not end.value.code, f"tcfit {' '.join(command)}: there is no such command"
+    return printed.getvalue()
+
+
+def subcommands() -> list[str]:
+    """All that tcfit can do."""
+    return re.findall(r"\{([a-z,]+)\}", help_of())[0].split(",")
+
+
+@cache
+def help_of_benchmark(name: str) -> str:
+    """What `python -m NAME --help` prints."""
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as printed:
+        patch.setattr(sys, "argv", [name, "--help"])
+        patch.delitem(sys.modules, name, raising=False)
+        with pytest.raises(SystemExit) as end:
+            runpy.run_module(name, run_name="__main__", alter_sys=True)
+    assert not end.value.code, name
+    return printed.getvalue()
+
+
+@pytest.mark.parametrize("arguments", sorted(set(shown("tcfit"))), ids=" ".join)
+def test_a_command_line_can_be_read(arguments: tuple[str, ...], capsys: pytest.CaptureFixture):
+    try:
+        parse(arguments)
+    except SystemExit:
+        pytest.fail(capsys.readouterr().err)
+
+
+def test_commands_are_found():
+    """Else the tests above and below would have nothing to look at."""
+    assert len(shown("tcfit")) > 25 and len(shown("python -m")) > 2
+
+
+def test_a_command_in_running_text_exists():
+    for _, span in spans():
+        found = span.split()
+        if found[0] == "tcfit" and found[1:] and found[1] not in ("COMMAND", "--help"):
+            assert found[1] in subcommands(), span
+
+
+def benchmarks() -> list[tuple[str, ...]]:
+    """Modules and arguments of benchmarks' command lines, in blocks and in running text."""
+    inline = {tuple(shlex.split(span)[2:]) for _, span in spans() if span.startswith("python -m benchmarks")}
+    return sorted(line for line in {*shown("python -m"), *inline} if line[0] != "benchmarks.NAME")
+
+
+@pytest.mark.parametrize("arguments", benchmarks(), ids=" ".join)
+def test_a_benchmark_has_the_options_that_are_shown(arguments: tuple[str, ...]):
+    given = {word for word in arguments if word.startswith("--")}
+    assert given <= set(_OPTION.findall(help_of_benchmark(arguments[0])))
+
+
+def test_every_option_that_is_named_exists():
+    helps = [*map(help_of, subcommands()), *(help_of_benchmark(name) for name, *_ in benchmarks())]
+    known = _OPENPOSE.union(["--help"], *map(_OPTION.findall, helps))
+    assert not {(page, option) for page, span in spans() for option in _OPTION.findall(span) if option not in known}
+
+
+def test_every_target_of_make_that_is_named_exists():
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    named = [span.split()[1] for _, span in spans() if re.match(r"make [a-z]", span)]
+    named += [words(line)[1] for path in TEXTS for line in indented(text_of(path)) if line.startswith("make ")]
+    assert named and set(named) <= set(targets)
+
+
+# --- the library ---
+
+
+@pytest.fixture
+def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The files of the examples: walk.mp4, and its keypoints as OpenPose writes them."""
+    keypoints = clip_of(motion(4), noise=2.0).keypoints
+    write_openpose(tmp_path / "keypoints", keypoints, name="walk")
+    video = cv2.VideoWriter(str(tmp_path / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
+    for _ in range(len(keypoints)):
+        video.write(np.zeros((*CAMERA.size[::-1], 3), np.uint8))
+    video.release()
+    monkeypatch.chdir(tmp_path)
+
+
+def examples(path: Path) -> list[str]:
+    """A page's blocks of Python."""
+    return [block for language, block in _FENCED.findall(text_of(path)) if language == "python"]
+
+
+def test_the_examples_run(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+    monkeypatch.setitem(PRESETS, "tcfit", QUICK)
+    names: dict[str, Any] = {}
+    for example in examples(DOCS / "library.md"):
+        exec(example, names)
+    assert "torch.Size([4, 63])" in capsys.readouterr().out
+
+
+def test_the_readme_has_the_example_that_runs():
+    assert examples(ROOT / "README.md") == examples(DOCS / "library.md")[:1]
+
+
+def test_every_documented_name_of_the_library_exists():
+    named = re.findall(r"^::: (\S+)$", text_of(DOCS / "library.md"), re.MULTILINE)
+    assert named
+    for name in named:
+        module, _, attribute = name.rpartition(".")
+        assert hasattr(importlib.import_module(module), attribute), name
