@@ -16,6 +16,7 @@ from tcfit_app.reference_options import ReferenceOptions
 from tcfit_app.server import ReviewServer, review_server, tell
 from tcfit_app.storage.database import is_project
 from tcfit_app.storage.lock import ProjectLocked
+from tcfit_app.view.web_files import web_files
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -60,7 +61,9 @@ def review(
 
 
 def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
-    return review_server(f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser)
+    return review_server(
+        f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser, scripts=web_files()
+    )
 
 
 def _review(

@@ -18,6 +18,7 @@ from tcfit_app.page import Page
 from tcfit_app.project import Project
 from tcfit_app.server import ReviewServer, review_server
 from tcfit_app.session import Session
+from tcfit_app.view.web_files import web_files
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -99,7 +100,7 @@ class Reviewing:
 def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, title: str = "test") -> Iterator[Reviewing]:
     """Serve a project and open it in a tab."""
     with Project.open(folder, read_only=read_only) as project:
-        server = review_server(title, port=0, open_browser=False, say=lambda text: None)
+        server = review_server(title, port=0, open_browser=False, scripts=web_files(), say=lambda text: None)
         with server as running:
             app = ReviewApp(Session(project, Bodies()), running.viser)
             thread = threading.Thread(target=app.run)

@@ -12,6 +12,7 @@ from tcfit_app.view.image_node import ImageNode
 from tcfit_app.view.layers import BodyLayer, FrameImage
 from tcfit_app.view.mesh_dressing import MeshDressing
 from tcfit_app.view.page_states import Cursor
+from tcfit_app.view.web_files import web_files
 from tests.app.page_tab import TABS, Tab, open_tab
 
 if TYPE_CHECKING:
@@ -84,7 +85,8 @@ def picture(frame: int) -> FrameImage:
 
 @pytest.fixture(scope="module")
 def opened(browser: "Browser") -> Iterator[Scene]:
-    with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as running:
+    scripts = web_files()
+    with review_server("A clip", port=0, open_browser=False, scripts=scripts, say=lambda text: None) as running:
         running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
         tab = open_tab(running, browser)
         tab.page.on("console", lambda said: tab.complaints.append(said.text) if said.type == "error" else None)
