@@ -295,6 +295,20 @@ def test_the_icon_that_browsers_ask_for_is_nothing(server: ReviewServer, cookie:
     assert raw(server, f"{request}\r\n".encode()).startswith(b"HTTP/1.1 403 ")
 
 
+def test_scripts_are_for_browsers_that_were_let_in():
+    text = b"export const answer = 42;"
+    with serve(scripts={"/tcfit/main.js": text}) as server:
+        assert get(server, "/tcfit/main.js").status == 403
+        cookie = admit(server)
+        answer = get(server, "/tcfit/main.js", Cookie=cookie)
+        assert (answer.status, answer.body) == (200, text.decode())
+        assert answer.headers["Content-Type"].startswith("text/javascript")
+        assert PROTECTION.items() <= answer.headers.items()
+        for path in ("/tcfit/", "/tcfit/../gate.py", "/tcfit/main.js?x", "/tcfit/other.js"):
+            assert get(server, path, Cookie=cookie).status == 404
+        assert refusal(server, "/tcfit/main.js", Cookie=cookie) == 404
+
+
 def test_no_query_reaches_the_page(server: ReviewServer, cookie: str):
     """viser's page would connect to the server that ?websocket= names, and run the scripts that it sends."""
     answer = get(server, "/?websocket=ws://evil.example", Cookie=cookie)

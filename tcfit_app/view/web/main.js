@@ -1,6 +1,6 @@
 // The beginning: it starts the script's parts if viser's page is one that they know, and else says what is missing.
 
-import { KNOWN_VERSION, missingParts, sendText } from "./viser/bridge.js";
+import { KNOWN_VERSION, canSend, missingParts, sendText } from "./viser/bridge.js";
 
 const missing = missingParts();
 const calls = missing.length ? strangerCalls() : (await import("./page.js")).calls;
@@ -12,10 +12,9 @@ for (const [name, values] of waiting) window.tcfit[name](...values);
 function strangerCalls() {
   const { viser, complain } = window.tcfit;
   complain(`tcfit needs viser ${KNOWN_VERSION}, found ${viser}, whose page lacks: ${missing.join(", ")}. Install tcfit anew.`);
-  const mute = missing.includes("__viserMutable") || missing.includes("sendMessage");
   /** @param {string} field */
   const tell = (field) => {
-    if (!mute) sendText(field, JSON.stringify({ number: 1, event: { type: "stranger", viser, missing } }));
+    if (canSend()) sendText(field, JSON.stringify({ number: 1, event: { type: "stranger", viser, missing } }));
   };
   const ignore = () => null;
   return { connect: tell, receive: ignore, dress: ignore, setColorTable: ignore, state: ignore, place: ignore };

@@ -96,6 +96,9 @@ export function correctCanvasSize() {
 
 // --- the connection ---
 
+/** Whether `sendText` works even where other parts are missing. */
+export const canSend = () => isFunction(viewer()?.sendMessage);
+
 /** Sends a text to the server as the value of a text field. @param {string} field viser's id @param {string} value */
 export const sendText = (field, value) =>
   viewer().sendMessage({ type: "GuiUpdateMessage", ...{ uuid: field, updates: { value } } });
