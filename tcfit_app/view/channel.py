@@ -1,9 +1,9 @@
 """The app's own script in viser's page, and the way to it and back.
 
 viser has no hover, no click on points, and keys that move its camera; so a script of our own draws keypoints, timeline
-and notices over viser's canvas and watches pointer and keyboard. Its modules (`web/`) are fetched from the server. What
-the server tells them travels as viser's RunJavascriptMessage, which carries nothing but a call with JSON. What they tell
-comes as the value of a hidden text field.
+and notices over viser's canvas and watches pointer and keyboard. The page fetches its modules (`web/`) from the server.
+Down go viser's RunJavascriptMessages, which carry nothing but a call with JSON. Up come events as the value of a hidden
+text field.
 """
 
 import logging

@@ -12,8 +12,8 @@ from tcfit_app.view import page_events, page_states
 from tcfit_app.view.page_states import STATES
 
 PATH = Path(page_states.__file__).with_name("web") / "wire.d.ts"
-_HEAD = """/** What travels between server and page. Made from page_states.py and page_events.py, where everything is explained:
- * python -m tests.app.wire_types */
+_HEAD = """/** What travels between server and page, by page_states.py and page_events.py, where everything is explained.
+ * Made by `python -m tests.app.wire_types`. */
 """
 _PLAIN = {
     inspect.IntType: "number",

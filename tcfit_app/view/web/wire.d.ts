@@ -1,5 +1,5 @@
-/** What travels between server and page. Made from page_states.py and page_events.py, where everything is explained:
- * python -m tests.app.wire_types */
+/** What travels between server and page, by page_states.py and page_events.py, where everything is explained.
+ * Made by `python -m tests.app.wire_types`. */
 
 export interface Poster {
   x: number;
