@@ -12,7 +12,7 @@ from tcfit_app.view import page_events, page_states
 from tcfit_app.view.page_states import STATES
 
 PATH = Path(page_states.__file__).with_name("web") / "wire.d.ts"
-_HEAD = """/** What travels between server and page, by page_states.py and page_events.py, where everything is explained.
+_HEAD = """/** What travels between server and page, by page_states.py and page_events.py, which explain everything.
  * Made by `python -m tests.app.wire_types`. */
 """
 _PLAIN = {

@@ -1,4 +1,4 @@
-/** What travels between server and page, by page_states.py and page_events.py, where everything is explained.
+/** What travels between server and page, by page_states.py and page_events.py, which explain everything.
  * Made by `python -m tests.app.wire_types`. */
 
 export interface Poster {
