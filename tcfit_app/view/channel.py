@@ -16,7 +16,7 @@ from viser import _messages
 
 from tcfit_app.view.page_events import PageEvent, Stranger, decode
 from tcfit_app.view.page_states import STATES, PageState
-from tcfit_app.view.web_files import loader, web_version
+from tcfit_app.view.web_files import loader, web_files, web_version
 
 CALLS = ("connect", "receive", "dress", "setColorTable")
 """What the server calls in the page, in its order, also while the modules are still being loaded."""
@@ -76,7 +76,8 @@ class Channel:
 
 def loading() -> str:
     """JavaScript that puts the script into a page. A page that has another version of it is loaded anew."""
-    return f"({loader()})({_json(web_version())}, {_json(viser.__version__)}, {_json(CALLS)})"
+    values = web_version(), tuple(web_files()), viser.__version__, CALLS
+    return f"({loader()})({', '.join(map(_json, values))})"
 
 
 def page_call(name: str, *values: object) -> str:

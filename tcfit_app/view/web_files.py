@@ -24,5 +24,6 @@ def web_version() -> str:
 
 
 def loader() -> str:
-    """A JavaScript function that loads the modules: of their version, viser's version, and the calls to keep."""
+    """A JavaScript function that loads the modules: of their version and paths, viser's version, and the calls
+    to keep."""
     return (_FOLDER / _LOADER).read_text(encoding="utf-8")

@@ -1,6 +1,7 @@
 // Run by the server in each page that connects: it loads the modules, and keeps what comes for them meanwhile.
-/** @param {string} version of the modules @param {string} viser its version @param {string[]} names what is called */
-(version, viser, names) => {
+/** @param {string} version of the modules @param {string[]} paths where they are @param {string} viser its version
+ * @param {string[]} names of what is called */
+(version, paths, viser, names) => {
   if (window.tcfit?.version === version) return;
   if (window.tcfit) {
     for (const name of names) window.tcfit[name] = () => {}; // nothing more is for this page
@@ -23,6 +24,9 @@
     console.error(text);
   };
   window.tcfit = { version, viser, calls, complain, ...later };
+  // All at once, and not each when the one before asks for it: in between the page has other things to do.
+  for (const href of paths)
+    document.head.append(Object.assign(document.createElement("link"), { rel: "modulepreload", href }));
   import(/** @type {any} */ ("/tcfit/main.js")).catch((error) => {
     complain(`tcfit's script could not be loaded: ${error.message}. Reload this page.`);
   });
