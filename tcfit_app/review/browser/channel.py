@@ -1,50 +1,25 @@
 """The app's own script in viser's page, and the way to it and back.
 
 viser has no hover, no click on points, and keys that move its camera; so a script of our own draws keypoints, timeline
-and notices over viser's canvas and watches pointer and keyboard. Down it goes as viser's RunJavascriptMessage, which
-carries nothing but a call of `tcfit.receive` with JSON. Up it comes as the value of a hidden text field.
+and notices over viser's canvas and watches pointer and keyboard. The page fetches its modules (`web/`) from the server.
+Down go viser's RunJavascriptMessages, which carry nothing but a call with JSON. Up come events as the value of a hidden
+text field.
 """
 
-import hashlib
 import logging
 from collections.abc import Callable
-from functools import cache
-from importlib.resources import files
 
 import msgspec
 import numpy as np
 import viser
 
-from tcfit_app.review.browser.page_events import PageEvent, decode
+from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
 from tcfit_app.review.browser.page_states import STATES, PageState
+from tcfit_app.review.browser.web_files import loader, web_files, web_version
 from tcfit_app.server.viser_bridge import field_id, run_javascript
 
-SCRIPTS = (
-    "style",
-    "elements",
-    "connection",
-    "pictures",
-    "arrival",
-    "projection",
-    "skeleton",
-    "shapes",
-    "overlay",
-    "picking",
-    "dragging",
-    "timeline_data",
-    "timeline",
-    "timeline_pointer",
-    "camera",
-    "keys",
-    "notice",
-    "panels",
-    "tabs",
-    "number_fields",
-    "text_fields",
-    "start",
-)
-"""In the order in which they run, all in one scope."""
-
+CALLS = ("connect", "receive", "dress", "setColorTable")
+"""What the server calls in the page, in its order, also while the modules are still being loaded."""
 Receive = Callable[[PageEvent], None]
 
 _log = logging.getLogger(__name__)
@@ -65,8 +40,8 @@ class Channel:
         self._last = 0
         self._field = client.gui.add_text("", "", visible=False)
         self._field.on_update(self._take)  # pyright: ignore[reportArgumentType]
-        run_javascript(client, script())
-        run_javascript(client, f"tcfit.connect({_json(field_id(self._field))})")
+        run_javascript(client, loading())
+        run_javascript(client, page_call("connect", field_id(self._field)))
 
     def send(self, name: str, state: PageState | None) -> None:
         """Replace the page's state of that name, one of STATES; None takes it away.
@@ -74,7 +49,7 @@ class Channel:
         If the connection is slow, the newest state of each name waits, and no other.
         """
         assert name in STATES and (state is None or type(state) is STATES[name]), f"{state} is no {name}"
-        run_javascript(self._client, f"tcfit.receive({_json(name)}, {_json(state)})", key=f"tcfit {name}")
+        run_javascript(self._client, page_call("receive", name, state), key=f"tcfit {name}")
 
     async def _take(self, event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
         # A coroutine: viser calls these in the order of arrival, others in any order from several threads.
@@ -87,20 +62,22 @@ class Channel:
             _log.warning("An event from the page is dropped: number %d after %d", envelope.number, self._last)
             return
         self._last = envelope.number
+        if isinstance(envelope.event, Stranger):
+            _log.error("%s", envelope.event)
+            return
         self._receive(envelope.event)
 
 
-@cache
-def script() -> str:
-    """The whole script; it does nothing in a page that has it already."""
-    folder = files("tcfit_app.review.browser").joinpath("js")
-    parts = [folder.joinpath(f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
-    body = "\n".join(parts)
-    version = hashlib.sha256(body.encode()).hexdigest()[:16]
-    return (
-        f'if (!window.tcfit || window.tcfit.version !== "{version}") {{ window.tcfit?.dispose();\n'
-        f'(() => {{ "use strict"; const VERSION = "{version}";\n{body}\n}})(); }}'
-    )
+def loading() -> str:
+    """JavaScript that puts the script into a page. A page that has another version of it is loaded anew."""
+    values = web_version(), tuple(web_files()), viser.__version__, CALLS
+    return f"({loader()})({', '.join(map(_json, values))})"
+
+
+def page_call(name: str, *values: object) -> str:
+    """JavaScript that calls one of CALLS in a page with a Channel."""
+    assert name in CALLS
+    return f"tcfit.{name}({', '.join(map(_json, values))})"
 
 
 def _json(value: object) -> str:

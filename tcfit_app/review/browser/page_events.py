@@ -51,8 +51,6 @@ class Seek(_Event, frozen=True, tag="seek"):
     """The user points at a frame in the timeline."""
 
     frame: Frame
-    dragging: bool
-    """More will follow; the last of a gesture has False."""
 
 
 class Range(_Event, frozen=True, tag="range"):
@@ -60,7 +58,6 @@ class Range(_Event, frozen=True, tag="range"):
 
     first: Frame | None
     last: Frame | None
-    dragging: bool
 
 
 class Select(_Event, frozen=True, tag="select"):
@@ -103,6 +100,18 @@ class Drawn(_Event, frozen=True, tag="drawn"):
     frame: Frame
 
 
+class Stranger(_Event, frozen=True, tag="stranger"):
+    """viser's page is not the one that the script knows; it does nothing."""
+
+    viser: Text
+    """Its version."""
+    missing: Annotated[tuple[Text, ...], msgspec.Meta(max_length=64)]
+    """What the script needs and has not found."""
+
+    def __str__(self) -> str:
+        return f"tcfit needs viser 1.1.x, found {self.viser}, whose page lacks: {', '.join(self.missing)}"
+
+
 PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn
 
 
@@ -111,7 +120,7 @@ class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     number: Annotated[int, msgspec.Meta(ge=1)]
     """1, 2, 3 ...: viser drops a value that equals the one before."""
-    event: PageEvent
+    event: PageEvent | Stranger
 
 
 _decoder = msgspec.json.Decoder(Envelope, strict=True)

@@ -93,8 +93,6 @@ class Style(_State, frozen=True, kw_only=True):
     color_by: Literal["group", "confidence"] = "group"
     points: bool = True
     bones: bool = True
-    size: float = 1.0
-    """Factor on the points' radius."""
     minimum: float = 0.0
     """Points of less confidence are left out, unless selected."""
     ghosts: bool = False
@@ -150,8 +148,8 @@ class FitSpan(_State, frozen=True, kw_only=True):
 
     first: int
     last: int
-    state: Literal["queued", "fitting", "phase1", "phase2", "done"]
-    """Not begun; being fitted; has the result of phase 1; of phase 2; is finished."""
+    state: Literal["fitting", "phase1", "phase2", "done"]
+    """Being fitted; has the result of phase 1; of phase 2; is finished."""
 
 
 class Fit(_State, frozen=True, kw_only=True):
@@ -198,9 +196,9 @@ class Notice(_State, frozen=True, kw_only=True):
 
     title: str
     text: str = ""
-    kind: Literal["info", "loading", "error"] = "info"
+    kind: Literal["info", "error"] = "info"
     progress: float | None = None
-    """0 to 1, or unknown."""
+    """0 to 1."""
 
 
 class Chip(_State, frozen=True, kw_only=True):

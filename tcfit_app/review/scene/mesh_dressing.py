@@ -1,18 +1,18 @@
 """What viser's meshes cannot do, by a script in the page: colours at vertices, clean transparency, dark plates."""
 
 import base64
-import json
 
 import numpy as np
 import viser
 from jaxtyping import UInt8
 
+from tcfit_app.review.browser.channel import page_call
 from tcfit_app.review.scene.layers import color_table
 from tcfit_app.server.viser_bridge import run_javascript
 
 
 class MeshDressing:
-    """Dresses the mesh nodes of one browser tab. A node may have been added just before.
+    """Dresses the mesh nodes of one browser tab, which has a Channel. A node may have been added just before.
 
     Colours: viser's own way to colours at vertices is a GLB file, built and parsed anew for each frame; this adds an
     attribute to the mesh that is there, with one byte for each vertex on the wire.
@@ -23,7 +23,7 @@ class MeshDressing:
 
     def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
-        run_javascript(client, _SCRIPT.replace("TABLE", json.dumps(_linear_table())))
+        self._call("setColorTable", _linear_table())
 
     def paint(self, name: str, indices: UInt8[np.ndarray, "V"] | None) -> None:
         """Gives the node's mesh colours, lines of `layers.color_table` by vertex; None takes them away.
@@ -42,7 +42,10 @@ class MeshDressing:
         self._dress(name, dark=True)
 
     def _dress(self, name: str, **wish: object) -> None:
-        run_javascript(self._client, f"window.tcfitDress({json.dumps(name)}, {json.dumps(wish)});")
+        self._call("dress", name, wish)
+
+    def _call(self, name: str, *values: object) -> None:
+        run_javascript(self._client, page_call(name, *values))
 
 
 def _linear_table() -> list[float]:
@@ -50,66 +53,3 @@ def _linear_table() -> list[float]:
     srgb = color_table().astype(np.float64) / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return linear.round(4).ravel().tolist()
-
-
-# The material is looked at before each drawing, because viser makes a new one when opacity or wireframe change. A mesh
-# that is not there yet is waited for.
-_SCRIPT = """
-window.tcfitDress ??= (() => {
-  const table = TABLE, wishes = {};
-  const viser = () => window.__viserMutable;
-  const find = (name) => {
-    let found = null;
-    viser().nodeRefFromName[name]?.traverse((child) => { found ??= child.isMesh ? child : null; });
-    return found;
-  };
-  const paint = (mesh, wish) => {
-    const old = mesh.userData.tcfitColors, indices = wish.colors && atob(wish.colors);
-    mesh.userData.tcfitColors = null;
-    if (!indices) return;
-    const colors = old?.length === 3 * indices.length ? old : new Float32Array(3 * indices.length);
-    for (let i = 0; i < indices.length; i++)
-      for (let k = 0; k < 3; k++) colors[3 * i + k] = table[3 * indices.charCodeAt(i) + k];
-    const { attributes } = mesh.geometry;
-    if (attributes.color?.array === colors) attributes.color.needsUpdate = true;
-    else mesh.geometry.setAttribute("color", new attributes.position.constructor(colors, 3));
-    mesh.userData.tcfitColors = colors;
-  };
-  // Of the 130 to 150 ms that a frame takes in software, light that nobody sees took 20 to 35.
-  const unlit = (shader) => { shader.fragmentShader = "void main() { gl_FragColor = vec4(0.0); }"; };
-  const cover = (mesh, wish) => {
-    let depth = mesh.userData.tcfitDepth;
-    if (!depth && wish.front) {
-      depth = new mesh.constructor(mesh.geometry, mesh.material.clone());
-      Object.assign(depth.material, { colorWrite: false, transparent: true, wireframe: false, vertexColors: false });
-      depth.material.onBeforeCompile = unlit;
-      depth.raycast = () => {};
-      depth.renderOrder = 1;
-      mesh.renderOrder = 2;
-      mesh.parent.add(depth);
-      mesh.userData.tcfitDepth = depth;
-    }
-    if (depth) depth.visible = !!wish.front;
-  };
-  const prepare = (mesh) => {
-    const { geometry, material } = mesh;
-    if (mesh.userData.tcfitDark) material.color.setScalar(material.map ? 1 : 0.02);
-    const on = mesh.userData.tcfitColors?.length === geometry.attributes.position.array.length;
-    if (material.vertexColors !== on) { material.vertexColors = on; material.needsUpdate = true; }
-  };
-  const darken = (mesh, wish) => { mesh.userData.tcfitDark = wish.dark; };
-  const parts = { colors: paint, front: cover, dark: darken };
-  const dress = (name, wish, tries) => {
-    const mesh = find(name);
-    if (mesh) {
-      mesh.onBeforeRender = () => prepare(mesh);
-      for (const part in wish) if (wishes[name][part] === wish[part]) parts[part](mesh, wish);
-      viser().requestRender();
-    } else if (tries) setTimeout(() => dress(name, wish, tries - 1), 5);
-  };
-  return (name, wish) => {
-    wishes[name] = { ...wishes[name], ...wish };
-    dress(name, wish, 1000);
-  };
-})();
-"""

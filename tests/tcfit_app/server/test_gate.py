@@ -19,10 +19,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from fitting_core.errors import InputError
-from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import PROTECTION
-from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
+from tcfit_app.server.serving import ReviewServer, browser_at_hand, gated_viser, review_server
 from tests.drivers.browser import chromium
 
 HOME = "/"
@@ -293,6 +292,20 @@ def test_the_icon_that_browsers_ask_for_is_nothing(server: ReviewServer, cookie:
     request = "GET /favicon.ico HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     assert raw(server, f"{request}Cookie: {cookie}\r\n\r\n".encode()).startswith(b"HTTP/1.1 204 ")
     assert raw(server, f"{request}\r\n".encode()).startswith(b"HTTP/1.1 403 ")
+
+
+def test_scripts_are_for_browsers_that_were_let_in():
+    text = b"export const answer = 42;"
+    with serve(scripts={"/tcfit/main.js": text}) as server:
+        assert get(server, "/tcfit/main.js").status == 403
+        cookie = admit(server)
+        answer = get(server, "/tcfit/main.js", Cookie=cookie)
+        assert (answer.status, answer.body) == (200, text.decode())
+        assert answer.headers["Content-Type"].startswith("text/javascript")
+        assert PROTECTION.items() <= answer.headers.items()
+        for path in ("/tcfit/", "/tcfit/../gate.py", "/tcfit/main.js?x", "/tcfit/other.js"):
+            assert get(server, path, Cookie=cookie).status == 404
+        assert refusal(server, "/tcfit/main.js", Cookie=cookie) == 404
 
 
 def test_no_query_reaches_the_page(server: ReviewServer, cookie: str):

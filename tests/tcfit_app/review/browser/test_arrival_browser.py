@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tcfit_app.review.browser.page_states import Cursor
+from tcfit_app.review.browser.web_files import web_files
 from tcfit_app.review.scene.body_node import BodyNode
 from tcfit_app.review.scene.image_node import ImageNode
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
@@ -84,7 +85,8 @@ def picture(frame: int) -> FrameImage:
 
 @pytest.fixture(scope="module")
 def opened(browser: "Browser") -> Iterator[Scene]:
-    with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as running:
+    scripts = web_files()
+    with review_server("A clip", port=0, open_browser=False, scripts=scripts, say=lambda text: None) as running:
         running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
         tab = open_tab(running, browser)
         tab.page.on("console", lambda said: tab.complaints.append(said.text) if said.type == "error" else None)

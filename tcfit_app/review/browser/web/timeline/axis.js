@@ -1,43 +1,60 @@
 // The timeline's axis, its curves thinned to the pixels there are, and the scale of their values.
 
-const GUTTER = 62; // left of frame 0, for labels
-const MARGIN = 14; // right of the last frame
+/** @import { Curve } from "../wire" */
+
+import { invalidate, known, states } from "../connection.js";
+import { strip } from "../elements.js";
+
+export const GUTTER = 62; // left of frame 0, for labels
+export const MARGIN = 14; // right of the last frame
 const FEWEST = 12; // frames that are shown at the closest
 
-let axis = { first: 0, last: 1 }; // edges of frames: frame f covers f to f + 1
+export let axis = { first: 0, last: 1 }; // edges of frames: frame f covers f to f + 1
 
-const clipLength = () => states.timeline?.length ?? 0;
-const plotWidth = () => Math.max(strip.clientWidth - GUTTER - MARGIN, 1);
-const edgeX = (edge) => GUTTER + ((edge - axis.first) / (axis.last - axis.first)) * plotWidth();
-const frameX = (frame) => edgeX(frame + 0.5);
+export const clipLength = () => states.timeline?.length ?? 0;
+export const plotWidth = () => Math.max(strip.clientWidth - GUTTER - MARGIN, 1);
+/** @param {number} edge */
+export const edgeX = (edge) => GUTTER + ((edge - axis.first) / (axis.last - axis.first)) * plotWidth();
+/** @param {number} frame */
+export const frameX = (frame) => edgeX(frame + 0.5);
+/** @param {number} x */
 const edgeAt = (x) => axis.first + ((x - GUTTER) / plotWidth()) * (axis.last - axis.first);
+/** @param {number} frame */
 const clampFrame = (frame) => Math.min(Math.max(frame, 0), clipLength() - 1);
-const frameAt = (x) => clampFrame(Math.floor(edgeAt(x)));
+/** @param {number} x */
+export const frameAt = (x) => clampFrame(Math.floor(edgeAt(x)));
 
-/** Shows that many frames from there on, as far as the clip has them. */
-function showFrames(first, count) {
+/** Shows that many frames from there on, as far as the clip has them. @param {number} first @param {number} count */
+export function showFrames(first, count) {
   const shown = Math.min(Math.max(count, Math.min(FEWEST, clipLength())), clipLength());
   const start = Math.min(Math.max(first, 0), clipLength() - shown);
   axis = { first: start, last: start + shown };
   invalidate("timeline");
 }
 
-const shownCount = () => axis.last - axis.first;
+export const shownCount = () => axis.last - axis.first;
 
-function zoomAxis(factor, x) {
+/** @param {number} factor @param {number} x what stays where it is, in CSS pixels */
+export function zoomAxis(factor, x) {
   const edge = edgeAt(x);
   const count = Math.min(Math.max(shownCount() * factor, Math.min(FEWEST, clipLength())), clipLength());
   showFrames(edge - ((edge - axis.first) * count) / shownCount(), count);
 }
 
-/** Turns the page where the cursor has left it. */
-function followCursor(frame) {
+/** Shows the whole clip. */
+export function showAll() {
+  axis = { first: 0, last: Math.max(clipLength(), 1) };
+}
+
+/** Turns the page where the cursor has left it. @param {number} frame */
+export function followCursor(frame) {
   if (frame >= axis.first && frame + 1 <= axis.last) return;
   showFrames(frame - 0.1 * shownCount(), shownCount());
 }
 
-/** 1, 2 or 5 times a power of ten, so that about `count` of them fill the extent. */
-function niceStep(extent, count) {
+/** 1, 2 or 5 times a power of ten, so that about `count` of them fill the extent.
+ * @param {number} extent @param {number} count */
+export function niceStep(extent, count) {
   const raw = extent / count;
   const power = 10 ** Math.floor(Math.log10(raw));
   return power * ([1, 2, 5].find((factor) => factor * power >= raw * 0.999) ?? 10);
@@ -46,8 +63,8 @@ function niceStep(extent, count) {
 const firstShown = () => Math.max(Math.floor(axis.first), 0);
 const lastShown = () => Math.min(Math.ceil(axis.last), clipLength()) - 1;
 
-/** Lowest and highest value on show, with some room; from zero where that is not far. */
-function valueScale(curves) {
+/** Lowest and highest value on show, with some room; from zero where that is not far. @param {Curve[]} curves */
+export function valueScale(curves) {
   let [low, high] = [Infinity, -Infinity];
   for (const { values } of curves)
     for (let frame = firstShown(); frame <= lastShown(); frame++) {
@@ -62,10 +79,12 @@ function valueScale(curves) {
   return { low, high: high + (high - low) * 0.08 };
 }
 
-/** A curve as a path. Where several frames share a pixel, from their lowest to their highest value. */
-function curvePath(values, y) {
+/** A curve as a path. Where several frames share a pixel, from their lowest to their highest value.
+ * @param {Curve["values"]} values @param {(value: number) => number} y */
+export function curvePath(values, y) {
   const path = new Path2D();
   let pen = false;
+  /** @param {number} x @param {number} value */
   const to = (x, value) => {
     if (pen) path.lineTo(x, y(value));
     else path.moveTo(x, y(value));
@@ -80,7 +99,8 @@ function curvePath(values, y) {
   return path;
 }
 
-/** For each pixel (or frame, where these are wider) its extreme values, null where there are none. */
+/** For each pixel (or frame, where these are wider) its extreme values, null where there are none.
+ * @param {Curve["values"]} values */
 function* columns(values) {
   const perColumn = Math.max(Math.floor(shownCount() / plotWidth()), 1);
   const begin = Math.max(Math.floor(firstShown() / perColumn) * perColumn - perColumn, 0);
@@ -97,19 +117,21 @@ function* columns(values) {
   }
 }
 
-/** A value with as many digits as tell its neighbours on the scale apart. */
-function valueText(value, step) {
+/** A value with as many digits as tell its neighbours on the scale apart. @param {number} value @param {number} step */
+export function valueText(value, step) {
   if (Math.abs(value) >= 1e5 || step < 1e-4) return value.toExponential(1);
   const digits = Math.max(0, Math.min(4, -Math.floor(Math.log10(step || 1) + 1e-9)));
   return value.toFixed(digits);
 }
 
-const frameNumber = (frame) => String(frame + states.timeline.first_frame);
+/** @param {number} frame */
+export const frameNumber = (frame) => String(frame + known("timeline").first_frame);
 
-/** Minutes, seconds and hundredths: "0:04.20". */
-function clockText(frame) {
-  const hundredths = Math.round((frame / states.timeline.frame_rate) * 100);
+/** Minutes, seconds and hundredths: "0:04.20". @param {number} frame */
+export function clockText(frame) {
+  const hundredths = Math.round((frame / known("timeline").frame_rate) * 100);
   const seconds = Math.floor(hundredths / 100);
+  /** @param {number} number */
   const two = (number) => String(number).padStart(2, "0");
   return `${Math.floor(seconds / 60)}:${two(seconds % 60)}.${two(hundredths % 100)}`;
 }

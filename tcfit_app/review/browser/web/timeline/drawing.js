@@ -1,8 +1,21 @@
 // Draws the strip below the canvas: ruler, curves, marks, the running fit, the chosen range, the cursor.
 
-const RULER = 19;
+/** @import { ChosenRange, Curve } from "../wire" */
+/** @typedef {CanvasRenderingContext2D} Context */
+
+import { addPainter, known, states } from "../connection.js";
+import { cleared, placeTooltip, shortenedName, strip, stripCanvas, stripTooltip } from "../elements.js";
+import { stroke } from "../picture/shapes.js";
+import { COLORS, FIT_COLORS, FIT_NAMES, FONT } from "../style.js";
+import {
+  GUTTER, MARGIN, axis, clockText, curvePath, edgeX, frameAt, frameNumber, frameX, niceStep, plotWidth, shownCount,
+  valueScale, valueText,
+} from "./axis.js";
+
+export const RULER = 19;
 const LEGEND = { top: 20, height: 16 }; // above the curves, whose peaks are what is looked for
 const CURVES = { top: 37, bottom: 88 };
+/** @type {{ name: "edited" | "bad" | "flagged" | "checked" | "apart", y: number }[]} */
 const MARK_ROWS = [
   { name: "edited", y: 94 },
   { name: "bad", y: 104 },
@@ -13,22 +26,28 @@ const MARK_ROWS = [
 const ROW = 7; // height of a mark
 const FIT_ROW = 145;
 const LEGEND_ENTRY = 170; // widest, where the plot is not four times as wide
-const FULL_HEIGHT = 156;
+export const FULL_HEIGHT = 156;
 
-let collapsed = sessionStorage.getItem("tcfit-collapsed") === "yes";
-let pointedCursor = null; // the frame that is being pointed at: { frame, until }
-let pointedRange; // undefined, or what is being chosen: { first, last } or null
-let stripPointer = null; // x of the pointer over the strip
+/** What the user does with the timeline. */
+export const pointed = {
+  collapsed: sessionStorage.getItem("tcfit-collapsed") === "yes",
+  /** @type {number | null} */
+  cursor: null, // the frame that is being pointed at
+  /** @type {ChosenRange | null | undefined} */
+  range: undefined, // what is being chosen, if something is
+  /** @type {number | null} */
+  x: null, // of the pointer over the strip
+};
 
-const cursorFrame = () => pointedCursor?.frame ?? states.cursor?.frame ?? null;
-const chosenRange = () => (pointedRange === undefined ? states.range : pointedRange) ?? null;
+export const cursorFrame = () => pointed.cursor ?? states.cursor?.frame ?? null;
+const chosenRange = () => (pointed.range === undefined ? states.range : pointed.range) ?? null;
 
 function drawTimeline() {
   if (!states.timeline || strip.hidden) return;
   const context = cleared(stripCanvas);
   drawRuler(context);
   drawRange(context);
-  if (!collapsed) {
+  if (!pointed.collapsed) {
     clipToPlot(context, () => drawMarks(context));
     drawLabels(context);
     drawCurves(context);
@@ -37,7 +56,7 @@ function drawTimeline() {
   drawPointer(context);
 }
 
-/** Nothing is drawn over the labels. */
+/** Nothing is drawn over the labels. @param {Context} context @param {() => void} draw */
 function clipToPlot(context, draw) {
   context.save();
   context.beginPath();
@@ -47,6 +66,8 @@ function clipToPlot(context, draw) {
   context.restore();
 }
 
+/** @param {Context} context @param {string} text @param {number} x @param {number} y @param {string} color
+ * @param {CanvasTextAlign} [align] @param {number} [size] */
 function write(context, text, x, y, color, align = "left", size = 10.5) {
   context.font = `${size}px ${FONT}`;
   context.textAlign = align;
@@ -55,28 +76,33 @@ function write(context, text, x, y, color, align = "left", size = 10.5) {
   context.fillText(text, x, y);
 }
 
+/** @param {Context} context @param {string} color @param {number} x @param {number} y @param {number} width
+ * @param {number} height */
 function fillBox(context, color, x, y, width, height) {
   context.fillStyle = color;
   context.fillRect(x, y, width, height);
 }
 
+/** @param {Context} context */
 function drawRuler(context) {
   fillBox(context, "#1b1f26", 0, 0, strip.clientWidth, RULER);
   const step = Math.max(niceStep(shownCount(), plotWidth() / 110), 1);
-  const offset = states.timeline.first_frame;
+  const offset = known("timeline").first_frame;
   const pill = cursorPill(context);
   const start = Math.ceil((axis.first + offset) / step) * step - offset;
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
     const x = frameX(frame);
     if (x > strip.clientWidth - 90) break; // for the buttons
-    fillBox(context, COLORS.line, Math.round(x), 0, 1, collapsed ? RULER : CURVES.bottom);
+    fillBox(context, COLORS.line, Math.round(x), 0, 1, pointed.collapsed ? RULER : CURVES.bottom);
     drawTick(context, frame, x + 4, pill);
   }
   write(context, "frame", GUTTER - 8, RULER / 2, COLORS.dim, "right");
 }
 
-/** Frame number and time, each unless the cursor's number lies on it. */
+/** Frame number and time, each unless the cursor's number lies on it.
+ * @param {Context} context @param {number} frame @param {number} x @param {ReturnType<typeof cursorPill>} pill */
 function drawTick(context, frame, x, pill) {
+  /** @param {number} left @param {number} right */
   const free = (left, right) => !pill || right < pill.left || left > pill.left + pill.width;
   const number = frameNumber(frame);
   context.font = `10.5px ${FONT}`;
@@ -88,6 +114,7 @@ function drawTick(context, frame, x, pill) {
   if (free(after, end)) write(context, clock, after, RULER / 2, "#667080", "left", 9.5);
 }
 
+/** @param {Context} context */
 function drawRange(context) {
   const range = chosenRange();
   if (!range) return;
@@ -98,6 +125,7 @@ function drawRange(context) {
   });
 }
 
+/** @param {Context} context */
 function drawMarks(context) {
   for (const { name, y } of MARK_ROWS) {
     fillBox(context, "#1b1f26", GUTTER, y, plotWidth(), ROW);
@@ -108,12 +136,14 @@ function drawMarks(context) {
     drawSpan(context, first, last, FIT_ROW, FIT_COLORS[state]);
 }
 
-/** At least two pixels wide: a single marked frame of ten thousand must be seen. */
+/** At least two pixels wide: a single marked frame of ten thousand must be seen.
+ * @param {Context} context @param {number} first @param {number} last @param {number} y @param {string} color */
 function drawSpan(context, first, last, y, color) {
   const [left, right] = [edgeX(first), edgeX(last + 1)];
   fillBox(context, color, left, y, Math.max(right - left - (right - left > 6 ? 1 : 0), 2), ROW);
 }
 
+/** @param {Context} context */
 function drawLabels(context) {
   for (const { name, y } of MARK_ROWS) {
     const some = (states.marks?.[name] ?? []).length > 0;
@@ -122,8 +152,9 @@ function drawLabels(context) {
   write(context, "fit", GUTTER - 8, FIT_ROW + ROW / 2 + 0.5, "#667080", "right", 9.5);
 }
 
+/** @param {Context} context */
 function drawCurves(context) {
-  const { curves } = states.timeline;
+  const { curves } = known("timeline");
   const scale = valueScale(curves);
   if (scale) {
     const y = valueY(scale);
@@ -132,13 +163,15 @@ function drawCurves(context) {
       context.lineJoin = "round";
       for (const { values, color } of curves) stroke(context, curvePath(values, y), color, 1.4);
     });
-  } else write(context, states.timeline.empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLORS.dim, "left", 12);
+  } else write(context, known("timeline").empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLORS.dim, "left", 12);
   drawCurveLegend(context, curves);
 }
 
+/** @param {{ low: number, high: number }} scale @returns {(value: number) => number} */
 const valueY = ({ low, high }) => (value) =>
   CURVES.bottom - ((value - low) / (high - low)) * (CURVES.bottom - CURVES.top);
 
+/** @param {Context} context @param {{ low: number, high: number }} scale @param {(value: number) => number} y */
 function drawValueLabels(context, scale, y) {
   const step = niceStep(scale.high - scale.low, 4);
   for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
@@ -148,13 +181,14 @@ function drawValueLabels(context, scale, y) {
   }
 }
 
+/** @param {Context} context @param {Curve[]} curves */
 function drawCurveLegend(context, curves) {
-  const { title, unit } = states.timeline;
+  const { title, unit } = known("timeline");
   context.font = `11px ${FONT}`;
   const widest = Math.max(LEGEND_ENTRY, plotWidth() / 4);
   const entries = curves.map(({ label, color }) => ({ text: shortenedName(context, label, widest), color }));
   const heading = unit && title ? `${title} [${unit}]` : title || unit;
-  if (heading) entries.unshift({ text: heading, color: null });
+  if (heading) entries.unshift({ text: heading, color: "" });
   const widths = entries.map(({ text, color }) => context.measureText(text).width + (color ? 30 : 14));
   const whole = widths.reduce((sum, width) => sum + width, 0);
   let x = strip.clientWidth - MARGIN - whole;
@@ -168,7 +202,7 @@ function drawCurveLegend(context, curves) {
 
 const CURSOR_FONT = `600 11px ${FONT}`;
 
-/** The cursor's number in the ruler, and where; null while the cursor is not on show. */
+/** The cursor's number in the ruler, and where; null while the cursor is not on show. @param {Context} context */
 function cursorPill(context) {
   const frame = cursorFrame();
   if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return null;
@@ -178,6 +212,7 @@ function cursorPill(context) {
   return { text: frameNumber(frame), x: frameX(frame), left, width };
 }
 
+/** @param {Context} context */
 function drawCursor(context) {
   const pill = cursorPill(context);
   if (!pill) return;
@@ -191,18 +226,19 @@ function drawCursor(context) {
   context.fillText(pill.text, pill.left + pill.width / 2, RULER / 2 + 0.5);
 }
 
-/** A thin line and a list of what there is at the pointer. */
+/** A thin line and a list of what there is at the pointer. @param {Context} context */
 function drawPointer(context) {
   stripTooltip.hidden = true;
-  if (stripPointer === null || stripPointer < GUTTER || stripPointer > GUTTER + plotWidth()) return;
-  const frame = frameAt(stripPointer);
+  if (pointed.x === null || pointed.x < GUTTER || pointed.x > GUTTER + plotWidth()) return;
+  const frame = frameAt(pointed.x);
   fillBox(context, "rgba(255, 255, 255, 0.35)", frameX(frame) - 0.5, 0, 1, strip.clientHeight);
   stripTooltip.textContent = frameLines(frame).join("\n");
-  place(stripTooltip, frameX(frame), 0, true);
+  placeTooltip(stripTooltip, frameX(frame), 0, true);
 }
 
+/** @param {number} frame */
 function frameLines(frame) {
-  const { curves, unit } = states.timeline;
+  const { curves, unit } = known("timeline");
   const lines = [`Frame ${frameNumber(frame)}  ${clockText(frame)}`];
   for (const { label, values } of curves) {
     const value = values[frame] ?? null;
@@ -217,4 +253,4 @@ function frameLines(frame) {
   return lines;
 }
 
-painters.timeline = drawTimeline;
+addPainter("timeline", drawTimeline);

@@ -1,33 +1,37 @@
 // The panel on show stays on show over a reload and a new connection, for which viser makes all of them anew.
 
+import { watch } from "../connection.js";
+
 const PANEL = "tcfit-panel"; // in the session's storage
 const LOOKING = 100; // ms between two looks for it
 const LOOKS = 150;
 const STILL = 10; // looks for which it must have stayed
 
-const rememberPanel = ({ target }) => {
-  const tab = target.closest?.("[role=tab]");
-  if (tab) sessionStorage.setItem(PANEL, tab.title);
-};
+/** @returns {HTMLElement[]} */
+const allTabs = () => [...document.querySelectorAll("[role=tab]")].filter((tab) => tab instanceof HTMLElement);
 
-/** viser's tabs can be dragged: what chooses one is the pointer's press and release. */
+/** viser's tabs can be dragged: what chooses one is the pointer's press and release. @param {Element} tab */
 function pressTab(tab) {
   const { x, y } = tab.getBoundingClientRect();
   const pointer = { bubbles: true, cancelable: true, button: 0, pointerId: 1, clientX: x + 1, clientY: y + 1 };
   for (const type of ["pointerdown", "pointerup"]) tab.dispatchEvent(new PointerEvent(type, pointer));
 }
 
-/** Panels come some time after the picture, one by one, and viser shows the first of them until all are there. */
+/** Panels come some time after the picture, one by one, and viser shows the first of them until all are there.
+ * @param {number} looks that are left @param {number} still looks for which it has stayed */
 function bringPanelBack(looks, still) {
   const wanted = sessionStorage.getItem(PANEL);
   if (!wanted || !looks || still === STILL) return;
-  const tab = [...document.querySelectorAll("[role=tab]")].find(({ title }) => title === wanted);
+  const tab = allTabs().find(({ title }) => title === wanted);
   const shown = tab?.getAttribute("aria-selected") === "true";
   if (tab && !shown) pressTab(tab);
   setTimeout(bringPanelBack, LOOKING, looks - 1, shown ? still + 1 : 0);
 }
 
-window.addEventListener("click", rememberPanel, capturing);
+window.addEventListener("click", ({ target }) => {
+  const tab = allTabs().find((each) => target instanceof Node && each.contains(target));
+  if (tab) sessionStorage.setItem(PANEL, tab.title);
+}, true);
 watch("skeleton", (skeleton) => {
   if (skeleton) setTimeout(bringPanelBack, LOOKING, LOOKS, 0);
 });

@@ -1,5 +1,10 @@
 // The app's keys, seen before viser sees them.
 
+import { emit, states } from "./connection.js";
+import { leaveField } from "./elements.js";
+import { closeWindow } from "./panels/buttons.js";
+import { cancelGesture } from "./picture/dragging.js";
+
 const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
   "input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
 // They would move viser's camera: in 3D S and D did that and not what their buttons say. The mouse moves it.
@@ -8,20 +13,21 @@ const CAMERA_KEYS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"].concat(
 );
 
 // Asked at once: at the next key the browser takes a clicked button for one that was reached by keyboard.
+/** @type {EventTarget | null} */
 let reachedByKeyboard = null;
-window.addEventListener(
-  "focusin",
-  ({ target }) => (reachedByKeyboard = target.matches(":focus-visible") ? target : null),
-  capturing,
-);
+window.addEventListener("focusin", ({ target }) => {
+  reachedByKeyboard = target instanceof Element && target.matches(":focus-visible") ? target : null;
+}, true);
 
-/** Whether what has the focus needs this key: a field, or a button or slider that was reached by keyboard. */
+/** Whether what has the focus needs this key: a field, or a button or slider that was reached by keyboard.
+ * @param {KeyboardEvent} event */
 function keyIsTaken(event) {
   const target = event.target instanceof Element ? event.target : document.body;
   if (target.closest(TEXT_FIELDS)) return true;
   return target === reachedByKeyboard;
 }
 
+/** @param {KeyboardEvent} event */
 function bindingFor(event) {
   if (event.altKey) return undefined;
   const symbol = event.key.length === 1 && !/[a-z0-9 ]/i.test(event.key);
@@ -33,6 +39,7 @@ function bindingFor(event) {
   );
 }
 
+/** @param {KeyboardEvent} event */
 function keyDown(event) {
   if (event.isComposing) return;
   if (event.key === "Escape" && (closeWindow() || cancelGesture())) return swallow(event);
@@ -43,11 +50,12 @@ function keyDown(event) {
   if (binding || (plain && CAMERA_KEYS.includes(event.code))) swallow(event);
 }
 
-function swallow(event) {
+/** Keeps a key from viser and from the browser. @param {KeyboardEvent} event */
+export function swallow(event) {
   event.preventDefault();
   event.stopPropagation();
   // A button clicked with the mouse keeps the focus, and would take the space bar's release for a click.
-  if (document.activeElement !== document.body) document.activeElement?.blur();
+  leaveField();
 }
 
-window.addEventListener("keydown", keyDown, capturing);
+window.addEventListener("keydown", keyDown, true);

@@ -1,0 +1,187 @@
+// States from the server, events to it, and one animation frame for all drawing.
+
+/** @import { PageEvent, States } from "./wire" */
+
+import { canvas, canvasSize, onOtherConnection, sendText } from "./viser/bridge.js";
+
+/**
+ * What the server sent last under each name; and under "lost" whether the connection has ended or the server is silent.
+ * @typedef {{ [name in keyof States]?: States[name] | null } & { lost?: true | "silent" | null }} Known
+ */
+
+/** @type {Known} */
+export const states = {};
+/** Milliseconds that something stays where the user has put it, for the server to show it there. */
+export const PATIENCE = 2000;
+
+/** @type {{ [name: string]: ((state: any) => void)[] }} */
+const watchers = {}; // by name of a state
+/** @type {{ [part: string]: () => void }} */
+const painters = {};
+/** @type {Set<string>} */
+const dirty = new Set(); // parts to draw
+/** @type {Map<string, PageEvent>} */
+const waiting = new Map(); // the newest event of each kind that is sent once per animation frame
+/** @type {string | null} */
+let field = null; // viser's id of the hidden text field that carries events
+let eventCount = 0;
+let frameRequest = 0;
+/** @type {number | null} */
+let toAcknowledge = null;
+
+// --- states and drawing ---
+
+/**
+ * A state that must be there.
+ * @template {keyof States} N
+ * @param {N} name
+ * @returns {States[N]}
+ */
+export function known(name) {
+  const state = states[name];
+  if (!state) throw new Error(`There is no state "${name}"`);
+  return /** @type {States[N]} */ (state);
+}
+
+/**
+ * Calls back whenever the state is another one.
+ * @template {keyof Known} N
+ * @param {N} name
+ * @param {(state: Known[N]) => void} change
+ */
+export function watch(name, change) {
+  (watchers[name] ??= []).push(change);
+}
+
+/** @param {string} part @param {() => void} draw */
+export const addPainter = (part, draw) => void (painters[part] = draw);
+
+/** Has it drawn in the next animation frame. @param {string[]} parts */
+export function invalidate(...parts) {
+  for (const part of parts) dirty.add(part);
+  frameRequest ||= requestAnimationFrame(animate);
+}
+
+/** Draws it now. @param {string} part */
+export function paint(part) {
+  dirty.delete(part);
+  painters[part]();
+}
+
+function animate() {
+  frameRequest = 0;
+  for (const kind of [...waiting.keys()]) sendWaiting(kind);
+  for (const part of [...dirty]) paint(part);
+  if (toAcknowledge !== null) emit({ type: "drawn", frame: toAcknowledge });
+  toAcknowledge = null;
+}
+
+/** A state has come. @param {keyof Known} name @param {any} state */
+export function receive(name, state) {
+  states[name] = state;
+  if (state && (name === "keypoints" || name === "cursor")) {
+    toAcknowledge = state.frame;
+    invalidate();
+  }
+  for (const change of watchers[name] ?? []) change(state);
+}
+
+// --- events ---
+
+/** @param {PageEvent} event */
+export function emit(event) {
+  if (field !== null) sendText(field, JSON.stringify({ number: ++eventCount, event }));
+}
+
+const SPACING = 16; // milliseconds between events of a kind
+/** @type {Map<string, number>} */
+const sentAt = new Map();
+
+/** Sends it at once if none of its kind was sent just now, else in the next animation frame unless a newer one comes
+ * first. Not always with the frame: while the graphics card is busy that is a tenth of a second away.
+ * @param {PageEvent} event */
+export function emitSoon(event) {
+  if (performance.now() - (sentAt.get(event.type) ?? -Infinity) >= SPACING) return emitLast(event);
+  waiting.set(event.type, event);
+  invalidate();
+}
+
+/** @param {string} kind */
+function sendWaiting(kind) {
+  const event = waiting.get(kind);
+  waiting.delete(kind);
+  if (event) emitLast(event);
+}
+
+/** Sends it now; a waiting one of its kind is superseded. @param {PageEvent} event */
+export function emitLast(event) {
+  waiting.delete(event.type);
+  sentAt.set(event.type, performance.now());
+  emit(event);
+}
+
+// --- the connection's beginning and end ---
+
+const randomName = () =>
+  [...crypto.getRandomValues(new Uint8Array(12))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+
+// A duplicated tab inherits the storage; so the name is taken out of it while the page is open.
+const TAB = "tcfit-tab";
+/** This tab's own name, the same after a reload. */
+const tabName = sessionStorage.getItem(TAB) ?? randomName();
+sessionStorage.removeItem(TAB);
+window.addEventListener("pagehide", () => sessionStorage.setItem(TAB, tabName));
+
+/** Begins anew with an empty page: the first time, and whenever viser has connected again. @param {string} uuid */
+export function connect(uuid) {
+  field = resting = null; // what ends now belongs to a connection that is gone
+  for (const name of /** @type {(keyof Known)[]} */ (Object.keys(states))) receive(name, null);
+  field = uuid;
+  eventCount = 0;
+  waiting.clear();
+  toAcknowledge = null;
+  emit({ type: "hello", tab: tabName, ...canvasSize() });
+}
+
+/** Nothing more goes out, for nobody would take it, until `connect`. */
+function loseConnection() {
+  if (field === null && resting === null) return;
+  field = resting = null;
+  clearTimeout(silence);
+  waiting.clear();
+  receive("fit", null); // whether it goes on is not known here
+  receive("chips", { chips: (states.chips?.chips ?? []).filter(({ kind }) => kind !== "busy") });
+  receive("lost", true);
+}
+
+const MISSED_BEATS = 4; // after which the server counts as silent
+let silence = 0; // the timer of that
+/** @type {string | null} */
+let resting = null; // `field` while it is
+
+// A tunnel may hang for minutes before the connection ends, and a server may be stopped.
+watch("beat", (beat) => {
+  clearTimeout(silence);
+  if (!beat) return;
+  if (resting !== null) {
+    [field, resting] = [resting, null];
+    receive("lost", null);
+  }
+  silence = setTimeout(fallSilent, MISSED_BEATS * beat.milliseconds, beat);
+});
+
+/** Nothing more goes out but the end of a drag. @param {{ milliseconds: number }} beat */
+function fallSilent(beat) {
+  if (document.hidden) return void (silence = setTimeout(fallSilent, beat.milliseconds, beat)); // it hears late
+  if (field === null) return;
+  waiting.clear();
+  receive("lost", "silent");
+  [field, resting] = [null, field];
+}
+
+onOtherConnection(loseConnection);
+
+new ResizeObserver(() => {
+  emitSoon({ type: "resized", ...canvasSize() });
+  invalidate("overlay");
+}).observe(canvas());

@@ -1,0 +1,101 @@
+// The script's own elements, laid over viser's canvas, and how text and tooltips fit into them.
+
+import { PANEL_SHEET, STYLE_SHEET } from "./style.js";
+import { VISER_SHEET, canvasBox, correctCanvasSize, leaveRoomBelow } from "./viser/bridge.js";
+
+/**
+ * An element with a class, and text if there is some: always as text, so that nothing in it is ever HTML.
+ * @template {keyof HTMLElementTagNameMap} T
+ * @param {T} tag
+ * @param {string} className
+ * @param {Element | null} [parent]
+ * @param {string} [text]
+ * @returns {HTMLElementTagNameMap[T]}
+ */
+export function element(tag, className, parent, text) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  if (text !== undefined) made.textContent = text;
+  if (parent) parent.append(made);
+  return made;
+}
+
+/** CSS pixels that a pressed pointer may move before that is a drag. */
+export const DRAG_THRESHOLD = 3;
+
+/** Takes the focus from what has it. */
+export function leaveField() {
+  if (document.activeElement instanceof HTMLElement && document.activeElement !== document.body)
+    document.activeElement.blur();
+}
+
+element("style", "", document.head, STYLE_SHEET + PANEL_SHEET + VISER_SHEET);
+const box = canvasBox();
+export const layer = element("div", "tcfit", box);
+export const overlayCanvas = element("canvas", "", layer);
+export const chipsBox = element("div", "tcfit-chips", layer);
+export const card = element("div", "tcfit-card", layer);
+export const legendBox = element("div", "tcfit-legend", layer);
+export const tooltip = element("div", "tcfit-tooltip", layer);
+export const strip = element("div", "tcfit-strip", box);
+export const stripCanvas = element("canvas", "", strip);
+export const stripToggle = element("button", "", strip);
+export const stripTooltip = element("div", "tcfit-tooltip", strip);
+for (const hidden of [card, legendBox, tooltip, strip, stripTooltip]) hidden.hidden = true;
+card.setAttribute("role", "status");
+stripToggle.type = "button";
+correctCanvasSize();
+
+/** Gives the strip its height, taken from viser's canvas. @param {number} height CSS pixels */
+export function setStripHeight(height) {
+  strip.hidden = height === 0;
+  strip.style.height = `${height}px`;
+  leaveRoomBelow(height);
+}
+
+/** Makes a canvas as fine as the screen; its context, in CSS pixels, emptied. @param {HTMLCanvasElement} canvas */
+export function cleared(canvas) {
+  const ratio = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
+  if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return context;
+}
+
+/** As much of a text as fits. @param {CanvasRenderingContext2D} context @param {string} text @param {number} width */
+function shortened(context, text, width) {
+  if (context.measureText(text).width <= width) return text;
+  let length = text.length;
+  while (length > 0 && context.measureText(`${text.slice(0, length)}…`).width > width) length -= 1;
+  return length ? `${text.slice(0, length)}…` : "";
+}
+
+/** As much of a run's name as fits, of its start and its end, and the whole of its phase: "Run wi…ted · temporal".
+ * @param {CanvasRenderingContext2D} context @param {string} text @param {number} width */
+export function shortenedName(context, text, width) {
+  /** @param {string} some */
+  const fits = (some) => context.measureText(some).width <= width;
+  if (fits(text)) return text;
+  const cut = text.lastIndexOf(" · ");
+  const [name, phase] = cut < 0 ? [text, ""] : [text.slice(0, cut), text.slice(cut)];
+  for (let length = name.length - 1; length > 0; length -= 1) {
+    const end = Math.floor(length / 3);
+    const some = `${name.slice(0, length - end)}…${name.slice(name.length - end)}${phase}`;
+    if (fits(some)) return some;
+  }
+  return shortened(context, text, width);
+}
+
+/** Puts a tooltip beside a point of its parent, within it sideways.
+ * @param {HTMLElement} tip @param {number} x @param {number} y @param {boolean} above */
+export function placeTooltip(tip, x, y, above) {
+  tip.hidden = false;
+  const room = (tip.parentElement?.clientWidth ?? 0) - tip.offsetWidth - 4;
+  const left = Math.max(4, Math.min(room, x + 14));
+  const top = above ? y - tip.offsetHeight - 8 : y > tip.offsetHeight + 22 ? y - tip.offsetHeight - 12 : y + 18;
+  tip.style.transform = `translate(${Math.round(left)}px, ${Math.round(top)}px)`;
+}

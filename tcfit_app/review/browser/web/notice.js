@@ -1,0 +1,80 @@
+// What the app says over the picture: a card, lines at the lower edge, a colour bar.
+
+/** @import { Chip, Legend, Notice } from "./wire" */
+
+import { states, watch } from "./connection.js";
+import { card, chipsBox, element, layer, legendBox } from "./elements.js";
+import { KIND_COLORS } from "./style.js";
+
+const SAVED = "All that was said to be saved is on the disk.";
+/** @type {{ [lost: string]: Notice }} */
+const LOST = {
+  ended: {
+    title: "tcfit has ended or cannot be reached",
+    text:
+      `${SAVED}\nThis page goes on by itself once it is connected again. ` +
+      "If tcfit has ended, start it again (tcfit review ...) and open the link that it prints.",
+    kind: "error",
+    progress: null,
+  },
+  silent: {
+    title: "tcfit does not answer",
+    text:
+      `${SAVED}\nEither tcfit is held up, or the connection to it hangs. ` +
+      "This page goes on by itself once it answers; until then it takes nothing. Reloading it may help.",
+    kind: "error",
+    progress: null,
+  },
+};
+
+function drawCard() {
+  const { lost } = states;
+  const notice = lost ? LOST[lost === "silent" ? "silent" : "ended"] : states.notice;
+  card.hidden = !notice;
+  if (!notice) return;
+  card.style.setProperty("--kind", KIND_COLORS[notice.kind]);
+  card.setAttribute("role", notice.kind === "error" ? "alert" : "status");
+  const parts = [element("h2", "", null, notice.title)];
+  if (notice.text) parts.push(element("p", "", null, notice.text));
+  if (notice.progress !== null) parts.push(progressTrack(notice.progress));
+  card.replaceChildren(...parts);
+}
+
+watch("notice", drawCard);
+watch("lost", (lost) => {
+  layer.classList.toggle("tcfit-lost", Boolean(lost));
+  drawCard();
+});
+
+/** @param {number} progress 0 to 1 */
+function progressTrack(progress) {
+  const track = element("div", "tcfit-track");
+  element("div", "tcfit-bar", track).style.width = `${100 * progress}%`;
+  return track;
+}
+
+watch("chips", (state) => chipsBox.replaceChildren(...(state?.chips ?? []).map(chip)));
+
+/** @param {Chip} chip */
+function chip({ text, kind, progress }) {
+  const made = element("div", "tcfit-chip");
+  made.style.setProperty("--kind", KIND_COLORS[kind]);
+  element("div", "tcfit-dot", made).style.background = KIND_COLORS[kind];
+  element("span", "", made, text);
+  if (progress !== null) element("div", "tcfit-bar", made).style.width = `${100 * progress}%`;
+  return made;
+}
+
+watch("legend", (legend) => {
+  legendBox.hidden = !legend;
+  if (legend) drawLegend(legend);
+});
+
+/** @param {Legend} legend */
+function drawLegend({ title, unit, low, high, colors }) {
+  const bar = element("div", "");
+  bar.style.background = `linear-gradient(to right, ${colors.join(", ")})`;
+  const [first, last] = [low, high].map((value) => String(Number(value.toPrecision(3))));
+  const texts = [unit ? `${title} [${unit}]` : title, first, last].map((text) => element("span", "", null, text));
+  legendBox.replaceChildren(texts[0], texts[1], bar, texts[2]);
+}

@@ -1,0 +1,33 @@
+// All of the script's parts, and what the server can call of them.
+
+import { connect, receive, states } from "./connection.js";
+import "./keys.js";
+import "./notice.js";
+import "./panels/buttons.js";
+import "./panels/fields.js";
+import "./panels/tabs.js";
+import "./picture/dragging.js";
+import "./picture/overlay.js";
+import { posterMaps, toScreen } from "./picture/projection.js";
+import "./timeline/gestures.js";
+import "./viser/arrival.js";
+import { canvas } from "./viser/bridge.js";
+import { dress, setColorTable } from "./viser/meshes.js";
+
+export const calls = {
+  connect,
+  receive,
+  dress,
+  setColorTable,
+  /** What the server sent last under a name. @param {keyof typeof states} name */
+  state: (name) => states[name] ?? null,
+  /** Where a pixel of a poster's image is in the window, in CSS pixels; null without such a poster.
+   * @param {number} x @param {number} y @param {number} [poster] */
+  place(x, y, poster = 0) {
+    const map = posterMaps()[poster];
+    if (!map) return null;
+    const { left, top } = canvas().getBoundingClientRect();
+    const [right, down] = toScreen(map, [x, y]);
+    return [left + right, top + down];
+  },
+};

@@ -1,0 +1,107 @@
+// Which keypoints there are, where they are drawn, which of them are on show, and which are chosen.
+
+/** @import { Keypoints } from "../wire" */
+
+import { emit, invalidate, known, states, watch } from "../connection.js";
+
+/**
+ * Keypoints that are drawn where the pointer has put them.
+ * @typedef {object} Held
+ * @property {Set<number>} joints
+ * @property {{ [joint: number]: number[] }} from where they were, in image pixels
+ * @property {number} dx since then, in image pixels
+ * @property {number} dy
+ * @property {number} frame
+ * @property {boolean} left whether they were let go, and wait for the server to show them there
+ */
+
+/** What the pointer does with keypoints. */
+export const chosen = {
+  /** @type {Set<number>} */
+  joints: new Set(), // selected
+  suggested: false, // not the user has selected them
+  /** @type {Held | null} */
+  held: null,
+};
+
+/** @type {number[]} */
+export let groupOf = []; // by keypoint: its group's place in skeleton.groups, which is also its rank for picking
+/** @type {Set<number>} */
+export let badJoints = new Set();
+/** @type {Set<number>} */
+export let editedJoints = new Set();
+
+watch("skeleton", (skeleton) => {
+  const groups = skeleton?.groups ?? [];
+  groupOf = (skeleton?.names ?? []).map((_, joint) => groups.findIndex((g) => g.start <= joint && joint < g.stop));
+  invalidate("overlay");
+});
+watch("selection", (selection) => {
+  chosen.joints = new Set(selection?.joints);
+  chosen.suggested = Boolean(selection?.suggested);
+  invalidate("overlay");
+});
+watch("keypoints", (keypoints) => {
+  badJoints = new Set(keypoints?.bad);
+  editedJoints = new Set(keypoints?.edited);
+  const { held } = chosen;
+  if (held?.left && (keypoints?.frame !== held.frame || arrived(held, keypoints))) chosen.held = null;
+  invalidate("overlay");
+});
+for (const name of /** @type {const} */ (["style", "layout"])) watch(name, () => invalidate("overlay"));
+
+/** Whether the server shows the held keypoints where they were left; it rounds to a hundredth of a pixel.
+ * @param {Held} held @param {Keypoints} keypoints */
+function arrived(held, keypoints) {
+  /** @param {number} a @param {number} b */
+  const near = (a, b) => Math.abs(a - b) < 0.02;
+  return [...held.joints].every((joint) => {
+    const [x, y] = keypoints.xy[joint];
+    const [fromX, fromY] = held.from[joint];
+    return near(x, fromX + held.dx) && near(y, fromY + held.dy);
+  });
+}
+
+/** Selects keypoints, at once and in the server. @param {number[]} joints @param {"replace" | "add" | "toggle"} how */
+export function select(joints, how) {
+  chosen.suggested = false;
+  if (how === "replace") chosen.joints = new Set();
+  for (const joint of joints)
+    if (how === "toggle" && chosen.joints.has(joint)) chosen.joints.delete(joint);
+    else chosen.joints.add(joint);
+  emit({ type: "select", joints, how });
+  invalidate("overlay");
+}
+
+/** In image pixels. @param {number} joint */
+export function position(joint) {
+  const { held } = chosen;
+  if (!held?.joints.has(joint)) return known("keypoints").xy[joint];
+  const [x, y] = held.from[joint];
+  return [x + held.dx, y + held.dy];
+}
+
+/** @param {number} joint */
+export const groupShown = (joint) => known("style").groups.includes(known("skeleton").groups[groupOf[joint]].name);
+
+/** Whether it is anywhere: undetected ones lie in the image's corner, and so do copies of them.
+ * @param {number} joint */
+export function located(joint) {
+  const { confidence, xy } = known("keypoints");
+  return confidence[joint] > 0 || (editedJoints.has(joint) && xy[joint].some((pixels) => pixels !== 0));
+}
+
+/** Whether it is drawn, and can be picked. An undetected one is while it alone is selected: it can then be dragged from
+ * the corner to its place. @param {number} joint */
+export function shown(joint) {
+  if (!groupShown(joint)) return false;
+  if (chosen.joints.has(joint)) return chosen.joints.size === 1 || located(joint);
+  const confidence = known("keypoints").confidence[joint];
+  return known("style").points && confidence > 0 && confidence >= known("style").minimum;
+}
+
+/** Whether there is all there is to draw. */
+export const skeletonReady = () =>
+  states.layout?.mode === "poster" && Boolean(states.skeleton && states.style && states.keypoints);
+
+export const shownJoints = () => (skeletonReady() ? groupOf.map((_, joint) => joint).filter(shown) : []);

@@ -1,0 +1,177 @@
+// The one door to viser's page. viser has no API for scripts in its page, so what we need of it is its insides: this
+// folder is all that touches them, and `missingParts` says which of them are not as expected.
+
+/** @import { Matrix4, Mesh, Viewer } from "./internals" */
+
+/** Of viser, whose insides these are. */
+export const KNOWN_VERSION = "1.1.x";
+
+/** Elements of viser's panels, as CSS selectors. */
+export const TEXT_INPUT = "input.mantine-TextInput-input";
+export const NUMBER_INPUT = "input.mantine-NumberInput-input";
+export const DROPDOWN_INPUT = "input[aria-haspopup=listbox]";
+export const WINDOW_SURROUNDINGS = ".mantine-Modal-inner, .mantine-Modal-overlay";
+
+/** How viser's own elements look here. A plot of viser's learns its width only after it has been drawn: until then its
+ * title would have a word a line. */
+export const VISER_SHEET = `
+body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
+.mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 860px !important; max-height: 94vh !important; }
+.mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
+.mantine-Slider-markLabel { display: none; }
+.uplot-container .uplot { width: 100%; }
+div[style*="flex-shrink: 0"]:has(> p > label) { width: 78px !important; padding-right: 4px; }
+div[style*="flex-shrink: 0"] > p:has(> label) { font-size: 12px !important; letter-spacing: 0 !important; }
+`;
+
+/** viser's own references and functions; for this folder alone. */
+export const viewer = () => window.__viserMutable;
+
+/** @param {unknown} value */
+const isFunction = (value) => typeof value === "function";
+
+/** What must be there, and how to tell. @type {[name: string, present: (viser: Viewer) => unknown][]} */
+const PARTS = [
+  ["canvas", ({ canvas }) => canvas instanceof HTMLCanvasElement && boxOf(canvas)],
+  ["camera", ({ camera }) => isFunction(camera.projectionMatrix.multiply) && isFunction(camera.position.applyMatrix4)],
+  ["camera.matrixWorldInverse", ({ camera }) => camera.matrixWorldInverse.elements.length === 16],
+  ["cameraControl", (viser) => "cameraControl" in viser],
+  ["scene", ({ scene }) => isFunction(scene.__r3f?.root.getState().invalidate)],
+  ["nodeRefFromName", ({ nodeRefFromName }) => nodeRefFromName[""]?.matrixWorld.elements.length === 16],
+  ["messageQueue", ({ messageQueue }) => Array.isArray(messageQueue)],
+  ["drainMessageQueue", (viser) => "drainMessageQueue" in viser],
+  ["getRenderRequestState", (viser) => typeof viser.getRenderRequestState === "string"],
+  ["requestRender", (viser) => isFunction(viser.requestRender)],
+  ["sendMessage", (viser) => isFunction(viser.sendMessage)],
+  ["syncCanvasSize", (viser) => "syncCanvasSize" in viser],
+];
+
+/** Names of what this viser lacks of what tcfit needs. */
+export function missingParts() {
+  const viser = viewer();
+  if (!viser) return ["__viserMutable"];
+  return PARTS.filter(([, present]) => !holds(() => present(viser))).map(([name]) => name);
+}
+
+/** @param {() => unknown} claim */
+function holds(claim) {
+  try {
+    return Boolean(claim());
+  } catch {
+    return false; // it looked into something that is not there
+  }
+}
+
+// --- the canvas ---
+
+export const canvas = () => viewer().canvas;
+
+/** In CSS pixels. */
+export const canvasSize = () => ({ width: canvas().clientWidth, height: canvas().clientHeight });
+
+/**
+ * viser's box around its canvas: a stacking context, so what is put into it stays below panels and messages.
+ * @param {HTMLCanvasElement} inner
+ */
+function boxOf(inner) {
+  for (let box = inner.parentElement; box; box = box.parentElement) if (box.style.zIndex === "0") return box;
+  return inner.parentElement;
+}
+
+export const canvasBox = () => /** @type {HTMLElement} */ (boxOf(canvas()));
+
+let room = 0;
+
+/** Leaves free so many CSS pixels below the canvas. @param {number} height */
+export function leaveRoomBelow(height) {
+  room = height;
+  canvasBox().style.height = height ? `calc(100% - ${height}px)` : "100%";
+}
+
+/** While a docked panel is resized viser sets its canvas's size by itself, from the room that it knows of. */
+export function correctCanvasSize() {
+  const usual = viewer().syncCanvasSize;
+  if (usual) viewer().syncCanvasSize = (width, height) => usual(width, height - room);
+}
+
+// --- the connection ---
+
+/** Whether `sendText` works even where other parts are missing. */
+export const canSend = () => isFunction(viewer()?.sendMessage);
+
+/** Sends a text to the server as the value of a text field. @param {string} field viser's id @param {string} value */
+export const sendText = (field, value) =>
+  viewer().sendMessage({ type: "GuiUpdateMessage", ...{ uuid: field, updates: { value } } });
+
+/**
+ * Calls back when viser's connection has ended, and when another has begun: viser then gives itself another function to
+ * send with, and tells in no other way.
+ * @param {() => void} change
+ */
+export function onOtherConnection(change) {
+  let send = viewer().sendMessage;
+  Object.defineProperty(viewer(), "sendMessage", {
+    configurable: true,
+    enumerable: true,
+    get: () => send,
+    set(next) {
+      send = next;
+      change();
+    },
+  });
+}
+
+// --- the scene and its camera ---
+
+/** Has viser draw its scene soon. */
+export const redrawScene = () => viewer().requestRender();
+
+/** Calls back right after each drawing of the scene. @param {() => void} change */
+export function onSceneDrawn(change) {
+  viewer().scene.onAfterRender = (_renderer, _scene, camera) => {
+    if (camera === viewer().camera) change();
+  };
+}
+
+/** From viser's world (which three.js turns so that its upward axis is up) to the canvas, each -1 to 1. */
+export function worldToCanvas() {
+  const { camera, nodeRefFromName } = viewer();
+  const matrix = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse);
+  const root = nodeRefFromName[""];
+  return root ? matrix.multiply(root.matrixWorld) : matrix;
+}
+
+/**
+ * A point of the world in CSS pixels of the canvas.
+ * @param {Matrix4} matrix of `worldToCanvas`
+ * @param {[x: number, y: number, z: number]} point
+ * @returns {[x: number, y: number]}
+ */
+export function canvasPoint(matrix, point) {
+  const { width, height } = canvasSize();
+  const { x, y } = viewer().camera.position.clone().set(...point).applyMatrix4(matrix);
+  return [((x + 1) / 2) * width, ((1 - y) / 2) * height];
+}
+
+/** @type {{ mouse: { [button: string]: number }, touch: { [fingers: string]: number }, cursor: boolean } | null} */
+let usual = null; // viser's own way with buttons and fingers
+
+/** Whether the camera only pans and zooms: no left button turns it, and the wheel zooms where the pointer is.
+ * @param {boolean} flat */
+export function keepCameraFlat(flat) {
+  const control = viewer().cameraControl;
+  if (!control) return;
+  usual ??= { mouse: { ...control.mouseButtons }, touch: { ...control.touches }, cursor: control.dollyToCursor };
+  const { mouse, touch, cursor } = usual;
+  Object.assign(control.mouseButtons, mouse, flat ? { left: 0, middle: mouse.right } : {});
+  Object.assign(control.touches, touch, flat ? { one: touch.three } : {});
+  control.dollyToCursor = flat || cursor;
+}
+
+/** The mesh of a node of the scene, if it is there. @param {string} name @returns {Mesh | null} */
+export function meshOf(name) {
+  /** @type {Mesh | null} */
+  let found = null;
+  viewer().nodeRefFromName[name]?.traverse((child) => (found ??= child.isMesh ? child : null));
+  return found;
+}

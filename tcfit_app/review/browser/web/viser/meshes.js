@@ -1,0 +1,131 @@
+// What viser's meshes cannot do: pictures that are shown at once, colours at vertices, clean transparency, dark plates.
+
+/** @import { Mesh, Texture } from "./internals" */
+
+import { meshOf, redrawScene } from "./bridge.js";
+
+// --- pictures ---
+//
+// viser hands the bytes to an <img>, and so to a later frame than the body's. We hang decoded pictures into its nodes.
+
+/** @type {Map<string, Texture>} */
+const textures = new Map(); // by name of a node: ours
+/** @type {Map<string, Texture | null | undefined>} */
+const yielded = new Map(); // by name of a node: its texture when viser was given a picture, which it then replaces
+
+/** viser shows the next picture of a node itself. @param {string} name */
+const leaveToViser = (name) => yielded.set(name, meshOf(name)?.material.map);
+
+/** viser shows the next picture of each node itself. */
+export const leavePicturesToViser = () => [...textures.keys()].forEach(leaveToViser);
+
+/** Shows a picture in a node; false if viser must do it, for it has one of its own still to come there.
+ * @param {string} name @param {ImageBitmap | null} bitmap */
+export function hangPicture(name, bitmap) {
+  const material = meshOf(name)?.material;
+  if (bitmap && material?.map && material.map !== yielded.get(name)) {
+    material.map = textureOf(name, bitmap, material.map);
+    return true;
+  }
+  bitmap?.close();
+  leaveToViser(name);
+  return false;
+}
+
+/** A node's own texture with that picture in it, made like another one.
+ * @param {string} name @param {ImageBitmap} bitmap @param {Texture} model */
+function textureOf(name, bitmap, model) {
+  let texture = textures.get(name);
+  const same = texture?.image.width === bitmap.width && texture.image.height === bitmap.height;
+  texture?.image.close();
+  if (!texture || !same) {
+    texture?.dispose(); // the graphics card keeps the size that it was given first
+    texture = Object.assign(new /** @type {any} */ (model).constructor(), {
+      colorSpace: model.colorSpace,
+      flipY: false,
+    });
+    textures.set(name, /** @type {Texture} */ (texture));
+  }
+  return Object.assign(/** @type {Texture} */ (texture), { image: bitmap, needsUpdate: true });
+}
+
+// --- how a mesh is drawn ---
+
+/**
+ * What the server wishes for a node's mesh.
+ * @typedef {object} Dress
+ * @property {string | null} [colors] lines of the colour table by vertex, one byte each, in base64; null for none
+ * @property {boolean} [front] whether it hides its own far side although it is transparent, or a wireframe
+ * @property {boolean} [dark] draw it dark, and not white, until its first picture is there
+ */
+
+/** @type {number[]} */
+let table = []; // linear red, green, blue, 0 to 1, one after the other
+/** @type {{ [name: string]: Dress }} */
+const wishes = {};
+/** @type {{ [wish: string]: (mesh: Mesh, dress: Dress) => void }} */
+const PARTS = { colors: paint, front: cover, dark: (mesh, { dark }) => void (mesh.userData.tcfitDark = dark) };
+const TRIES = 1000; // for a mesh that viser has not made yet
+const SPACING = 5; // ms between them
+
+/** The colours that `dress` means. @param {number[]} colors */
+export const setColorTable = (colors) => void (table = colors);
+
+/** Changes how a node's mesh is drawn, as soon as it is there. @param {string} name @param {Dress} wish */
+export function dress(name, wish) {
+  wishes[name] = { ...wishes[name], ...wish };
+  dressMesh(name, wish, TRIES);
+}
+
+/** @param {string} name @param {Dress} wish @param {number} tries */
+function dressMesh(name, wish, tries) {
+  const mesh = meshOf(name);
+  if (!mesh) return void (tries && setTimeout(dressMesh, SPACING, name, wish, tries - 1));
+  // viser makes a new material when opacity or wireframe change, so it is looked at before each drawing.
+  mesh.onBeforeRender = () => prepare(mesh);
+  const now = /** @type {{ [part: string]: unknown }} */ (wishes[name]);
+  for (const [part, value] of Object.entries(wish)) if (now[part] === value) PARTS[part](mesh, wish);
+  redrawScene();
+}
+
+/** viser's own way to colours at vertices is a GLB file, built and parsed anew for each frame; this adds an attribute.
+ * @param {Mesh} mesh @param {Dress} dress */
+function paint(mesh, { colors }) {
+  const old = mesh.userData.tcfitColors;
+  mesh.userData.tcfitColors = null;
+  if (!colors) return;
+  const lines = atob(colors);
+  const mixed = old?.length === 3 * lines.length ? old : new Float32Array(3 * lines.length);
+  for (let i = 0; i < lines.length; i++)
+    for (let k = 0; k < 3; k++) mixed[3 * i + k] = table[3 * lines.charCodeAt(i) + k];
+  const { attributes } = mesh.geometry;
+  if (attributes.color?.array === mixed) attributes.color.needsUpdate = true;
+  else mesh.geometry.setAttribute("color", new /** @type {any} */ (attributes.position).constructor(mixed, 3));
+  mesh.userData.tcfitColors = mixed;
+}
+
+/** A browser blends triangles in the order in which they are listed, so that the back of an arm may shine through its
+ * front. Drawn into the depth buffer first, the mesh lets only its nearest surface through.
+ * @param {Mesh} mesh @param {Dress} dress */
+function cover(mesh, { front }) {
+  const depth = mesh.userData.tcfitDepth ?? (front && depthOnly(mesh));
+  if (depth) depth.visible = Boolean(front);
+}
+
+/** @param {Mesh} mesh @returns {Mesh} */
+function depthOnly(mesh) {
+  const depth = new /** @type {any} */ (mesh).constructor(mesh.geometry, mesh.material.clone());
+  Object.assign(depth.material, { colorWrite: false, transparent: true, wireframe: false, vertexColors: false });
+  depth.raycast = () => {};
+  depth.renderOrder = 1;
+  mesh.renderOrder = 2;
+  mesh.parent?.add(depth);
+  return (mesh.userData.tcfitDepth = depth);
+}
+
+/** @param {Mesh} mesh */
+function prepare({ geometry, material, userData }) {
+  if (userData.tcfitDark) material.color.setScalar(material.map ? 1 : 0.02);
+  const on = userData.tcfitColors?.length === geometry.attributes.position.array.length;
+  if (material.vertexColors !== on) Object.assign(material, { vertexColors: on, needsUpdate: true });
+}

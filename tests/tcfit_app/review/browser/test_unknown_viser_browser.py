@@ -1,0 +1,59 @@
+"""What a page shows whose viser is not the one that the script knows, in a real browser."""
+
+import logging
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+import viser
+
+from tcfit_app.review.browser.channel import Channel
+from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.server.serving import review_server
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+MAIN = "/tcfit/main.js"
+LESS = b"delete __viserMutable.syncCanvasSize; __viserMutable.messageQueue = null;\n"
+
+
+def shown(browser: "Browser", scripts: dict[str, bytes], complaints: list[str]) -> str:
+    """What the page says that was given these scripts."""
+    with review_server("A clip", port=0, open_browser=False, scripts=scripts, say=lambda text: None) as running:
+        running.viser.on_client_connect(lambda client: void(Channel(client, lambda event: None)))
+        page = browser.new_page()
+        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+        page.goto(running.gate.link)
+        card = page.locator("body > p[role=alert]")
+        card.wait_for()
+        assert page.locator(".tcfit").count() == 0
+        text = card.text_content() or ""
+        time.sleep(0.3)  # for what it tells the server
+        page.close()
+        return text
+
+
+def void(channel: Channel) -> None:
+    """viser's callbacks return nothing."""
+    channel.send("notice", None)  # what comes later is ignored
+
+
+def test_the_page_says_what_is_missing(browser: "Browser", caplog: pytest.LogCaptureFixture):
+    complaints: list[str] = []
+    with caplog.at_level(logging.ERROR, "tcfit_app"):
+        text = shown(browser, web_files() | {MAIN: LESS + web_files()[MAIN]}, complaints)
+    problem = f"tcfit needs viser 1.1.x, found {viser.__version__}, whose page lacks: messageQueue, syncCanvasSize"
+    assert text.startswith(problem)
+    assert any(said.startswith(problem) for said in complaints)
+    assert [record.getMessage() for record in caplog.records if "lacks" in record.getMessage()] == [problem]
+
+
+def test_a_page_without_viser_s_references_says_so(browser: "Browser"):
+    main = b"const { __viserMutable } = window; delete window.__viserMutable;\n" + web_files()[MAIN]
+    assert "whose page lacks: __viserMutable." in shown(browser, web_files() | {MAIN: main}, [])
+
+
+def test_a_script_that_cannot_be_loaded_is_noticed(browser: "Browser"):
+    scripts = {path: text for path, text in web_files().items() if path != "/tcfit/picture/overlay.js"}
+    assert shown(browser, scripts, []).startswith("tcfit's script could not be loaded")
