@@ -28,7 +28,7 @@ demo: $(INSTALLED) ## Make a clip, fit it, and open it in the browser
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
 test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
-	@$(RUN) -m pytest $(ARGS)
+	@$(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
 
 test-slow: $(INSTALLED) ## Run the slow tests
 	@$(RUN) -m pytest -m slow $(ARGS)

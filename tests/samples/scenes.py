@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -46,17 +47,22 @@ def random_params(frames: int, seed: int = 0, *, hand_components: int = 12, size
     return BodyParams(**values)
 
 
+@cache
+def known_points(body: BodyModel) -> tuple[list[int], BodyPoints]:
+    """Which keypoints a body has, and these compiled, which takes a third of a second."""
+    known = [(i, p) for i, p in enumerate(keypoint_points(body)) if p is not None]
+    return [i for i, _ in known], BodyPoints(body, [p for _, p in known])
+
+
 def keypoints_of(body: BodyModel, params: BodyParams, camera: Camera = CAMERA) -> Keypoints:
     """Exact projections with confidence 1; confidence 0 for keypoints that the body does not have."""
-    known = [(i, p) for i, p in enumerate(keypoint_points(body)) if p is not None]
-    points = BodyPoints(body, [p for _, p in known])
+    where, points = known_points(body)
     pose = full_pose(body, params)
     orient = rotations.exp(params.global_orient)
     bins = contour_bins(points.world_rotations(orient, pose[:, 1:])) if points.has_contour else None
     coefficients = torch.cat([params.betas, params.expression], 1)
     posed = points.forward(orient, pose[:, 1:], coefficients, bins)
     xy, confidence = np.zeros((len(params), COUNT, 2)), np.zeros((len(params), COUNT))
-    where = [i for i, _ in known]
     xy[:, where] = project(camera, posed.points + params.camera_translation[:, None]).numpy()
     confidence[:, where] = 1
     return Keypoints(xy=xy, confidence=confidence)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -18,6 +18,9 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
+from fitting_core.fit.fitting import fit_events
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import BODY, COUNT, Keypoints
@@ -80,22 +83,41 @@ def fit_arguments(
 
 
 @dataclass(frozen=True)
-class Finished:
+class FinishedRun:
     """A run of `tcfit fit`; tests must not change its folder."""
 
     code: int
     out: str
     err: str
     folder: Path
+    events: tuple[FitEvent, ...]
+    """What the fit told, up to `Finished`."""
+
+    def replay(self, clip: object, body: object, config: FitConfig) -> Iterator[FitEvent]:
+        """In place of `fit_events`, for what a command does with a fit of these options: the same again, at once."""
+        for event in self.events:
+            if not isinstance(event, Finished):
+                yield event
+            if isinstance(event, PhaseFinished) and event.phase == config.last_phase:
+                yield Finished(result=event.so_far)
+                return
 
 
 @pytest.fixture(scope="session")
-def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory) -> Finished:
+def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory) -> FinishedRun:
     """The clip's fit, through the command line."""
     folder, out, err = tmp_path_factory.mktemp("results") / "wave", io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
+    events: list[FitEvent] = []
+
+    def noted(*arguments: Any) -> Iterator[FitEvent]:
+        for event in fit_events(*arguments):
+            events.append(event)
+            yield event
+
+    with redirect_stdout(out), redirect_stderr(err), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fit_command, "fit_events", noted)
         code = main(["fit", *clip_arguments, "--out", str(folder), "--no-overlay", *QUICK])
-    return Finished(code, out.getvalue(), err.getvalue(), folder)
+    return FinishedRun(code, out.getvalue(), err.getvalue(), folder, tuple(events))
 
 
 DEMO_RATE = 5.0

@@ -14,7 +14,6 @@ import pytest
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, PhaseFinished, PhaseStarted
-from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli import fit_command
@@ -22,7 +21,7 @@ from tcfit_app.cli.main import main, parse
 from tcfit_app.options import preparing
 from tcfit_app.options.fit import BodyOptions, fit_config
 from tests.drivers.processes import INTERRUPTIBLE
-from tests.tcfit_app.conftest import FRAMES, Finished
+from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
 EVERY_OPTION = """
     fit walk.mp4 --keypoints kp --out o --overwrite --no-overlay --threads 2
@@ -157,7 +156,7 @@ def test_errors_of_a_process_have_no_traceback(tmp_path: Path):
     assert done.stderr.startswith("tcfit: No keypoints at") and "Traceback" not in done.stderr
 
 
-def test_fit(finished: Finished):
+def test_fit(finished: FinishedRun):
     assert finished.code == 0
     assert sorted(path.name for path in finished.folder.iterdir()) == ["fit.npz", "summary.json"]
     assert "Focal length 800.0 px: focal length of 800 pixels, as given" in finished.err
@@ -181,6 +180,7 @@ def test_fit(finished: Finished):
     )
 
 
+@pytest.mark.usefixtures("replayed")
 def test_guessed_focal_length_is_told(fit_arguments: list[str], capsys: pytest.CaptureFixture):
     at = fit_arguments.index("--focal-length")
     assert main([*fit_arguments[:at], *fit_arguments[at + 2 :], "--set", "last_phase=1"]) == 0
@@ -188,6 +188,7 @@ def test_guessed_focal_length_is_told(fit_arguments: list[str], capsys: pytest.C
     assert "Focal length 800.0 px: not known: assumed to be the image diagonal" in err and "--focal-length-35mm" in err
 
 
+@pytest.mark.usefixtures("replayed")
 def test_other_files_are_not_written_among(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "out"
     out.mkdir()
@@ -206,11 +207,19 @@ def test_out_that_is_a_file(fit_arguments: list[str], tmp_path: Path, capsys: py
     assert "is a file; expected a folder" in capsys.readouterr().err
 
 
-def _stopping(after: int | None, error: type[BaseException]) -> Callable[..., Iterator[FitEvent]]:
+@pytest.fixture
+def replayed(finished: FinishedRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fit is not made again: these tests are about what the command does with it."""
+    monkeypatch.setattr(fit_command, "fit_events", finished.replay)
+
+
+def _stopping(
+    finished: FinishedRun, after: int | None, error: type[BaseException]
+) -> Callable[..., Iterator[FitEvent]]:
     """fit_events that raise after a phase has finished; None: when the first one starts."""
 
     def events(*arguments: Any) -> Iterator[FitEvent]:
-        for event in fit_events(*arguments):
+        for event in finished.replay(*arguments):
             yield event
             if isinstance(event, PhaseStarted if after is None else PhaseFinished) and event.phase == (after or 1):
                 raise error
@@ -221,12 +230,13 @@ def _stopping(after: int | None, error: type[BaseException]) -> Callable[..., It
 @pytest.mark.parametrize("phase", [1, 2])
 def test_ctrl_c_keeps_finished_phases(
     phase: int,
+    finished: FinishedRun,
     fit_arguments: list[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
 ):
-    monkeypatch.setattr(fit_command, "fit_events", _stopping(phase, KeyboardInterrupt))
+    monkeypatch.setattr(fit_command, "fit_events", _stopping(finished, phase, KeyboardInterrupt))
     assert main(fit_arguments) == 130
     err = capsys.readouterr().err
     assert f"the result up to phase {phase} is in {tmp_path / 'out'}" in err and "Traceback" not in err
@@ -239,22 +249,27 @@ def test_ctrl_c_keeps_finished_phases(
 
 
 def test_ctrl_c_before_phase_1_leaves_nothing(
-    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    finished: FinishedRun,
+    fit_arguments: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
 ):
-    monkeypatch.setattr(fit_command, "fit_events", _stopping(None, KeyboardInterrupt))
+    monkeypatch.setattr(fit_command, "fit_events", _stopping(finished, None, KeyboardInterrupt))
     assert main(fit_arguments) == 130
     assert "nothing was written" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_failure_in_a_later_phase_keeps_the_earlier_ones(
-    fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    finished: FinishedRun, fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(fit_command, "fit_events", _stopping(2, ZeroDivisionError))
+    monkeypatch.setattr(fit_command, "fit_events", _stopping(finished, 2, ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
         main(fit_arguments)
     assert read_fit(tmp_path / "out").last_phase == 2
 
 
+@pytest.mark.usefixtures("replayed")
 def test_what_could_not_be_written_does_not_count(
     fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):
@@ -294,6 +309,7 @@ def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Pa
     assert not read_fit(tmp_path / "out").complete
 
 
+@pytest.mark.usefixtures("replayed")
 def test_missing_opengl_does_not_fail_the_fit(
     fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):

@@ -26,7 +26,7 @@ from tcfit_app.evaluation.ablations import variations
 from tcfit_app.evaluation.evaluating import notes_about
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import BodyRecord
-from tests.tcfit_app.conftest import CAMERA, FRAMES, Finished, motion
+from tests.tcfit_app.conftest import CAMERA, FRAMES, FinishedRun, motion
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def records_in(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_result_against_its_truth(finished: Finished, truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
+def test_a_result_against_its_truth(finished: FinishedRun, truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "report"
     arguments = ["evaluate", str(finished.folder), "--reference", str(truth), "--out", str(out)]
     assert main([*arguments, "--every", "3", "--pictures", "1"]) == 0

@@ -38,7 +38,7 @@ from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.samples.project_samples import sample_clip, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
-from tests.tcfit_app.conftest import FRAMES, Finished, motion
+from tests.tcfit_app.conftest import FRAMES, FinishedRun, motion
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_frames_are_those_of_the_video(project: Path, tmp_path: Path):
     assert f"A part of a fit of {FRAMES} frames" in summary["warnings"][-1]
 
 
-def test_a_result_of_tcfit_fit(finished: Finished, free_body: BodyModel, tmp_path: Path):
+def test_a_result_of_tcfit_fit(finished: FinishedRun, free_body: BodyModel, tmp_path: Path):
     assert main(["export", str(finished.folder), "--formats", "ply", "smplifyx", "--out", str(tmp_path), "--zip"]) == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["wave-ply.zip", "wave-smplifyx.zip"]
     assert (
@@ -185,7 +185,7 @@ def test_wrong_options_are_explained(project: Path, tmp_path: Path, options: lis
     assert not (tmp_path / "o").exists()
 
 
-def test_wrong_paths_are_explained(finished: Finished, tmp_path: Path, capsys):
+def test_wrong_paths_are_explained(finished: FinishedRun, tmp_path: Path, capsys):
     cases = {
         (): "no path given",
         (str(tmp_path),): "neither a project nor a result",

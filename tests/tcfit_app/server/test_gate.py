@@ -19,9 +19,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from fitting_core.errors import InputError
+from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import PROTECTION
-from tcfit_app.server.serving import ReviewServer, browser_at_hand, gated_viser, review_server
+from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
 from tests.drivers.browser import chromium
 
 HOME = "/"
