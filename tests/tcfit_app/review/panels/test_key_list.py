@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from tcfit_app.review.gestures.actions import ACTIONS, Key
-from tcfit_app.review.gestures.key_list import joined_keys, key_groups, keys_html, keys_markdown
+from tcfit_app.review.panels.key_list import joined_keys, key_groups, keys_html, keys_markdown
 
-README = Path(__file__).parents[3] / "README.md"
+README = Path(__file__).parents[4] / "README.md"
 
 
 def test_the_readme_has_the_keys_of_the_app():
