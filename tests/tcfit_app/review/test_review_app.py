@@ -149,9 +149,9 @@ def test_a_second_browser_has_its_own_frame_and_sees_the_same_project(review: Re
     other = opened(review.app, review.server, browser)
     assert other.page is not first and other.frame == 0
     other.press("ArrowRight", lambda: other.frame == 1)
-    assert first.state.frame == 8
+    assert first.tab.state.frame == 8
     seen = review.session.edits
-    first.do(lambda: first.set(selection=(WRIST,)))
+    first.tab.do(lambda: first.tab.set(selection=(WRIST,)))
     review.tab.keyboard.press("Control+ArrowUp")
     until(lambda: review.session.edits > seen, "the edit")
     other.press("Control+z", lambda: other.session.project.undoable is None or other.session.edits > seen + 1)
