@@ -5,6 +5,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import viser
 
 from fitting_core.errors import InputError
 from fitting_core.measure.reference.files import read_reference
@@ -34,7 +37,7 @@ class ReferenceField:
             self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
             self._buttons = Board(tab)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
-        self._upload.on_upload(lambda event: tab.do(lambda: self._uploaded(event.target.value)))
+        self._upload.on_upload(self._take_upload)
         tab.buttons.on("compare.reference", lambda _: self._from_path())
         tab.buttons.on("compare.forget", lambda _: self._forget())
 
@@ -59,7 +62,12 @@ class ReferenceField:
         camera, placed = self._camera_given(), self._start_given()
         self._read(lambda: placed(read_reference(Path(given).expanduser(), camera=camera)))
 
-    def _uploaded(self, file) -> None:
+    async def _take_upload(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            file = event.target.value  # read now: the next upload takes its place
+            self._tab.do(lambda: self._uploaded(file))
+
+    def _uploaded(self, file: viser.UploadedFile) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
 
         def read() -> Reference:
