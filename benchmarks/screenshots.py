@@ -59,14 +59,14 @@ def settle(review: Reviewing, *, busy: bool = False) -> None:
     review.tab.wait_for_timeout(REST_MS)
     if not busy:
         until(lambda: not review.session.jobs and not review.session.following.busy, "the fits")
-    if review.page.state.mode != "space":
+    if review.page.tab.state.mode != "space":
         until(lambda: review.tab.evaluate(DRAWN), "the picture")
     review.tab.wait_for_timeout(REST_MS)
 
 
 def show(review: Reviewing, **state: Any) -> None:
     """Bring the tab to a state."""
-    review.app.post(lambda: review.page.set(**state))
+    review.app.post(lambda: review.page.tab.set(**state))
     settle(review, busy=bool(review.session.jobs))
 
 
@@ -155,7 +155,7 @@ def panels(review: Reviewing) -> Iterator[str]:
     for panel in PANELS:
         open_panel(review, panel.title)
         if panel.title == "Review":
-            until(lambda: review.page.reviewing.suspects is not None, "the review queue")
+            until(lambda: review.page.gestures.reviewing.suspects is not None, "the review queue")
             settle(review)
         if panel.title == "Compare":
             until(lambda: "being measured" not in review.tab.content(), "the figures")

@@ -14,8 +14,8 @@ from tcfit_app.options.fit import ReviewOptions, ServerOptions
 from tcfit_app.options.reference import ReferenceOptions
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import ProjectLocked
-from tcfit_app.review.ahead import body_ahead, load_app
 from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.review.startup import body_ahead, load_app
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:

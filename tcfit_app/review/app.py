@@ -10,10 +10,11 @@ from functools import partial
 import viser
 
 from tcfit_app.fitting.notices import Notice
+from tcfit_app.review.faults import Faults
 from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session
 from tcfit_app.review.shared.desk import Desk
-from tcfit_app.review.view_state import ViewState
+from tcfit_app.review.tab.state import TabState
 
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
@@ -36,7 +37,8 @@ class ReviewApp:
         self._stop = threading.Event()
         self.desk = Desk(session, lambda: self.post(lambda: None))
         self.pages: dict[int, Page] = {}
-        self._remembered: dict[str, ViewState] = {}
+        self._remembered: dict[str, TabState] = {}
+        self._faults = Faults(self._tell)
         session.tell = self._tell
         session.worker.outbox.arrived = lambda: self.post(lambda: None)
         server.on_client_connect(self._connected)
@@ -61,17 +63,17 @@ class ReviewApp:
 
     def _tell(self, notice: Notice) -> None:
         for page in self.pages.values():
-            page.notify(notice)
+            page.tab.notify(notice)
 
     def run(self) -> None:
         """Draw until `stop` is called."""
         self.desk.warm_up()  # while the browser loads the page
         while not self._stop.is_set():
             self._obey(TICK if self._moving() else REST)
-            self._attempt("take the worker's news", self.session.take_news)
             now = time.monotonic()
-            for page in list(self.pages.values()):
-                self._attempt("draw", partial(page.draw, now))
+            self._faults.attempt("take the worker's news", self.session.take_news, now)
+            for number, page in list(self.pages.items()):
+                self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
 
     def stop(self) -> None:
         """End `run`, from any thread."""
@@ -86,21 +88,22 @@ class ReviewApp:
         self.desk.close()
 
     def _moving(self) -> bool:
-        return any(page.state.playing for page in self.pages.values())
+        return any(page.tab.state.playing for page in self.pages.values())
 
     def _obey(self, patience: float) -> None:
         """Do what was asked for, waiting a while for the first."""
         try:
             command = self._commands.get(timeout=patience)
             while True:
-                self._attempt("obey", command)
+                self._do(command)
                 command = self._commands.get_nowait()
         except queue.Empty:
             return
 
-    def _attempt(self, what: str, do: Callable[[], None]) -> None:
-        """The loop outlives whatever goes wrong in it."""
+    @staticmethod
+    def _do(command: Callable[[], None]) -> None:
+        """The loop outlives whatever goes wrong in a command; those of tabs tell it there themselves."""
         try:
-            do()
+            command()
         except Exception:
-            _log.exception("The review app could not %s", what)
+            _log.exception("The review app could not do what was asked")

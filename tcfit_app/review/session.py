@@ -305,7 +305,7 @@ class Session:
         """Take up what the worker has done since the last call."""
         news = self.worker.outbox.empty()
         for report in news.reports:
-            self._take(report)
+            self._take_whatever_comes(report)
         if news.progress is not None and (job := self.jobs.get(news.progress.job)):
             job.take(news.progress)
             self.changes += 1
@@ -332,6 +332,15 @@ class Session:
         elif ended.state == "finished" and ended.found is not None:
             self.edits += 1
             self.tell(Notice(title="This project has its keypoints", text="\n".join(ended.found.notes), kind="done"))
+
+    def _take_whatever_comes(self, report: Report) -> None:
+        """A report that cannot be taken up must not take those after it along: jobs would seem to run for ever."""
+        try:
+            self._take(report)
+        except Exception as error:
+            _log.exception("News of the worker could not be taken up: %s", type(report).__name__)
+            text = f"{type(error).__name__}: {error}. Nothing is lost; tcfit's terminal has the details."
+            self.tell(Notice(title="Something went wrong in tcfit", text=text, kind="error"))
 
     def _take(self, report: Report) -> None:
         self.changes += 1

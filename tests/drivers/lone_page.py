@@ -18,11 +18,11 @@ from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.browser.page_events import Press
+from tcfit_app.review.browser.page_events import Key, Press
 from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session
 from tcfit_app.review.shared.desk import Desk
-from tcfit_app.review.view_state import FitSettings
+from tcfit_app.review.tab.state import FitSettings
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
 from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
 
@@ -57,8 +57,8 @@ class LonePage:
         """Those that are drawn."""
         self.notices: list[Notice] = []
         self.downloads: dict[str, bytes] = {}
-        page.notify = page.session.tell = self.notices.append
-        page.client.send_file_download = self._download  # pyright: ignore[reportAttributeAccessIssue]
+        page.tab.notify = page.tab.session.tell = self.notices.append
+        page.tab.client.send_file_download = self._download  # pyright: ignore[reportAttributeAccessIssue]
 
     def _download(self, name: str, content: bytes, save_immediately: bool) -> None:
         self.downloads[name] = content
@@ -72,6 +72,7 @@ class LonePage:
     def draw(self) -> list[Any]:
         """Let the panels draw; the messages that this took."""
         self.sent.clear()
+        self.page.tab.look()
         for panel in self.panels:
             panel.draw()
         return list(self.sent)
@@ -83,7 +84,7 @@ class LonePage:
         return "\n".join(handle.content for handle in handles)
 
     def _children(self) -> list[Any]:
-        containers = self.page.client.gui._container_handle_from_uuid.values()
+        containers = self.page.tab.client.gui._container_handle_from_uuid.values()
         return [child for container in containers for child in container._children.values()]
 
     def field(self, label: str) -> Any:
@@ -99,14 +100,18 @@ class LonePage:
     # --- what the user does ---
 
     def press(self, command: str, value: str = "") -> None:
-        """As if a button was pressed; what cannot be done is raised."""
+        """As if a button on show was pressed, or the key of an action; what cannot be done is raised."""
+        self.draw()
+        if command == "action":
+            return self.page.receive(Key(action=value, repeat=False))
+        assert self.page.tab.buttons.on_show(command, value), f"{command} {value} is not on show"
         self.page.receive(Press(command, value))
 
     def click(self, label: str) -> None:
         """As if the button whose label begins so was pressed; what cannot be done is told."""
         button = self.button(label)
         assert not button.disabled, f"{button.label} is off"
-        self.page.do(lambda: self.press(button.command, button.value))
+        self.page.tab.do(lambda: self.page.receive(Press(button.command, button.value)))
 
     def enter(self, label: str, value: Any) -> None:
         """As if the user had set an input."""
@@ -126,13 +131,13 @@ class LonePage:
         end = time.monotonic() + PATIENCE
         while not there():
             assert time.monotonic() < end, "waited too long"
-            self.page.session.take_news()
+            self.page.tab.session.take_news()
             self.draw()
             time.sleep(0.005)
 
     def fit(self) -> Run:
         """A whole fit to its end."""
-        session = self.page.session
+        session = self.page.tab.session
         run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
         self.until(lambda: not session.jobs)
         return session.project.runs.get(run.id)
@@ -184,6 +189,6 @@ def tiny_page(server: viser.ViserServer, folder: Path, body: BodyModel, kind: ty
         lone_page(server, project, bodies=OneBody(body)) as tested,
     ):
         tested.only(kind)
-        tested.page.set(settings=FitSettings(config=QUICK, preset="paper"))
+        tested.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
         tested.draw()
         yield tested

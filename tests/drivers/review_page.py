@@ -70,7 +70,7 @@ class Reviewing:
     @property
     def frame(self) -> int:
         """The tab's."""
-        return self.page.state.frame
+        return self.page.tab.state.frame
 
     def press(self, key: str, condition: Callable[[], Any]) -> None:
         """Press a key and wait for what it does."""

@@ -3,13 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from tcfit_app.review.browser.page_states import KeyBinding
-from tcfit_app.review.view_state import MODES, Mode
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.zooming import zoom_to_selection
+from tcfit_app.review.tab.state import MODES, Mode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +42,7 @@ class Action:
     """One command."""
 
     title: str
-    run: Callable[["Page"], None]
+    run: Callable[[Gestures], None]
     keys: tuple[Key, ...] = ()
     group: str = ""
     family: str = ""
@@ -62,36 +60,38 @@ def _keys(*codes: str, shift: bool = False, ctrl: bool = False) -> tuple[Key, ..
     return tuple(Key(code=code, shift=shift, ctrl=ctrl) for code in codes)
 
 
-def _step(frames: int) -> Callable[["Page"], None]:
-    return lambda page: page.step(frames)
+def _step(frames: int) -> Callable[[Gestures], None]:
+    return lambda g: g.tab.step(frames)
 
 
-def _toggle(name: str) -> Callable[["Page"], None]:
-    return lambda page: page.set(**{name: not getattr(page.state, name)})
+def _toggle(name: str) -> Callable[[Gestures], None]:
+    return lambda g: g.tab.set(**{name: not getattr(g.tab.state, name)})
 
 
-def _set_mode(page: "Page", mode: Mode) -> None:
-    page.set_mode(mode)
+def _set_mode(gestures: Gestures, mode: Mode) -> None:
+    gestures.tab.set(mode=mode)
 
 
-def _nudge(dx: float, dy: float) -> Callable[["Page"], None]:
-    return lambda page: page.correcting.nudge(dx, dy)
+def _nudge(dx: float, dy: float) -> Callable[[Gestures], None]:
+    return lambda g: g.correcting.nudge(dx, dy)
 
 
-def _escape(page: "Page") -> None:
-    page.correcting.abandon()
-    page.set(selection=(), **({} if page.state.selection else {"frames": None}))
+def _escape(gestures: Gestures) -> None:
+    gestures.correcting.abandon()
+    tab = gestures.tab
+    tab.set(selection=(), **({} if tab.state.selection else {"frames": None}))
 
 
-def _edge(page: "Page", *, first: bool) -> None:
-    frame, frames = page.state.frame, page.state.frames
+def _edge(gestures: Gestures, *, first: bool) -> None:
+    tab = gestures.tab
+    frame, frames = tab.state.frame, tab.state.frames
     start, last = (frames[0], frames[-1]) if frames is not None else (frame, frame)
     start, last = (frame, max(frame, last)) if first else (min(start, frame), frame)
-    page.set(frames=range(start, last + 1))
+    tab.set(frames=range(start, last + 1))
 
 
 ACTIONS: dict[str, Action] = {
-    "play": Action(title="Play or pause", run=lambda p: p.toggle_playing(), keys=_keys("Space"), group="Playing"),
+    "play": Action(title="Play or pause", run=lambda g: g.tab.toggle_playing(), keys=_keys("Space"), group="Playing"),
     **{
         name: Action(
             title=title,
@@ -110,14 +110,14 @@ ACTIONS: dict[str, Action] = {
     },
     "first": Action(
         title="First frame",
-        run=lambda p: p.step(-p.length),
+        run=lambda g: g.tab.step(-g.tab.length),
         keys=_keys("Home"),
         group="Playing",
         family="First, last frame",
     ),
     "last": Action(
         title="Last frame",
-        run=lambda p: p.step(p.length),
+        run=lambda g: g.tab.step(g.tab.length),
         keys=_keys("End"),
         group="Playing",
         family="First, last frame",
@@ -140,40 +140,40 @@ ACTIONS: dict[str, Action] = {
     "difference": Action(
         title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD"), group="View"
     ),
-    "fit_view": Action(title="Whole picture", run=lambda p: p.picture.reset_camera(), keys=_keys("KeyF"), group="View"),
+    "fit_view": Action(title="Whole picture", run=lambda g: g.tab.scene.reset_view(), keys=_keys("KeyF"), group="View"),
     "zoom": Action(
         title="Zoom to the selected keypoints",
-        run=lambda p: p.picture.zoom_to_selection(),
+        run=lambda g: zoom_to_selection(g.tab),
         keys=_keys("KeyZ"),
         group="View",
     ),
     "bad": Action(
-        title="Mark bad, or restore", run=lambda p: p.correcting.toggle_bad(), keys=_keys("KeyX"), group="Keypoints"
+        title="Mark bad, or restore", run=lambda g: g.correcting.toggle_bad(), keys=_keys("KeyX"), group="Keypoints"
     ),
     "reset": Action(
         title="Reset to the detection",
-        run=lambda p: p.correcting.reset(),
+        run=lambda g: g.correcting.reset(),
         keys=_keys("Backspace", "Delete"),
         group="Keypoints",
     ),
     "copy": Action(
         title="Copy from the previous frame",
-        run=lambda p: p.correcting.copy_previous(),
+        run=lambda g: g.correcting.copy_previous(),
         keys=_keys("KeyC"),
         group="Keypoints",
     ),
     "interpolate": Action(
-        title="Interpolate", run=lambda p: p.correcting.interpolate(), keys=_keys("KeyI"), group="Keypoints"
+        title="Interpolate", run=lambda g: g.correcting.interpolate(), keys=_keys("KeyI"), group="Keypoints"
     ),
     "swap_body": Action(
         title="Swap left and right of the body",
-        run=lambda p: p.correcting.swap_sides("body"),
+        run=lambda g: g.correcting.swap_sides("body"),
         keys=_keys("KeyS"),
         group="Keypoints",
     ),
     "swap_hands": Action(
         title="Swap the hands",
-        run=lambda p: p.correcting.swap_sides("hands"),
+        run=lambda g: g.correcting.swap_sides("hands"),
         keys=_keys("KeyS", shift=True),
         group="Keypoints",
     ),
@@ -195,63 +195,63 @@ ACTIONS: dict[str, Action] = {
     },
     "all": Action(
         title="Select all keypoints on show",
-        run=lambda p: p.correcting.select_all(),
+        run=lambda g: g.correcting.select_all(),
         keys=_keys("KeyA", ctrl=True),
         group="Keypoints",
     ),
     "escape": Action(title="Cancel, select nothing", run=_escape, keys=_keys("Escape"), group="Keypoints"),
     "undo": Action(
-        title="Undo", run=lambda p: p.correcting.undo(), keys=_keys("KeyZ", ctrl=True), group="Keypoints", repeats=True
+        title="Undo", run=lambda g: g.correcting.undo(), keys=_keys("KeyZ", ctrl=True), group="Keypoints", repeats=True
     ),
     "redo": Action(
         title="Redo",
-        run=lambda p: p.correcting.redo(),
+        run=lambda g: g.correcting.redo(),
         keys=(*_keys("KeyZ", shift=True, ctrl=True), *_keys("KeyY", ctrl=True)),
         group="Keypoints",
         repeats=True,
     ),
     "range_start": Action(
         title="Select frames from here on",
-        run=lambda p: _edge(p, first=True),
+        run=lambda g: _edge(g, first=True),
         keys=_keys("BracketLeft"),
         group="Frames",
         family="Select frames from here on, up to here",
     ),
     "range_end": Action(
         title="Select frames up to here",
-        run=lambda p: _edge(p, first=False),
+        run=lambda g: _edge(g, first=False),
         keys=_keys("BracketRight"),
         group="Frames",
         family="Select frames from here on, up to here",
     ),
     "next_suspect": Action(
         title="Next suspicious frame",
-        run=lambda p: p.reviewing.go(1),
+        run=lambda g: g.reviewing.go(1),
         keys=_keys("KeyN"),
         group="Frames",
         family="Next, previous suspicious frame",
     ),
     "previous_suspect": Action(
         title="Previous suspicious frame",
-        run=lambda p: p.reviewing.go(-1),
+        run=lambda g: g.reviewing.go(-1),
         keys=_keys("KeyN", shift=True),
         group="Frames",
         family="Next, previous suspicious frame",
     ),
-    "fine": Action(title="Looks fine, or not", run=lambda p: p.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
-    "flag": Action(title="Flag, or not", run=lambda p: p.reviewing.flag(), keys=_keys("KeyT"), group="Frames"),
+    "fine": Action(title="Looks fine, or not", run=lambda g: g.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
+    "flag": Action(title="Flag, or not", run=lambda g: g.reviewing.flag(), keys=_keys("KeyT"), group="Frames"),
     "rerun": Action(
-        title="Re-run the selected frames", run=lambda p: p.submitting.frames(), keys=_keys("KeyR"), group="Fit"
+        title="Re-run the selected frames", run=lambda g: g.fitting.frames(), keys=_keys("KeyR"), group="Fit"
     ),
     "rerun_edited": Action(
-        title="Re-run around edited and flagged frames", run=lambda p: p.submitting.edited(), group="Fit"
+        title="Re-run around edited and flagged frames", run=lambda g: g.fitting.edited(), group="Fit"
     ),
-    "rerun_shape": Action(title="Re-run the shape", run=lambda p: p.submitting.shape(), group="Fit"),
+    "rerun_shape": Action(title="Re-run the shape", run=lambda g: g.fitting.shape(), group="Fit"),
     "fit": Action(
-        title="Fit everything", run=lambda p: p.submitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"
+        title="Fit everything", run=lambda g: g.fitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"
     ),
-    "cancel": Action(title="Cancel all fitting", run=lambda p: p.session.cancel(), group="Fit"),
-    "help": Action(title="Show all keys", run=lambda p: p.show_keys(), keys=_keys("KeyH"), group="View"),
+    "cancel": Action(title="Cancel all fitting", run=lambda g: g.tab.session.cancel(), group="Fit"),
+    "help": Action(title="Show all keys", run=_toggle("keys"), keys=_keys("KeyH"), group="View"),
 }
 """By the name under which the page sends them."""
 

@@ -1,7 +1,4 @@
-"""Correcting keypoints in one browser: what its gestures and keys mean for the log of edits."""
-
-from dataclasses import replace
-from typing import TYPE_CHECKING
+"""Correcting keypoints in one tab: what its gestures and keys mean for the log of edits."""
 
 import numpy as np
 from jaxtyping import Float
@@ -27,9 +24,7 @@ from tcfit_app.project.edits.kinds import (
 )
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_events import Drag as DragEvent
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 _FEW = 3
 """Keypoints that are named one by one."""
@@ -46,23 +41,15 @@ class _Dragging:
 
 
 class Correcting:
-    """The corrections of one page; its methods raise InputError for what cannot be done, and then nothing changes."""
+    """The corrections of one tab; its methods raise InputError for what cannot be done, and then nothing changes."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
         self._dragging: _Dragging | None = None
-        self._followed: int | None = None
-        """The run whose corrections are being fitted."""
-
-    @property
-    def frames(self) -> tuple[int, ...]:
-        """The frames that marks and the like are for: those selected, or else the one on show."""
-        state = self._page.state
-        return tuple(state.frames) if state.frames is not None else (state.frame,)
 
     @property
     def dragging(self) -> bool:
-        """Whether keypoints are under this page's pointer."""
+        """Whether keypoints are under this tab's pointer."""
         return self._dragging is not None
 
     def take(self, event: DragEvent) -> None:
@@ -82,31 +69,32 @@ class Correcting:
 
     def _begin(self, event: DragEvent) -> None:
         self.abandon()
-        page = self._page
-        if not event.joints or event.frame >= page.length:
+        tab = self._tab
+        if not event.joints or event.frame >= tab.length:
             return
-        page.refuse_read_only()
-        page.session.refuse_without_keypoints()
-        corrected = page.session.project.corrected
+        tab.refuse_read_only()
+        tab.session.refuse_without_keypoints()
+        corrected = tab.session.project.corrected
         there = [j for j in event.joints if corrected.confidence[event.frame, j] > 0]
         joints = tuple(there or event.joints)
-        page.pause()
+        tab.pause()
         xy = corrected.xy[event.frame, list(joints)] + np.array([event.dx, event.dy])
-        shown = page.corrected_fit()
+        shown = tab.look().b
         start = corrected.xy[event.frame, list(joints)]
         self._dragging = _Dragging(event.frame, joints, start, shown)
         if shown is not None:
-            self._dragging.follower = page.session.following.begin_drag(shown, event.frame, joints, xy)
+            self._dragging.follower = tab.session.following.begin_drag(shown, event.frame, joints, xy)
 
     def _release(self, dragging: _Dragging) -> None:
         self._dragging = None
         edit = MoveKeypoint(
             frames=(dragging.frame,), joints=dragging.joints, xy=(tuple((float(x), float(y)) for x, y in dragging.xy),)
         )
-        page = self._page
-        page.session.release(dragging.follower, edit, author=page.author, shown=dragging.shown)
-        page.saved(edit)
-        self._fitted_again(dragging.shown)
+        tab = self._tab
+        if dragging.follower is not None:
+            dragging.follower.move(dragging.xy)  # its last move may be a tick before the place that is saved
+        tab.session.release(dragging.follower, edit, author=tab.author, shown=dragging.shown)
+        self._saved(edit, dragging.shown)
 
     def abandon(self) -> None:
         """End a drag without an edit: the user cancelled it, or the page is gone."""
@@ -115,41 +103,41 @@ class Correcting:
         self._dragging = None
 
     def select_all(self) -> None:
-        """Select the keypoints on show: of the groups and confidences that are, in any of `frames`."""
-        state = self._page.state
+        """Select the keypoints on show: of the groups and confidences that are, in any of the chosen frames."""
+        state = self._tab.state
         if state.mode == "space":
             raise InputError("In 3D no keypoints are on show: go to Edit or A | B first (1 or 2).")
         if not state.keypoints:
             raise InputError("Keypoints are hidden: show them first (K).")
-        confidence = self._page.session.project.corrected.confidence[list(self.frames)].max(0)
+        confidence = self._tab.session.project.corrected.confidence[list(self._tab.chosen_frames)].max(0)
         there = (confidence > 0) & (confidence >= state.minimum)
         chosen = (j for name, part in GROUPS.items() if name in state.groups for j in range(COUNT)[part] if there[j])
-        self._page.set(selection=tuple(chosen))
+        self._tab.set(selection=tuple(chosen))
 
     def toggle_bad(self) -> None:
         """Mark the selected keypoints as bad, or restore them if all of them are."""
-        joints, frames = self._selected(), self.frames
-        corrected = self._page.session.project.corrected
+        joints, frames = self._selected(), self._tab.chosen_frames
+        corrected = self._tab.session.project.corrected
         bad = corrected.bad[np.ix_(frames, joints)].all()
         self._make(Restore(frames=frames, joints=joints) if bad else MarkBad(frames=frames, joints=joints))
 
     def mark_group_bad(self, group: str) -> None:
         """Mark a whole group (`keypoints.GROUPS`) as bad."""
         part = GROUPS[group]
-        self._make(MarkBad(frames=self.frames, joints=tuple(range(part.start, part.stop))))
+        self._make(MarkBad(frames=self._tab.chosen_frames, joints=tuple(range(part.start, part.stop))))
 
     def restore_group(self, group: str) -> None:
         """Restore a whole group."""
         part = GROUPS[group]
-        self._make(Restore(frames=self.frames, joints=tuple(range(part.start, part.stop))))
+        self._make(Restore(frames=self._tab.chosen_frames, joints=tuple(range(part.start, part.stop))))
 
     def swap_sides(self, name: str) -> None:
         """Exchange left and right of a part of SIDES."""
-        self._make(SwapSides(frames=self.frames, joints=SIDES[name]))
+        self._make(SwapSides(frames=self._tab.chosen_frames, joints=SIDES[name]))
 
     def copy_previous(self) -> None:
         """Take the selected keypoints from the frame before this one, or before the selected ones."""
-        frames, joints = self.frames, self._selected()
+        frames, joints = self._tab.chosen_frames, self._selected()
         source = frames[0] - 1
         if source < 0:
             raise InputError("There is no frame before the first one to copy from.")
@@ -165,10 +153,10 @@ class Correcting:
         self._make(Interpolate.between(first, last, joints))
 
     def _ends(self, joints: tuple[int, ...]) -> tuple[int, int]:
-        state = self._page.state
+        state = self._tab.state
         if state.frames is not None:
             return state.frames[0], state.frames[-1]
-        edited = np.flatnonzero(self._page.session.project.corrected.edited[:, list(joints)].all(1))
+        edited = np.flatnonzero(self._tab.session.project.corrected.edited[:, list(joints)].all(1))
         before, after = edited[edited < state.frame], edited[edited > state.frame]
         if not len(before) or not len(after):
             raise InputError(
@@ -179,53 +167,53 @@ class Correcting:
 
     def nudge(self, dx: float, dy: float) -> None:
         """Move the selected keypoints by some pixels in this frame."""
-        self._refuse_missing((self._page.state.frame,), self._selected(), "moved")
-        self._make(Nudge(frames=(self._page.state.frame,), joints=self._selected(), by=(dx, dy)))
+        self._refuse_missing((self._tab.state.frame,), self._selected(), "moved")
+        self._make(Nudge(frames=(self._tab.state.frame,), joints=self._selected(), by=(dx, dy)))
 
     def reset(self) -> None:
         """Back to what was detected."""
-        self._make(Reset(frames=self.frames, joints=self._selected()))
+        self._make(Reset(frames=self._tab.chosen_frames, joints=self._selected()))
 
     def set_confidence(self, confidence: float) -> None:
         """Say how sure the selected keypoints are."""
-        self._refuse_missing(self.frames, self._selected(), "given a confidence")
-        self._make(SetConfidence(frames=self.frames, joints=self._selected(), confidence=confidence))
+        self._refuse_missing(self._tab.chosen_frames, self._selected(), "given a confidence")
+        self._make(SetConfidence(frames=self._tab.chosen_frames, joints=self._selected(), confidence=confidence))
 
     def undo(self) -> None:
         """Take back the project's last edit, and show where it was."""
         self._refuse_while_dragging()
-        page = self._page
-        entry = page.session.undo(author=page.author, shown=page.corrected_fit())
+        tab = self._tab
+        entry = tab.session.undo(author=tab.author, shown=tab.look().b)
         self._went_back(entry, "Undone", "There is nothing to undo.")
 
     def redo(self) -> None:
         """Bring back the edit that was undone last, and show where it is."""
         self._refuse_while_dragging()
-        page = self._page
-        entry = page.session.redo(author=page.author, shown=page.corrected_fit())
+        tab = self._tab
+        entry = tab.session.redo(author=tab.author, shown=tab.look().b)
         self._went_back(entry, "Redone", "There is nothing to redo.")
 
     def _went_back(self, entry: LogEntry | None, verb: str, nothing: str) -> None:
         if entry is None:
             raise InputError(nothing)
         assert not isinstance(entry.action, Undo | Redo)
-        edit, page = entry.action, self._page
-        page.pause()
-        if page.state.frame not in edit.frames:
-            page.seek(edit.frames[0])
-        page.set(selection=edit.joints if len(edit.joints) <= _FEW else page.state.selection)
-        whose = "" if entry.author == page.author else " (made in another tab)"
-        page.say(f"{verb}: {describe(edit, page.first_frame)}{whose}")
+        edit, tab = entry.action, self._tab
+        tab.pause()
+        if tab.state.frame not in edit.frames:
+            tab.seek(edit.frames[0])
+        tab.set(selection=edit.joints if len(edit.joints) <= _FEW else tab.state.selection)
+        whose = "" if entry.author == tab.author else " (made in another tab)"
+        tab.say(f"{verb}: {describe(edit, tab.first_frame)}{whose}")
 
     def _selected(self) -> tuple[int, ...]:
-        if not self._page.state.selection:
+        if not self._tab.state.selection:
             raise InputError("Select keypoints first: click one, or draw a rectangle with Shift.")
-        return self._page.state.selection
+        return self._tab.state.selection
 
     def _refuse_missing(self, frames: tuple[int, ...], joints: tuple[int, ...], what: str) -> None:
-        if (self._page.session.project.corrected.confidence[np.ix_(frames, joints)] > 0).any():
+        if (self._tab.session.project.corrected.confidence[np.ix_(frames, joints)] > 0).any():
             return
-        where = in_words(frames, self._page.first_frame)
+        where = in_words(frames, self._tab.first_frame)
         raise InputError(f"Nothing to be {what}: none of the selected keypoints is anywhere in {where}.")
 
     def _refuse_while_dragging(self) -> None:
@@ -235,27 +223,17 @@ class Correcting:
 
     def _make(self, edit: Edit) -> None:
         self._refuse_while_dragging()
-        page = self._page
-        page.refuse_read_only()
-        page.pause()
-        shown = page.corrected_fit()
-        page.session.edit(edit, author=page.author, shown=shown)
-        page.saved(edit)
-        self._fitted_again(shown)
+        tab = self._tab
+        tab.refuse_read_only()
+        tab.pause()
+        shown = tab.look().b
+        tab.session.edit(edit, author=tab.author, shown=shown)
+        self._saved(edit, shown)
 
-    def _fitted_again(self, shown: Shown | None) -> None:
-        self._followed = None if shown is None else shown.run.id
-
-    def show_corrections(self) -> None:
-        """Where B is a run that was chosen, and that this page has corrected, it becomes the run of its corrections."""
-        page, run, session = self._page, self._followed, self._page.session
-        if run is None or session.following.busy or any(job.run is None for job in session.jobs.values()):
-            return
-        self._followed = None
-        corrections = session.fits.corrections_of(run)
-        if page.state.b.run == run != corrections.id:
-            page.set(b=replace(page.state.b, run=corrections.id))
-            page.say(f"B shows {corrections.name}")
+    def _saved(self, edit: Edit, shown: Shown | None) -> None:
+        """An edit is on the disk, and the fit that was on show follows it."""
+        self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}")
+        self._tab.corrected = None if shown is None else shown.run.id
 
 
 VERBS: dict[type[Edit], str] = {

@@ -1,21 +1,18 @@
 """Going through a clip's suspicious frames in one tab."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.project.storage.marks import MarkState
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 
 class Reviewing:
-    """The review queue of one page, about the fit that corrections are made to."""
+    """The review queue of one tab, about the fit that corrections are made to."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
         self._last: Suspect | None = None
         self._place = -1
         """Of that entry in the queue: when it has left, the next one is there."""
@@ -23,12 +20,12 @@ class Reviewing:
     @property
     def suspects(self) -> tuple[Suspect, ...] | None:
         """Suspicious frames, the worst first; None while they are looked for, or without a fit."""
-        shown = self._page.corrected_fit()
-        return None if shown is None else self._page.desk.suspects(shown)
+        shown = self._tab.look().b
+        return None if shown is None else self._tab.desk.suspects(shown)
 
     def go(self, step: int) -> None:
         """To the next (1) or previous (-1) entry of the queue. Raises InputError if there is none."""
-        suspects = self.suspects if self._page.session.fits.showable() else ()
+        suspects = self.suspects if self._tab.session.fits.showable() else ()
         if suspects is None:
             raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
         if not suspects:
@@ -45,57 +42,57 @@ class Reviewing:
         """Go to an entry, and select what it is about."""
         self._last = suspect
         self._place = next((i for i, known in enumerate(self.suspects or ()) if self._is_last(known)), self._place)
-        self._page.pause()
-        self._page.seek(suspect.frame)
-        self._page.set(selection=suspect.joints, suggested=True)
-        if self._page.state.frames is not None and suspect.frame not in self._page.state.frames:
-            self._page.set(frames=None)  # else "looks fine" would be about other frames than those on show
-        self._page.say(suspect.reason)
+        self._tab.pause()
+        self._tab.seek(suspect.frame)
+        self._tab.set(selection=suspect.joints, suggested=True)
+        if self._tab.state.frames is not None and suspect.frame not in self._tab.state.frames:
+            self._tab.set(frames=None)  # else "looks fine" would be about other frames than those on show
+        self._tab.say(suspect.reason)
 
     @property
     def _on_show(self) -> Suspect | None:
         """The entry that was gone to last, while one of its frames is on show and no others are selected."""
-        last, state = self._last, self._page.state
+        last, state = self._last, self._tab.state
         return last if last is not None and state.frames is None and state.frame in last.frames else None
 
     @property
     def dismissed(self) -> tuple[int, ...]:
         """The frames of which `dismiss` says that they look fine."""
         shown = self._on_show
-        return tuple(shown.frames) if shown is not None else self._page.correcting.frames
+        return tuple(shown.frames) if shown is not None else self._tab.chosen_frames
 
     def are(self, state: MarkState, frames: Sequence[int]) -> bool:
         """Whether all of these frames are marked so."""
-        marks = self._page.session.project.marks.all()
+        marks = self._tab.session.project.marks.all()
         return all(frame in marks and marks[frame].state == state for frame in frames)
 
     def flag(self) -> None:
         """The selected frames, or the one on show, need attention; or no longer, if they all did."""
-        page, frames = self._page, self._page.correcting.frames
-        page.refuse_read_only()
+        tab, frames = self._tab, self._tab.chosen_frames
+        tab.refuse_read_only()
         flagged = self.are("flag", frames)
-        page.session.mark(frames, None if flagged else "flag", author=page.author)
-        page.say("Flag taken away" if flagged else "Flagged")
+        tab.session.mark(frames, None if flagged else "flag", author=tab.author)
+        tab.say("Flag taken away" if flagged else "Flagged")
 
     def dismiss(self) -> None:
         """The frames of the entry on show, or those selected, look fine, and on to the next entry; or that is taken
         back, if it was said of them all. Of several frames those that somebody has flagged stay so."""
-        page = self._page
-        page.refuse_read_only()
+        tab = self._tab
+        tab.refuse_read_only()
         shown, frames = self._on_show, self.dismissed
         if self.are("checked", frames):
-            page.session.mark(frames, None, author=page.author)
-            page.say("No longer marked as looking fine")
+            tab.session.mark(frames, None, author=tab.author)
+            tab.say("No longer marked as looking fine")
             return
-        marks = page.session.project.marks.all()
+        marks = tab.session.project.marks.all()
         fine = [f for f in frames if len(frames) == 1 or f not in marks or marks[f].state != "flag"]
         flagged = len(frames) - len(fine)
         if not fine:
             raise InputError("All of these frames are flagged: take the flags away first (T).")
         # Before the mark: after it, the queue is made anew.
         queue = self.suspects or ()
-        page.session.mark(fine, "checked", author=page.author)
-        page.say(f"Looks fine, but for {flagged} flagged" if flagged else "Looks fine")
+        tab.session.mark(fine, "checked", author=tab.author)
+        tab.say(f"Looks fine, but for {flagged} flagged" if flagged else "Looks fine")
         if shown is None:
             return
         at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)

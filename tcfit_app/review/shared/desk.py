@@ -16,6 +16,7 @@ from tcfit_app.analysis.reference_metrics import reference_metrics
 from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, run_metrics
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.fitting.following import LiveWindow
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.session import Session
 from tcfit_app.review.shared.background import Background, Value
@@ -92,10 +93,10 @@ class Desk:
             self._meshes[body.hash] = Meshes(body)
         return self._meshes[body.hash]
 
-    def body(self, shown: Shown, frame: int) -> Drawn:
-        """A run's body, in a live correction if there is one. Raises InputError if the body model is not there."""
-        meshes, live = self.meshes(shown), self.session.following.live
-        if live is not None and shown.phase == 3 and live.run == shown.run.id and frame in live.frames:
+    def body(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Drawn:
+        """A run's body, as a live correction has it if one is given. Raises InputError without its body model."""
+        meshes = self.meshes(shown)
+        if live is not None:
             version, place = ("live", live.revision), frame - live.frames.start
             return Drawn(vertices=meshes.vertices(version, live.params, place), version=(version, frame))
         version = (shown.run.id, shown.phase, shown.revision)

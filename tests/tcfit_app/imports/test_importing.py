@@ -21,9 +21,9 @@ from tcfit_app.cli.main import main
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels.compare import panel as compare
-from tcfit_app.review.panels.compare.panel import ComparePanel
-from tcfit_app.review.panels.runs.panel import RunsPanel
+from tcfit_app.review.panels.compare import compare_panel as compare
+from tcfit_app.review.panels.compare.compare_panel import ComparePanel
+from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.priors.networks import random_latents, random_network
 from tests.samples.project_samples import CAMERA, FRAMES, sample_clip, sample_params
@@ -140,19 +140,19 @@ def small_results(folder: Path, body: BodyModel) -> Path:
 
 def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path: Path, tiny_body: BodyModel):
     own = tested.fit()
-    session, page = tested.page.session, tested.page
+    session, tab = tested.page.tab.session, tested.page.tab
     tested.field("Path").value = f" {small_results(tmp_path / 'theirs', tiny_body)} "
     tested.click("Import")
     assert tested.notices == [] or tested.notices[-1].kind != "error"
     run = session.fits.runs[-1]
-    assert run.kind == "imported" and page.message[0] == "Imported: theirs; show it as A or B"
+    assert run.kind == "imported" and tab.message[0] == "Imported: theirs; show it as A or B"
     html = tested.html()
     assert "imported" in html and "SMPLify-X results" in html and str(tmp_path / "theirs") in html
     assert "Use its settings" not in html
-    shown = page.fit(FitChoice())
+    shown = session.fits.show(FitChoice())
     assert shown is not None and shown.run.id == own.id, "what was imported is not the newest fit"
     tested.click("Show as A")
-    imported = page.fit(page.state.a)
+    imported = tab.look().a
     assert imported is not None and imported.title == "theirs" and imported.run.id == run.id
     tested.click("Show as B")
     with pytest.raises(InputError, match="theirs was imported, to compare with: nothing can be fitted on from it"):
@@ -167,7 +167,7 @@ def test_what_cannot_be_imported_is_told(tested: LonePage, tmp_path: Path):
     tested.field("First frame").value = "-1"
     tested.click("Import")
     assert "First frame is '-1'; expected a whole number" in tested.notices[-1].text
-    assert tested.page.session.fits.runs == ()
+    assert tested.page.tab.session.fits.runs == ()
 
 
 def _upload(tested: LonePage, name: str, content: bytes) -> None:
@@ -183,7 +183,7 @@ def test_an_upload_becomes_a_run_and_its_name_no_path(tested: LonePage, tmp_path
             archive.write(path, path.relative_to(folder))
     before = sorted(tmp_path.rglob("*"))
     _upload(tested, "../../evil\n.zip", file.read_bytes())
-    [run] = tested.page.session.fits.runs
+    [run] = tested.page.tab.session.fits.runs
     assert run.name == "../../evil?.zip" and run.summary["source"] == "../../evil?.zip"
     made = [path for path in sorted(tmp_path.rglob("*")) if path not in before]
     assert [path.relative_to(tmp_path).parts[:2] for path in made] == [("p", "runs")]
@@ -194,11 +194,11 @@ def test_a_broken_upload_is_told_by_its_own_name(tested: LonePage, content: byte
     _upload(tested, "theirs.npz", content)
     assert tested.notices[-1].kind == "error"
     assert tested.notices[-1].text.startswith("theirs.npz") and "tcfit-upload" not in tested.notices[-1].text
-    assert tested.page.session.fits.runs == ()
+    assert tested.page.tab.session.fits.runs == ()
 
 
 def page_a(tested: LonePage) -> Shown:
-    shown = tested.page.fit(tested.page.state.a)
+    shown = tested.page.tab.look().a
     assert shown is not None
     return shown
 
@@ -208,12 +208,12 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
 ):
     monkeypatch.setattr(compare, "SETTLING", 0.0)
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
-        own, session = tested.fit(), tested.page.session
+        own, session = tested.fit(), tested.page.tab.session
         run = session.import_run(str(small_results(tmp_path / "theirs", tiny_body)), NONE)
-        tested.page.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
+        tested.page.tab.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
         tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
         shown = page_a(tested)
-        figures = {figure.name: figure.value for figure in tested.page.desk.metrics(shown) or ()}
+        figures = {figure.name: figure.value for figure in tested.page.tab.desk.metrics(shown) or ()}
         assert figures["seconds"] is None and "theirs" in tested.html()
         assert "Something went wrong" not in str(tested.notices)
-        tested.until(lambda: tested.page.desk.suspects(shown) is not None)
+        tested.until(lambda: tested.page.tab.desk.suspects(shown) is not None)

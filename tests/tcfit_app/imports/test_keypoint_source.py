@@ -21,7 +21,7 @@ from tcfit_app.imports import keypoint_source
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, Report
 from tcfit_app.imports.keypoint_source import PARTS
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels.start import StartPanel
+from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.fitting_core.detect.onnx_files import brightest_model
@@ -199,8 +199,8 @@ def page(
 
 
 def finish(page: LonePage) -> None:
-    page.until(lambda: not page.page.session.source.busy)
-    page.page.session.take_news()
+    page.until(lambda: not page.page.tab.session.source.busy)
+    page.page.tab.session.take_news()
     page.draw()
 
 
@@ -226,7 +226,7 @@ def test_a_model_that_is_not_here_is_shown_before_it_is_fetched(
     assert page.field("Model").value == known.title and "Agree" not in page.html()
     page.click("Detect")
     finish(page)
-    assert page.page.session.project.has_detections
+    assert page.page.tab.session.project.has_detections
 
 
 def test_a_file_of_the_users_own(page: LonePage, model: Path):
@@ -238,7 +238,7 @@ def test_a_file_of_the_users_own(page: LonePage, model: Path):
     page.enter("Model file", str(model))
     page.click("Detect")
     finish(page)
-    assert page.page.session.project.has_detections
+    assert page.page.tab.session.project.has_detections
 
 
 def test_a_failure_stays_in_the_panel_as_text(page: LonePage):

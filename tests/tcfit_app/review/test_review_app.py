@@ -46,20 +46,20 @@ def at_ease(request: pytest.FixtureRequest) -> None:
         return
     review: Reviewing = request.getfixturevalue("review")
     page = review.page
-    review.app.post(lambda: page.set(mode="edit", frame=8, selection=(), frames=None, playing=False, blinked=False))
-    until(lambda: page.state.frame == 8)
+    review.app.post(lambda: page.tab.set(mode="edit", frame=8, selection=(), frames=None, playing=False, blinked=False))
+    until(lambda: page.tab.state.frame == 8)
     review.rest()
 
 
 def test_plays_pauses_and_steps(review: Reviewing):
     review.press("Space", lambda: review.frame > 10)
-    assert review.page.state.playing
-    review.press("Space", lambda: not review.page.state.playing)
+    assert review.page.tab.state.playing
+    review.press("Space", lambda: not review.page.tab.state.playing)
     review.press("Home", lambda: review.frame == 0)
     review.press("ArrowRight", lambda: review.frame == 1)
     review.press("Shift+ArrowRight", lambda: review.frame == 11)
     review.press("ArrowLeft", lambda: review.frame == 10)
-    review.press("End", lambda: review.frame == review.page.length - 1)
+    review.press("End", lambda: review.frame == review.page.tab.length - 1)
 
 
 def test_a_keypoint_is_dragged_and_the_body_follows(review: Reviewing):
@@ -81,7 +81,7 @@ def test_a_keypoint_is_dragged_and_the_body_follows(review: Reviewing):
     assert after is not None and after.run.kind == "corrections"
     assert not torch.equal(after.params.body_pose[8], before.params.body_pose[8])
     assert torch.equal(after.params.body_pose[20], before.params.body_pose[20])
-    assert review.page.state.selection == (WRIST,)
+    assert review.page.tab.state.selection == (WRIST,)
     edits = review.session.project.last_edit
     review.press("x", lambda: review.session.project.corrected.bad[8, WRIST])
     review.press("Control+z", lambda: not review.session.project.corrected.bad[8, WRIST])
@@ -92,12 +92,12 @@ def test_a_keypoint_is_dragged_and_the_body_follows(review: Reviewing):
 
 def test_a_range_is_fitted_again_with_another_weight(review: Reviewing):
     page = review.page
-    review.press("BracketLeft", lambda: page.state.frames is not None)
+    review.press("BracketLeft", lambda: page.tab.state.frames is not None)
     review.press("Shift+ArrowRight", lambda: review.frame == 18)
-    review.press("BracketRight", lambda: page.state.frames == range(8, 19))
-    settings = page.state.settings
+    review.press("BracketRight", lambda: page.tab.state.frames == range(8, 19))
+    settings = page.tab.state.settings
     changed = replace(QUICK, temporal=replace(QUICK.temporal, weight=500.0))
-    review.app.post(lambda: page.set(settings=replace(settings, config=changed)))
+    review.app.post(lambda: page.tab.set(settings=replace(settings, config=changed)))
     runs = len(review.session.fits.runs)
     review.press("r", lambda: len(review.session.fits.runs) > runs)
     review.rest()
@@ -113,32 +113,32 @@ def test_two_fits_side_by_side(review: Reviewing):
     a, b = (until(lambda i=i: body_in_page(review, i), "a body") for i in (0, 1))
     assert a != b
     review.press("b", lambda: "temporal" in shown_labels(review)[0])
-    review.press("3", lambda: review.page.state.mode == "space")
+    review.press("3", lambda: review.page.tab.state.mode == "space")
     review.press("1", lambda: len(shown_labels(review)) == 1)
 
 
 def test_every_key_is_taken(review: Reviewing):
     page = review.page
     for key, name in {"m": "bodies", "k": "keypoints", "g": "wireframe", "d": "difference", "l": "loop"}.items():
-        before = getattr(page.state, name)
-        review.press(key, lambda name=name, before=before: getattr(page.state, name) != before)
-        review.press(key, lambda name=name, before=before: getattr(page.state, name) == before)
+        before = getattr(page.tab.state, name)
+        review.press(key, lambda name=name, before=before: getattr(page.tab.state, name) != before)
+        review.press(key, lambda name=name, before=before: getattr(page.tab.state, name) == before)
     review.press("d", lambda: review.tab.locator(".tcfit-legend").is_visible())
     review.press("m", lambda: review.tab.locator(".tcfit-legend").is_hidden())
     review.press("m", lambda: review.tab.locator(".tcfit-legend").is_visible())
     review.press("d", lambda: review.tab.locator(".tcfit-legend").is_hidden())
-    review.press("Control+a", lambda: len(page.state.selection) > 60)
-    review.press("Escape", lambda: page.state.selection == ())
+    review.press("Control+a", lambda: len(page.tab.state.selection) > 60)
+    review.press("Escape", lambda: page.tab.state.selection == ())
 
 
 def test_a_reload_keeps_everything(review: Reviewing):
-    review.press("2", lambda: review.page.state.mode == "ab")
-    review.press("End", lambda: review.frame == review.page.length - 1)
-    before, edits = review.page.state, review.session.project.last_edit
-    client = review.page.client.client_id
+    review.press("2", lambda: review.page.tab.state.mode == "ab")
+    review.press("End", lambda: review.frame == review.page.tab.length - 1)
+    before, edits = review.page.tab.state, review.session.project.last_edit
+    client = review.page.tab.client.client_id
     review.tab.reload()
-    until(lambda: review.app.pages and review.page.client.client_id != client and review.page.ready, "the page")
-    assert replace(review.page.state, playing=False) == replace(before, playing=False)
+    until(lambda: review.app.pages and review.page.tab.client.client_id != client and review.page.ready, "the page")
+    assert replace(review.page.tab.state, playing=False) == replace(before, playing=False)
     assert review.session.project.last_edit == edits
     until(lambda: len(shown_labels(review)) == 2)
     until(lambda: body_in_page(review, 1), "the body")
@@ -149,9 +149,9 @@ def test_a_second_browser_has_its_own_frame_and_sees_the_same_project(review: Re
     other = opened(review.app, review.server, browser)
     assert other.page is not first and other.frame == 0
     other.press("ArrowRight", lambda: other.frame == 1)
-    assert first.state.frame == 8
+    assert first.tab.state.frame == 8
     seen = review.session.edits
-    first.do(lambda: first.set(selection=(WRIST,)))
+    first.tab.do(lambda: first.tab.set(selection=(WRIST,)))
     review.tab.keyboard.press("Control+ArrowUp")
     until(lambda: review.session.edits > seen, "the edit")
     other.press("Control+z", lambda: other.session.project.undoable is None or other.session.edits > seen + 1)
@@ -168,7 +168,7 @@ def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "
         texts = until(lambda: chips(found), "the status line")
         assert any("No fit yet" in text for text in texts) and any("Read-only" in text for text in texts)
         assert any("made without a video" in text for text in texts)
-        found.press("d", lambda: found.page.state.difference)
+        found.press("d", lambda: found.page.tab.state.difference)
         assert found.tab.locator(".tcfit-legend").is_hidden(), "there is nothing between two fits yet"
         found.tab.keyboard.press("Shift+R")
         found.tab.get_by_text("open read-only").first.wait_for()

@@ -17,6 +17,8 @@ from fitting_core.fit.fitting import evaluated
 from tcfit_app.fitting import following, live
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import RerunFrames
+from tcfit_app.fitting.outbox import DragAbandoned, JobFinished
+from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.project.edits.edit_windows import around
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project
@@ -505,6 +507,19 @@ def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, mon
     session.rerun_frames(before, QUICK, (range(2, 4),))
     idle(session)
     assert newest(session).run.state == "finished"
+
+
+def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeypatch: pytest.MonkeyPatch):
+    def fail(report: object) -> None:
+        raise RuntimeError("no such drag")
+
+    monkeypatch.setattr(session.following, "take_end", fail)
+    session.jobs[99] = RunningJob(number=99, run=None, title="job", phases=(3,))
+    session.worker.outbox.tell(DragAbandoned(drag=7))
+    session.worker.outbox.tell(JobFinished(job=99, outcome=None))  # pyright: ignore[reportArgumentType]
+    session.take_news()
+    assert not session.jobs
+    assert [notice.kind for notice in told(session)] == ["error"] and "no such drag" in told(session)[0].text
 
 
 def test_runs_are_renamed_deleted_and_restored(session: Session):

@@ -5,7 +5,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
+
+import viser
 
 from fitting_core.errors import InputError
 from fitting_core.measure.reference.files import read_reference
@@ -13,9 +15,7 @@ from fitting_core.measure.reference.reference import Reference
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 _HINT = "npz of 3D points, TRC, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
 _CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: only form is compared"
@@ -27,30 +27,30 @@ _READING = "The reference is being read …"
 class ReferenceField:
     """Shows the project's reference, and takes another one: from a path, or as a file from the browser."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page, self._reading = page, False
-        gui = page.client.gui
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._reading = tab, False
+        gui = tab.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
-            self._told = Board(page)
+            self._told = Board(tab)
             self._path = gui.add_text("File", "", hint=_HINT)
             self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
             self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
-            self._buttons = Board(page)
+            self._buttons = Board(tab)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
-        self._upload.on_upload(lambda event: page.do(lambda: self._uploaded(event.target.value)))
-        page.on_press("compare.reference", lambda _: self._from_path())
-        page.on_press("compare.forget", lambda _: self._forget())
+        self._upload.on_upload(self._take_upload)
+        tab.buttons.on("compare.reference", lambda _: self._from_path())
+        tab.buttons.on("compare.forget", lambda _: self._forget())
 
     def draw(self) -> None:
         """Bring it to the project's state."""
-        session = self._page.session
-        if self._page.changes.of("reference field", session.referenced, self._reading):
+        session = self._tab.session
+        if self._tab.sent.differs("reference field", session.referenced, self._reading):
             reference = session.project.reference
             self._told.show(paragraph(_READING if self._reading else _described(reference), "dim"))
             self._buttons.show(row(*self._choices(reference)))
 
     def _choices(self, reference: Reference | None) -> list[Html]:
-        closed = self._page.session.project.read_only or self._reading
+        closed = self._tab.session.project.read_only or self._reading
         take = button("Compare with it", "compare.reference", disabled=closed)
         forget = button("Forget the reference", "compare.forget", disabled=closed)
         return [take] if reference is None else [take, forget]
@@ -62,7 +62,12 @@ class ReferenceField:
         camera, placed = self._camera_given(), self._start_given()
         self._read(lambda: placed(read_reference(Path(given).expanduser(), camera=camera)))
 
-    def _uploaded(self, file) -> None:
+    async def _take_upload(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            file = event.target.value  # read now: the next upload takes its place
+            self._tab.do(lambda: self._uploaded(file))
+
+    def _uploaded(self, file: viser.UploadedFile) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
 
         def read() -> Reference:
@@ -78,20 +83,20 @@ class ReferenceField:
         self._read(read)
 
     def _camera_given(self) -> Path | None:
-        self._page.refuse_read_only()
+        self._tab.refuse_read_only()
         given = self._camera.value.strip().strip("\"'")
         return Path(given).expanduser() if given else None
 
     def _start_given(self) -> Callable[[Reference], Reference]:
         """What puts a reference where the user says that it begins."""
-        first, rate = self._first.value.strip(), self._page.session.project.clip.frame_rate
+        first, rate = self._first.value.strip(), self._tab.session.project.clip.frame_rate
         if first and not (first.isdecimal() and len(first) < 12):
             raise InputError(f"Begins at frame is {first[:20]!r}; expected a whole number, or nothing.")
         return lambda found: found.starting_at(int(first), rate) if first else found
 
     def _read(self, read: Callable[[], Reference]) -> None:
         """Read in a thread of its own: a body's joints over a clip take seconds, in which the page must live."""
-        page, bodies = self._page, self._page.session.bodies
+        tab, bodies = self._tab, self._tab.session.bodies
         self._reading = True
 
         def work() -> None:
@@ -100,9 +105,9 @@ class ReferenceField:
                 bodies.of_reference(reference)
             except Exception as error:  # raised again on the thread that draws, which tells it in the tab
                 problem = error
-                page.do(lambda: self._failed(problem))
+                tab.do(lambda: self._failed(problem))
             else:
-                page.do(lambda: self._take(reference))
+                tab.do(lambda: self._take(reference))
 
         threading.Thread(target=work, name="reference", daemon=True).start()
 
@@ -112,12 +117,12 @@ class ReferenceField:
 
     def _take(self, reference: Reference) -> None:
         self._reading = False
-        self._page.session.set_reference(reference)
-        self._page.notify(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
+        self._tab.session.set_reference(reference)
+        self._tab.notify(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
 
     def _forget(self) -> None:
-        self._page.refuse_read_only()
-        self._page.session.set_reference(None)
+        self._tab.refuse_read_only()
+        self._tab.session.set_reference(None)
 
 
 def _described(reference: Reference | None) -> str:

@@ -1,12 +1,11 @@
-"""An input of viser's that shows part of a page's state."""
+"""An input of viser's that shows part of a tab's state."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import viser
 
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", str, int, float, Any)
 
@@ -19,13 +18,13 @@ class Field(Generic[Value]):
     a slider would jump back under the pointer.
 
     Args:
-        page: its tab.
-        handle: made by `page.client.gui`.
+        tab: whose state it is.
+        handle: made by `tab.client.gui`.
         take: given what the user has set, on the thread that draws.
     """
 
-    def __init__(self, page: "Page", handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
-        self._page, self._handle, self._take = page, handle, take
+    def __init__(self, tab: Tab, handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
+        self._tab, self._handle, self._take = tab, handle, take
         self._given, self._taken = 0, 0  # one thread counts each
         handle.on_update(self._updated)  # pyright: ignore[reportArgumentType]
 
@@ -34,7 +33,7 @@ class Field(Generic[Value]):
             return
         self._given += 1
         value = event.target.value
-        self._page.do(lambda: self._set(value))
+        self._tab.do(lambda: self._set(value))
 
     def _set(self, value: Value) -> None:
         self._taken += 1
@@ -59,8 +58,8 @@ class Field(Generic[Value]):
 class Dropdown(Field[str]):
     """A Field whose options come and go."""
 
-    def __init__(self, page: "Page", handle: viser.GuiDropdownHandle[Any], take: Callable[[str], None]) -> None:
-        super().__init__(page, handle, take)
+    def __init__(self, tab: Tab, handle: viser.GuiDropdownHandle[Any], take: Callable[[str], None]) -> None:
+        super().__init__(tab, handle, take)
         self._dropdown = handle
 
     def offer(self, options: Sequence[str], value: str, *, wrong: bool = False) -> None:

@@ -6,12 +6,9 @@ given as text is escaped here; only what functions of this file return is taken 
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 from tcfit_app.review.gestures.actions import ACTIONS, Action
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 
 class Html(str):
@@ -59,7 +56,7 @@ def button(
 
     Args:
         label: what is on it.
-        command: a name given to `Page.on_press`.
+        command: a name given to `Buttons.on`.
         value: what that gets.
         pressed: whether it is on, for one that switches something.
         disabled: cannot be pressed now.
@@ -186,11 +183,11 @@ def line(
 
 
 class Board:
-    """An element of a panel that shows HTML, and sends it when it is another."""
+    """An element of a panel that shows HTML, and sends it when it is another. Its buttons are those on show."""
 
-    def __init__(self, page: "Page") -> None:
+    def __init__(self, tab: Tab) -> None:
         self._content = ""
-        self._handle = page.client.gui.add_html("")
+        self._buttons, self._handle = tab.buttons, tab.client.gui.add_html("")
 
     def show(self, *parts: Html) -> None:
         """Bring it to these parts, beneath each other; none hides it."""
@@ -198,3 +195,4 @@ class Board:
         if content != self._content:
             self._content = content
             self._handle.content = str(content)
+            self._buttons.show(self, content)

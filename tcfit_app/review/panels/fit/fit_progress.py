@@ -1,17 +1,13 @@
 """What is being fitted: how far, what waits, how the cost falls, and how it ended."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import viser
 from viser import uplot
 
 from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.review.drawing.status import PHASES, duration
 from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, progress_bar, row, words
-from tcfit_app.review.status import PHASES, duration
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 Losses = list[tuple[float, dict[str, float]]]
 """As `RunningJob.losses` has them."""
@@ -32,17 +28,17 @@ _POINTS = uplot.Series_Points(show=False)
 
 
 class FitProgress:
-    """The jobs of a session, in one page."""
+    """The jobs of a session, in one tab."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
-        gui = page.client.gui
-        self._said = Board(page)
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        gui = tab.client.gui
+        self._said = Board(tab)
         self._plot = _empty_plot(gui)
-        page.on_press("fit.cancel", self._cancel)
+        tab.buttons.on("fit.cancel", self._cancel)
 
     def _cancel(self, which: str) -> None:
-        session = self._page.session
+        session = self._tab.session
         if which == "all":
             session.cancel()
         elif which in map(str, session.jobs):
@@ -50,8 +46,8 @@ class FitProgress:
 
     def draw(self) -> None:
         """Send what changed."""
-        session = self._page.session
-        if not self._page.changes.of("fit progress", session.changes, session.fits.changes):
+        session = self._tab.session
+        if not self._tab.sent.differs("fit progress", session.changes, session.fits.changes):
             return
         jobs = list(session.jobs.values())
         running = next((job for job in jobs if job.started), None)
@@ -67,11 +63,11 @@ class FitProgress:
         return [heading("In work"), *(_progress(job) if job else []), *waiting, row(*buttons)]
 
     def _name(self, job: RunningJob) -> str:
-        run = self._page.session.fits.run(job.run) if job.run is not None else None
+        run = self._tab.session.fits.run(job.run) if job.run is not None else None
         return f"{run.name}, {job.title}" if run else job.title
 
     def _draw_plot(self, losses: Losses) -> None:
-        if not self._page.changes.of("losses", len(losses), id(losses)):
+        if not self._tab.sent.differs("losses", len(losses), id(losses)):
             return
         if len(losses) < 2:
             if self._plot.visible:
@@ -79,8 +75,8 @@ class FitProgress:
             return
         names = charted(losses)
         data = curves(losses, names)
-        with self._page.client.atomic():
-            if self._page.changes.of("loss names", names):
+        with self._tab.client.atomic():
+            if self._tab.sent.differs("loss names", names):
                 self._plot.series = _all_series(names)
             self._plot.data = data
             if not self._plot.visible:

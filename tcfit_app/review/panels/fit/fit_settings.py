@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import viser
 
@@ -13,14 +13,12 @@ from fitting_core.config.settings import changed, settings, value_of
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.files.registry import list_priors
-from tcfit_app.review.gestures.submitting import camera_of
+from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, text
 from tcfit_app.review.panels.elements.html import words as marked
-from tcfit_app.review.view_state import FitSettings
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.state import FitSettings
+from tcfit_app.review.tab.tab import Tab
 
 ORIGIN = "Fit settings"
 """Where wrong values stand, for messages."""
@@ -76,10 +74,10 @@ def pose_priors(now: str) -> tuple[str, ...]:
 
 
 class FitInputs:
-    """Inputs that set a page's `FitSettings`."""
+    """Inputs that set a tab's `FitSettings`."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page, self._gui = page, page.client.gui
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._gui = tab, tab.client.gui
         self._fields: dict[str, Field[Any]] = {}
         self._reads: dict[str, Callable[[FitSettings], Any]] = {}
 
@@ -87,11 +85,11 @@ class FitInputs:
 
     def add_preset(self) -> None:
         """The preset, what is changed in it, and the way back."""
-        now = self._page.state.settings
+        now = self._tab.state.settings
         handle = self._gui.add_dropdown("Preset", tuple(PRESETS), initial_value=now.preset, hint="Sets all settings")
         self._add("preset", handle, self._take_preset, lambda s: s.preset)
-        self._changed = Board(self._page)
-        self._page.on_press("fit.preset", lambda _: self._take_preset(self._page.state.settings.preset))
+        self._changed = Board(self._tab)
+        self._tab.buttons.on("fit.preset", lambda _: self._take_preset(self._tab.state.settings.preset))
 
     def add(self, *names: str) -> None:
         """Inputs of settings of LABELS."""
@@ -100,7 +98,7 @@ class FitInputs:
 
     def add_body(self) -> None:
         """Body model, gender and focal length."""
-        now, gui = self._page.state.settings, self._gui
+        now, gui = self._tab.state.settings, self._gui
         kinds = gui.add_dropdown("Body model", tuple(KINDS), initial_value=now.kind)
         self._add("kind", kinds, lambda v: self._take_body(kind=v), lambda s: s.kind)
         genders = gui.add_dropdown("Gender", GENDERS, initial_value=now.gender)
@@ -109,21 +107,21 @@ class FitInputs:
         hint = "In pixels. Counts for whole fits; a re-run keeps that of its run."
         focal = gui.add_number("Focal length", round(float(clip), 2), step=0.01, hint=hint)
         self._add("focal", focal, self._take_focal, lambda s: round(float(s.focal or clip), 2))
-        self._focal = Board(self._page)
+        self._focal = Board(self._tab)
 
     def add_source(self) -> None:
         """All settings as a text that can be changed."""
         self._source = self._gui.add_text("TOML", "", multiline=True)
         self._source_of: Hashable = None
-        Board(self._page).show(row(button("Use these settings", "fit.source")))
-        self._page.on_press("fit.source", lambda _: self._take_source())
+        Board(self._tab).show(row(button("Use these settings", "fit.source")))
+        self._tab.buttons.on("fit.source", lambda _: self._take_source())
 
     def add_problems(self) -> None:
         """What was entered and cannot be used."""
-        self._problems = Board(self._page)
+        self._problems = Board(self._tab)
 
     def _input(self, name: str) -> Any:
-        value, setting = value_of(self._page.state.settings.config, name), settings()[name]
+        value, setting = value_of(self._tab.state.settings.config, name), settings()[name]
         label, hint = _SHORT.get(name, LABELS[name]), _HINTS.get(name, setting.doc)
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
@@ -135,14 +133,14 @@ class FitInputs:
 
     def _add(self, name: str, handle: Any, take: Callable[[Any], None], read: Callable[[FitSettings], Any]) -> None:
         kind = Dropdown if isinstance(handle, viser.GuiDropdownHandle) else Field
-        self._fields[name] = kind(self._page, handle, lambda value: self._attempt(name, lambda: take(value)))
+        self._fields[name] = kind(self._tab, handle, lambda value: self._attempt(name, lambda: take(value)))
         self._reads[name] = read
 
     # --- what is entered ---
 
     def _attempt(self, name: str, take: Callable[[], None]) -> None:
         """Take a value over; if it is wrong, remember why."""
-        problems = dict(self._page.state.settings.problems)
+        problems = dict(self._tab.state.settings.problems)
         problems.pop(name, None)
         try:
             take()
@@ -150,10 +148,10 @@ class FitInputs:
             problems[name] = str(error)
         if name == "preset":
             problems = {}
-        self._page.set(settings=replace(self._page.state.settings, problems=tuple(problems.items())))
+        self._tab.set(settings=replace(self._tab.state.settings, problems=tuple(problems.items())))
 
     def _set(self, **values: Any) -> None:
-        self._page.set(settings=replace(self._page.state.settings, **values))
+        self._tab.set(settings=replace(self._tab.state.settings, **values))
 
     def _take_preset(self, name: str) -> None:
         self._set(preset=name, config=PRESETS[name], problems=())
@@ -165,7 +163,7 @@ class FitInputs:
         def take(value: Any) -> None:
             value = plain.get(value, value)
             value = int(value) if whole and value == int(value) else value
-            self._set(config=changed(self._page.state.settings.config, {name: value}, origin=ORIGIN))
+            self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
 
         return take
 
@@ -178,34 +176,34 @@ class FitInputs:
 
     def _take_body(self, **values: str) -> None:
         self._set(**values)
-        problems = dict(self._page.state.settings.problems)
+        problems = dict(self._tab.state.settings.problems)
         for name in ("kind", "gender"):
             problems.pop(name, None)
         self._set(problems=tuple(problems.items()))
-        now = self._page.state.settings
-        self._page.session.bodies.check(kind=now.kind, gender=now.gender)
+        now = self._tab.state.settings
+        self._tab.session.bodies.check(kind=now.kind, gender=now.gender)
 
     def _take_focal(self, value: float) -> None:
         same = value == round(float(self._camera.focal[0]), 2)
-        now = replace(self._page.state.settings, focal=None if same else float(value))
+        now = replace(self._tab.state.settings, focal=None if same else float(value))
         camera_of(now, self._camera)
         self._set(focal=now.focal)
 
     def _take_source(self) -> None:
         preset, config = parsed(self._source.value, origin=_SOURCE)
         self._set(preset=preset, config=config, problems=())
-        self._page.say("Settings taken over")
+        self._tab.say("Settings taken over")
 
     @property
     def _camera(self) -> Any:
-        return self._page.session.project.clip.camera
+        return self._tab.session.project.clip.camera
 
     # --- drawing ---
 
     def draw(self) -> None:
         """Send what changed."""
-        now = self._page.state.settings
-        if not self._page.changes.of("fit settings", now) and not self._waiting:
+        now = self._tab.state.settings
+        if not self._tab.sent.differs("fit settings", now) and not self._waiting:
             return
         wrong = dict(now.problems)
         pair = {"kind", "gender"}

@@ -1,14 +1,11 @@
 """The table of the selected keypoints."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.review.panels.elements.html import Html, heading, joined, line, paragraph, table, tag
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 _MOST = 5
 """Keypoints that are listed one by one."""
@@ -38,12 +35,12 @@ def state_of(corrected: Corrected, frame: int, joint: int) -> str:
     return "corrected" if corrected.edited[frame, joint] else "detected"
 
 
-def selected_keypoints(page: "Page") -> list[Selected]:
+def selected_keypoints(tab: Tab) -> list[Selected]:
     """What is selected, in the frame on show, the one selected last at first."""
-    frame, project = page.state.frame, page.session.project
+    frame, project = tab.state.frame, tab.session.project
     corrected, detections = project.corrected, project.detections
     found = []
-    for joint in reversed(page.state.selection):
+    for joint in reversed(tab.state.selection):
         x, y = corrected.xy[frame, joint].tolist()
         u, v = detections.xy[frame, joint].tolist()
         seen = detections.confidence[frame, joint] > 0

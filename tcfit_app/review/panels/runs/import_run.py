@@ -1,7 +1,7 @@
 """Bringing another program's result into the project, from a path of tcfit's computer or from the browser's."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import viser
 
@@ -10,9 +10,7 @@ from fitting_core.errors import InputError
 from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 _OWN = "the result's body"
 _SAID = (
@@ -25,15 +23,15 @@ class ImportRun:
     """A part of a panel.
 
     Args:
-        page: Its tab.
+        tab: whose panel it is.
         imported: Gets the run that it has become.
     """
 
-    def __init__(self, page: "Page", imported: Callable[[Run], None]) -> None:
-        self._page, self._imported = page, imported
-        gui = page.client.gui
+    def __init__(self, tab: Tab, imported: Callable[[Run], None]) -> None:
+        self._tab, self._imported = tab, imported
+        gui = tab.client.gui
         with gui.add_folder("Import a result", expand_by_default=False):
-            Board(page).show(paragraph(_SAID, "dim"))
+            Board(tab).show(paragraph(_SAID, "dim"))
             self._path = gui.add_text("Path", "", hint="Of a folder or file on the computer where tcfit runs")
             self._first = gui.add_text(
                 "First frame", "", hint="Number in the video of the result's first frame; empty: as its files are named"
@@ -41,14 +39,14 @@ class ImportRun:
             self._body: Any = gui.add_dropdown(
                 "Posed on", (_OWN, *KINDS), hint="Another body keeps the joint angles and leaves out the shape"
             )
-            self._buttons = Board(page)
+            self._buttons = Board(tab)
             self._upload: Any = gui.add_upload_button(
                 "Upload a file …",
                 color="gray",
                 hint="An npz, or a zip of SMPLify-X's results, from this browser's computer",
             )
         self._upload.on_upload(self._uploaded)
-        page.on_press("import.path", lambda _: self._import_path())
+        tab.buttons.on("import.path", lambda _: self._import_path())
 
     def _choices(self) -> ImportChoices:
         first = self._first.value.strip()
@@ -61,25 +59,25 @@ class ImportRun:
         given = self._path.value.strip()
         if not given:
             raise InputError("Give the path of a result first; expected a folder of SMPLify-X or an npz.")
-        self._page.refuse_read_only()
-        self._done(self._page.session.import_run(given, self._choices()))
+        self._tab.refuse_read_only()
+        self._done(self._tab.session.import_run(given, self._choices()))
 
     async def _uploaded(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
             file = event.target.value
-            self._page.do(lambda: self._import_upload(file))
+            self._tab.do(lambda: self._import_upload(file))
 
     def _import_upload(self, file: viser.UploadedFile) -> None:
-        self._page.refuse_read_only()
-        self._done(self._page.session.import_upload(file.name, file.content, self._choices()))
+        self._tab.refuse_read_only()
+        self._done(self._tab.session.import_upload(file.name, file.content, self._choices()))
 
     def _done(self, run: Run) -> None:
         self._imported(run)
-        self._page.say(f"Imported: {run.name}; show it as A or B")
+        self._tab.say(f"Imported: {run.name}; show it as A or B")
 
     def draw(self) -> None:
         """Send what changed."""
-        off = self._page.session.project.read_only
-        if self._page.changes.of("import", off):
+        off = self._tab.session.project.read_only
+        if self._tab.sent.differs("import", off):
             self._buttons.show(row(button("Import", "import.path", disabled=off, kind="main")))
             self._upload.disabled = off

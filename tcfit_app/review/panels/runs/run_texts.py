@@ -10,12 +10,12 @@ from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.runs import Run, RunState
+from tcfit_app.review.drawing.status import PHASES, duration
 from tcfit_app.review.panels.elements.html import Html, badge, facts, joined, line, paragraph, tag, text, words
 from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
 from tcfit_app.review.panels.fit.fit_settings import words as setting_words
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session import Session
-from tcfit_app.review.status import PHASES, duration
 
 KINDS = {
     "fit": "everything",

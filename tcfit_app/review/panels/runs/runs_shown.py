@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import TITLES, FitChoice, newest
@@ -10,9 +10,7 @@ from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.tab import Tab
 
 NEWEST = "Newest"
 """Stands for the newest run that has a result."""
@@ -30,40 +28,40 @@ _PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in _SIDES for 
 class RunsShown:
     """A part of a panel."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
         self._numbers: dict[str, int | None] = {}
         """Runs by what they are called in the dropdowns."""
-        self._head = Board(page)
+        self._head = Board(tab)
         self._runs: dict[str, Dropdown] = {}
         self._phases: dict[str, Board] = {}
         for side in _SIDES:
-            handle = page.client.gui.add_dropdown(f"{side.upper()} shows", (NEWEST,), hint=_HINTS[side])
-            self._runs[side] = Dropdown(page, handle, partial(self._choose_run, side))
-            self._phases[side] = Board(page)
-        page.on_press("runs.phase", self._choose_phase, _PHASE_CHOICES.__getitem__)
-        page.on_press("runs.swap", lambda _: page.set(a=page.state.b, b=page.state.a))
+            handle = tab.client.gui.add_dropdown(f"{side.upper()} shows", (NEWEST,), hint=_HINTS[side])
+            self._runs[side] = Dropdown(tab, handle, partial(self._choose_run, side))
+            self._phases[side] = Board(tab)
+        tab.buttons.on("runs.phase", self._choose_phase, _PHASE_CHOICES.__getitem__)
+        tab.buttons.on("runs.swap", lambda _: tab.set(a=tab.state.b, b=tab.state.a))
 
     def _choose_run(self, side: str, name: str) -> None:
         if name in self._numbers:
             now = self._choice(side)
-            self._page.set(**{side: FitChoice(run=self._numbers[name], phase=now.phase)})
+            self._tab.set(**{side: FitChoice(run=self._numbers[name], phase=now.phase)})
 
     def _choose_phase(self, chosen: tuple[str, int | None]) -> None:
         side, phase = chosen
         now = self._choice(side)
-        self._page.set(**{side: FitChoice(run=now.run, phase=phase)})
+        self._tab.set(**{side: FitChoice(run=now.run, phase=phase)})
 
     def _choice(self, side: str) -> FitChoice:
-        return self._page.state.a if side == "a" else self._page.state.b
+        return self._tab.state.a if side == "a" else self._tab.state.b
 
     def draw(self) -> None:
-        """Bring it to the page's state."""
-        page, state = self._page, self._page.state
-        fits = page.session.fits
+        """Bring it to the tab's state."""
+        tab, state = self._tab, self._tab.state
+        fits = tab.session.fits
         runs = fits.showable()
         there = {side: self._phases_of(self._run(side, runs)) for side in _SIDES}
-        if not page.changes.of("runs shown", state.a, state.b, state.blinked, fits.changes, *there.values()):
+        if not tab.sent.differs("runs shown", state.a, state.b, state.blinked, fits.changes, *there.values()):
             return
         self._head.show(
             heading("Fits on show", _LEGEND),
@@ -85,7 +83,7 @@ class RunsShown:
 
     def _phases_of(self, run: Run | None) -> tuple[int, ...]:
         try:
-            return () if run is None else self._page.session.fits.phases(run)
+            return () if run is None else self._tab.session.fits.phases(run)
         except InputError:  # the status line says what is wrong with its file
             return ()
 

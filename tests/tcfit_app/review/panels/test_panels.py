@@ -20,10 +20,10 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag
+from tcfit_app.review.drawing.timeline import PLOTTED
+from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
-from tcfit_app.review.picture import _surroundings
-from tcfit_app.review.timeline import PLOTTED
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.project_samples import FRAMES
@@ -51,83 +51,83 @@ def suspect(frame: int, *, reason: str = "left wrist 42 px off", joints: tuple[i
 
 
 def with_suspects(tested: LonePage, *found: Suspect) -> None:
-    tested.page.desk.suspects = lambda shown: found  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.desk.suspects = lambda shown: found  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_nothing_is_sent_when_nothing_has_changed(tested: LonePage):
     with_suspects(tested, suspect(2))
     assert tested.draw()
     assert not tested.draw()
-    tested.page.seek(3)
+    tested.page.tab.seek(3)
     assert tested.draw()
     assert not tested.draw()
 
 
 def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     page, seen = tested.page, []
-    monkeypatch.setattr(page.picture._view, "zoom_to", seen.append)
-    detected = page.session.project.corrected.confidence[0] > 0
+    monkeypatch.setattr(page.tab.scene, "zoom_to", seen.append)
+    detected = page.tab.session.project.corrected.confidence[0] > 0
     there, absent = np.flatnonzero(detected)[:2].tolist(), int(np.flatnonzero(~detected)[0])
-    page.set(selection=(*there, absent))
-    page.picture.zoom_to_selection()
-    page.set(selection=tuple(there))
-    page.picture.zoom_to_selection()
+    page.tab.set(selection=(*there, absent))
+    zoom_to_selection(page.tab)
+    page.tab.set(selection=tuple(there))
+    zoom_to_selection(page.tab)
     assert seen[0] == seen[1]
-    page.set(selection=(absent,))
+    page.tab.set(selection=(absent,))
     with pytest.raises(InputError, match="nothing to zoom to"):
-        page.picture.zoom_to_selection()
+        zoom_to_selection(page.tab)
 
 
 @pytest.mark.parametrize("size", [(45, 60), (640, 480), (3840, 2160)])
 def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
     width, height = size
     middle, diagonal = np.array([[width / 2, height / 2]]), np.hypot(*size)
-    assert np.allclose(_surroundings(middle, size), middle + diagonal / 12 * np.array([[-1], [1]]))
+    assert np.allclose(surroundings(middle, size), middle + diagonal / 12 * np.array([[-1], [1]]))
     corners = np.array([[0.0, 1.0], [width, height - 1]])
-    assert np.allclose(_surroundings(corners, size), [[0, 0], [width, height]])
-    assert np.allclose(_surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 12)])
+    assert np.allclose(surroundings(corners, size), [[0, 0], [width, height]])
+    assert np.allclose(surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 12)])
     length, along = max(size), int(np.argmax(size))
     far = np.ones((2, 2))
     far[:, along] = length / 4, 3 * length / 4
-    assert np.allclose(_surroundings(far, size)[:, along], [length / 8, 7 * length / 8])
+    assert np.allclose(surroundings(far, size)[:, along], [length / 8, 7 * length / 8])
 
 
 def test_in_3d_nothing_that_is_not_on_show_gets_selected(tested: LonePage):
     page = tested.page
-    page.set(mode="space")
+    page.tab.set(mode="space")
     with pytest.raises(InputError, match="In 3D no keypoints are on show"):
-        page.correcting.select_all()
-    assert page.state.selection == ()
-    page.set(mode="ab")
-    page.correcting.select_all()
-    chosen = page.state.selection
-    page.set(mode="space")
-    page.correcting.toggle_bad()  # chosen where it could be seen
-    assert chosen and page.session.project.corrected.bad[0, list(chosen)].all()
+        page.gestures.correcting.select_all()
+    assert page.tab.state.selection == ()
+    page.tab.set(mode="ab")
+    page.gestures.correcting.select_all()
+    chosen = page.tab.state.selection
+    page.tab.set(mode="space")
+    page.gestures.correcting.toggle_bad()  # chosen where it could be seen
+    assert chosen and page.tab.session.project.corrected.bad[0, list(chosen)].all()
 
 
 def test_keypoints_under_the_pointer_are_left_alone_by_keys(tested: LonePage):
     page, frame = tested.page, 2
-    page.set(frame=frame, selection=(4,))
-    page.correcting.reset()
-    before = page.session.project.last_edit
+    page.tab.set(frame=frame, selection=(4,))
+    page.gestures.correcting.reset()
+    before = page.tab.session.project.last_edit
     page.receive(Drag("start", (4,), 0.0, 0.0, frame))
-    for command in (page.correcting.toggle_bad, page.correcting.undo, page.correcting.redo):
+    for command in (page.gestures.correcting.toggle_bad, page.gestures.correcting.undo, page.gestures.correcting.redo):
         with pytest.raises(InputError, match="being dragged"):
             command()
-    assert page.session.project.last_edit == before
+    assert page.tab.session.project.last_edit == before
     page.receive(Drag("end", (4,), 3.0, 0.0, frame))
-    page.correcting.toggle_bad()
-    assert page.session.project.last_edit == before + 2 and page.session.project.corrected.bad[frame, 4]
+    page.gestures.correcting.toggle_bad()
+    assert page.tab.session.project.last_edit == before + 2 and page.tab.session.project.corrected.bad[frame, 4]
 
 
 def test_a_keypoint_has_one_name_wherever_it_is_read(tested: LonePage):
     joints = tuple(INDEX[name] for name in ("left_wrist", "left_index4", "face_outer_lip3"))
     names = ("left wrist", "left index 4", "face outer lip 3")
     page = tested.page
-    page.set(selection=joints)
-    page.correcting.toggle_bad()
-    assert page.message[0].startswith(f"Saved: {', '.join(names)} marked bad")
+    page.tab.set(selection=joints)
+    page.gestures.correcting.toggle_bad()
+    assert page.tab.message[0].startswith(f"Saved: {', '.join(names)} marked bad")
     assert all(f">{name}<" in tested.html() for name in names)
     assert set(names) <= set(tested.field("Keypoint").options)
     assert [SKELETON.names[joint] for joint in joints] == list(names)
@@ -135,16 +135,16 @@ def test_a_keypoint_has_one_name_wherever_it_is_read(tested: LonePage):
 
 def test_playing_sends_little(tested: LonePage):
     with_suspects(tested)
-    tested.page.toggle_playing()
+    tested.page.tab.toggle_playing()
     tested.draw()
-    tested.page.set(frame=2)
+    tested.page.tab.set(frame=2)
     assert len(tested.draw()) == 1  # the number in the field "Frame"
 
 
 @pytest.mark.parametrize("hidden", ["run", "author", "reason"])
 def test_what_others_wrote_is_shown_as_text(hidden: str, tested: LonePage):
     if hidden == "author":
-        tested.page.session.edit(MarkBad(frames=(1,), joints=(4,)), author=ATTACK)
+        tested.page.tab.session.edit(MarkBad(frames=(1,), joints=(4,)), author=ATTACK)
     if hidden == "reason":
         with_suspects(tested, suspect(2, reason=ATTACK))
     shown = tested.html()
@@ -156,12 +156,12 @@ def test_what_others_wrote_is_shown_as_text(hidden: str, tested: LonePage):
 def test_what_the_server_sets_is_no_wish_of_the_user(tested: LonePage):
     tested.draw()
     opacity = tested.field("Opacity")
-    tested.page.set(opacity=0.3)
+    tested.page.tab.set(opacity=0.3)
     tested.draw()
-    assert opacity.value == 0.3 and tested.page.state.opacity == 0.3
+    assert opacity.value == 0.3 and tested.page.tab.state.opacity == 0.3
     opacity._impl.value = 0.9
     tested.call_back(opacity, None)
-    assert tested.page.state.opacity == 0.3
+    assert tested.page.tab.state.opacity == 0.3
 
 
 def test_an_input_does_not_jump_back_while_its_command_waits(panel_server: viser.ViserServer, project: Project):
@@ -170,25 +170,25 @@ def test_an_input_does_not_jump_back_while_its_command_waits(panel_server: viser
         tested.draw()
         tested.enter("Opacity", 0.4)
         tested.draw()
-        assert tested.field("Opacity").value == 0.4 != tested.page.state.opacity
+        assert tested.field("Opacity").value == 0.4 != tested.page.tab.state.opacity
         for command in waiting:
             command()
         tested.draw()
-        assert tested.field("Opacity").value == tested.page.state.opacity == 0.4
+        assert tested.field("Opacity").value == tested.page.tab.state.opacity == 0.4
 
 
 def test_view_inputs(tested: LonePage):
     tested.draw()
     page = tested.page
     tested.enter("Frame", FIRST + 4)
-    assert page.state.frame == 4
+    assert page.tab.state.frame == 4
     tested.enter("Min. conf.", 0.35)
     tested.enter("Timeline", "Jitter (mm/frame²)")
-    assert (page.state.minimum, page.state.curve) == (0.35, "jitter")
+    assert (page.tab.state.minimum, page.tab.state.curve) == (0.35, "jitter")
     for title in tested.field("Timeline").options:
         tested.enter("Timeline", title)
         tested.draw()
-    assert page.state.curve == list(PLOTTED)[-1]
+    assert page.tab.state.curve == list(PLOTTED)[-1]
 
 
 def test_view_buttons(tested: LonePage):
@@ -196,34 +196,34 @@ def test_view_buttons(tested: LonePage):
     page = tested.page
     tested.press("action", "space")
     tested.press("view.apart")
-    assert page.state.mode == "space" and page.state.apart > 0 and "side by side" in tested.html()
+    assert page.tab.state.mode == "space" and page.tab.state.apart > 0 and "side by side" in tested.html()
     tested.press("view.group", "face")
-    assert page.state.groups == set(GROUPS) - {"face"}
+    assert page.tab.state.groups == set(GROUPS) - {"face"}
     tested.press("view.color", "confidence")
     tested.press("view.switch", "video")
     tested.press("view.speed", "0.25")
-    assert (page.state.color_by, page.state.video, page.state.speed) == ("confidence", False, 0.25)
+    assert (page.tab.state.color_by, page.tab.state.video, page.tab.state.speed) == ("confidence", False, 0.25)
     assert 'data-value="0.25" aria-pressed="true"' in tested.html()
 
 
 def test_choosing_runs_and_phases(tested: LonePage):
     tested.draw()
-    page, runs = tested.page, tested.page.session.fits.runs
+    page, runs = tested.page, tested.page.tab.session.fits.runs
     assert tested.field("B shows").options == ("Newest", ATTACK, "first")
     tested.enter("B shows", "first")
     tested.press("runs.phase", "b 2")
-    assert page.state.b == FitChoice(run=runs[0].id, phase=2)
+    assert page.tab.state.b == FitChoice(run=runs[0].id, phase=2)
     tested.press("runs.swap")
-    assert page.state.a == FitChoice(run=runs[0].id, phase=2) and page.state.b == FitChoice(phase=1)
+    assert page.tab.state.a == FitChoice(run=runs[0].id, phase=2) and page.tab.state.b == FitChoice(phase=1)
     tested.draw()
     assert tested.field("A shows").value == "first"
-    page.session.delete(runs[0].id)
+    page.tab.session.delete(runs[0].id)
     tested.draw()
     assert tested.field("A shows").value == "Deleted run"
 
 
 def test_runs_of_one_name_are_told_apart(tested: LonePage):
-    session = tested.page.session
+    session = tested.page.tab.session
     for run in session.fits.runs:
         session.rename(run.id, "Newest")
     tested.draw()
@@ -233,9 +233,9 @@ def test_runs_of_one_name_are_told_apart(tested: LonePage):
 
 def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     page = tested.page
-    page.seek(2)
+    page.tab.seek(2)
     assert f"apply to frame {FIRST + 2}<" in tested.html()
-    page.set(frames=range(1, 4), selection=(4,))
+    page.tab.set(frames=range(1, 4), selection=(4,))
     assert f"apply to frames {FIRST + 1}–{FIRST + 3}<" in tested.html()
     tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
@@ -253,58 +253,58 @@ def test_correcting_buttons_and_where_they_apply(tested: LonePage):
 
 def test_copies_go_to_all_selected_frames(tested: LonePage):
     page = tested.page
-    there = np.flatnonzero(page.session.project.detections.confidence[1] > 0)
-    page.set(frames=range(2, 4), selection=(int(there[0]),))
-    page.seek(3)
+    there = np.flatnonzero(page.tab.session.project.detections.confidence[1] > 0)
+    page.tab.set(frames=range(2, 4), selection=(int(there[0]),))
+    page.tab.seek(3)
     tested.press("action", "copy")
     assert last_edit(page) == CopyFrom(frames=(2, 3), joints=(int(there[0]),), source=1)
 
 
 def test_what_is_nowhere_is_not_copied_moved_or_made_sure(tested: LonePage):
     page = tested.page
-    missing = int(np.flatnonzero(page.session.project.detections.confidence[1] == 0)[0])
-    page.seek(1)
-    page.set(selection=(missing,))
+    missing = int(np.flatnonzero(page.tab.session.project.detections.confidence[1] == 0)[0])
+    page.tab.seek(1)
+    page.tab.set(selection=(missing,))
     assert "missing" in tested.html()
-    correcting = page.correcting
+    correcting = page.gestures.correcting
     for correct in (lambda: correcting.nudge(1.0, 0.0), lambda: correcting.set_confidence(1.0)):
         with pytest.raises(InputError, match=f"none of the selected keypoints is anywhere in frame {FIRST + 1}"):
             correct()
-    page.seek(2)
+    page.tab.seek(2)
     with pytest.raises(InputError, match=f"Nothing to be copied.* frame {FIRST + 1}"):
         correcting.copy_previous()
-    assert not page.session.project.log
+    assert not page.tab.session.project.log
 
 
 def test_all_keypoints_are_those_on_show(tested: LonePage):
     page = tested.page
-    page.set(groups=frozenset({"body", "left_hand"}))
-    confidence = page.session.project.detections.confidence
+    page.tab.set(groups=frozenset({"body", "left_hand"}))
+    confidence = page.tab.session.project.detections.confidence
     tested.press("action", "all")
-    assert page.state.selection == tuple(np.flatnonzero(confidence[0, :46]))
-    page.set(minimum=float(np.median(confidence[0, page.state.selection])))
+    assert page.tab.state.selection == tuple(np.flatnonzero(confidence[0, :46]))
+    page.tab.set(minimum=float(np.median(confidence[0, page.tab.state.selection])))
     tested.press("action", "all")
-    assert page.state.selection == tuple(np.flatnonzero(confidence[0, :46] >= page.state.minimum))
-    page.set(minimum=0.0, frames=range(3))
+    assert page.tab.state.selection == tuple(np.flatnonzero(confidence[0, :46] >= page.tab.state.minimum))
+    page.tab.set(minimum=0.0, frames=range(3))
     tested.press("action", "all")
-    assert page.state.selection == tuple(np.flatnonzero(confidence[:3, :46].any(0))), "seen in any of the frames"
-    page.set(keypoints=False)
+    assert page.tab.state.selection == tuple(np.flatnonzero(confidence[:3, :46].any(0))), "seen in any of the frames"
+    page.tab.set(keypoints=False)
     with pytest.raises(InputError, match="hidden"):
         tested.press("action", "all")
 
 
 def last_edit(page) -> object:
-    return page.session.project.log[-1].action
+    return page.tab.session.project.log[-1].action
 
 
 def test_moving_by_fields(tested: LonePage):
     page = tested.page
-    joint = int(np.flatnonzero(page.session.project.detections.confidence[0] > 0)[0])
-    page.set(selection=(joint,))
-    before = page.session.project.corrected.xy[0, joint]
+    joint = int(np.flatnonzero(page.tab.session.project.detections.confidence[0] > 0)[0])
+    page.tab.set(selection=(joint,))
+    before = page.tab.session.project.corrected.xy[0, joint]
     tested.field("Move by")._impl.value = (2.5, -1.0)
     tested.press("keypoints.move")
-    np.testing.assert_allclose(page.session.project.corrected.xy[0, joint] - before, (2.5, -1.0))
+    np.testing.assert_allclose(page.tab.session.project.corrected.xy[0, joint] - before, (2.5, -1.0))
     shown = tested.html()
     assert "corrected" in shown and f"was {before[0]:.1f}, {before[1]:.1f}" in shown
 
@@ -312,9 +312,9 @@ def test_moving_by_fields(tested: LonePage):
 def test_selecting_by_name(tested: LonePage):
     tested.draw()
     tested.enter("Keypoint", "right wrist")
-    assert tested.page.state.selection == (INDEX["right_wrist"],)
+    assert tested.page.tab.state.selection == (INDEX["right_wrist"],)
     tested.press("keypoints.group", "face")
-    assert tested.page.state.selection == tuple(range(67, 137))
+    assert tested.page.tab.state.selection == tuple(range(67, 137))
     tested.draw()
     assert tested.field("Keypoint").value == "Select by name"
     assert "70 keypoints selected" in tested.html()
@@ -322,24 +322,24 @@ def test_selecting_by_name(tested: LonePage):
 
 def test_history(tested: LonePage):
     page = tested.page
-    page.set(selection=(4,))
+    page.tab.set(selection=(4,))
     assert "Nothing to undo" in tested.html()
     tested.press("action", "bad")
     assert f"Undo: right wrist marked bad, frame {FIRST}<" in tested.html()
     tested.press("action", "undo")
-    assert page.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
+    assert page.tab.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
     tested.press("action", "redo")
-    page.author = "another"
+    page.tab.author = "another"
     tested.press("action", "undo")
-    assert page.message[0].endswith("(made in another tab)")
+    assert page.tab.message[0].endswith("(made in another tab)")
     shown = tested.html()
     assert "Nothing to undo" in shown and f"Redo: right wrist marked bad, frame {FIRST}<" in shown
     assert 'class="tcfit-off"' in shown
-    page.seek(5)
-    tested.press("keypoints.visit", str(page.session.project.log[0].id))
-    assert page.state.frame == 0 and page.state.selection == (4,) and not page.state.suggested
+    page.tab.seek(5)
+    tested.press("keypoints.visit", str(page.tab.session.project.log[0].id))
+    assert page.tab.state.frame == 0 and page.tab.state.selection == (4,) and not page.tab.state.suggested
     tested.press("keypoints.follow")
-    assert not page.session.following.after_edits
+    assert not page.tab.session.following.after_edits
 
 
 def test_the_review_queue(tested: LonePage):
@@ -348,35 +348,35 @@ def test_the_review_queue(tested: LonePage):
     shown = tested.html()
     assert "2 left, 0 flagged, 0 checked" in shown and "left wrist 42 px off" in shown
     tested.press("review.go", "2 cost")
-    assert (page.state.frame, page.state.selection, page.state.suggested) == (2, (0,), True)
+    assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (2, (0,), True)
     assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost"' in tested.html()
     tested.press("action", "flag")
     tested.press("action", "next_suspect")
-    assert page.state.frame == 4
+    assert page.tab.state.frame == 4
     tested.press("action", "fine")
     shown = tested.html()
     assert "1 flagged, 1 checked" in shown
-    page.seek(0)
+    page.tab.seek(0)
     tested.press("review.frame", "2")
-    assert page.state.frame == 2 and "Take flag away" in tested.html()
+    assert page.tab.state.frame == 2 and "Take flag away" in tested.html()
 
 
 def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
-    page, marks = tested.page, tested.page.session.project.marks
+    page, marks = tested.page, tested.page.tab.session.project.marks
     with_suspects(tested)
-    page.seek(2)
+    page.tab.seek(2)
     for state in ("checked", None):
         tested.press("action", "fine")
         assert (marks.all()[2].state if state else 2 not in marks.all()) == (state or True)
     tested.press("action", "flag")
-    page.set(frames=range(1, 4))
+    page.tab.set(frames=range(1, 4))
     tested.press("action", "fine")
     assert {frame: mark.state for frame, mark in marks.all().items()} == {1: "checked", 2: "flag", 3: "checked"}
-    page.set(frames=range(2, 3))
+    page.tab.set(frames=range(2, 3))
     tested.press("action", "fine")
     assert marks.all()[2].state == "checked", "said of this frame alone it counts"
     assert "Not fine after all" in tested.html()
-    page.set(frames=range(1, 4))
+    page.tab.set(frames=range(1, 4))
     tested.press("action", "fine")
     assert not marks.all()
 
@@ -386,33 +386,33 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
     with_suspects(tested, *queue)
     for _ in range(2):
         tested.press("action", "next_suspect")
-    assert page.state.frame == 2
+    assert page.tab.state.frame == 2
 
     def made_anew(shown: object) -> tuple[Suspect, ...] | None:
-        checked = page.session.project.marks.all()
+        checked = page.tab.session.project.marks.all()
         return tuple(found for found in queue if found.frame not in checked) if ready else None
 
     ready = True
-    page.desk.suspects = made_anew  # pyright: ignore[reportAttributeAccessIssue]
-    mark = page.session.mark
+    page.tab.desk.suspects = made_anew  # pyright: ignore[reportAttributeAccessIssue]
+    mark = page.tab.session.mark
 
     def marked(*given: Any, **named: Any) -> None:
         nonlocal ready
         mark(*given, **named)
         ready = False
 
-    page.session.mark = marked  # pyright: ignore[reportAttributeAccessIssue]
+    page.tab.session.mark = marked  # pyright: ignore[reportAttributeAccessIssue]
     tested.press("action", "fine")
-    assert page.state.frame == 5, "the one after it, though the queue is being made anew"
+    assert page.tab.state.frame == 5, "the one after it, though the queue is being made anew"
     ready = True
     tested.press("action", "next_suspect")
-    assert page.state.frame == 3
+    assert page.tab.state.frame == 3
     tested.press("action", "next_suspect")
-    assert page.state.frame == 4
+    assert page.tab.state.frame == 4
 
 
 def test_the_review_queue_while_there_is_none(tested: LonePage):
-    tested.page.desk.suspects_problem = lambda shown: ""  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.desk.suspects_problem = lambda shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     assert "Looking for suspicious frames" in tested.html()
 
 
@@ -435,28 +435,28 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     assert "made without a video" in tested.html()
     assert tested.field("New place").visible
     told: list[str] = []
-    page.notify = lambda notice: told.append(f"{notice.title}: {notice.text}")  # pyright: ignore[reportAttributeAccessIssue]
+    page.tab.notify = lambda notice: told.append(f"{notice.title}: {notice.text}")  # pyright: ignore[reportAttributeAccessIssue]
     folder = tmp_path / "images"
     folder.mkdir()
     for frame in range(FRAMES):
         (folder / f"{frame:03}.png").write_bytes(b"picture %d" % frame)
     tested.field("New place")._impl.value = f'"{folder}" '
     tested.press("review.relink")
-    assert told == [f"The video is found: {folder}"] and page.session.project.media.problem == ""
+    assert told == [f"The video is found: {folder}"] and page.tab.session.project.media.problem == ""
 
 
 def test_a_wrong_place_is_told(tested: LonePage):
     told: list[str] = []
-    tested.page.notify = lambda notice: told.append(notice.kind)  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.notify = lambda notice: told.append(notice.kind)  # pyright: ignore[reportAttributeAccessIssue]
     tested.field("New place")._impl.value = "/nowhere/walk.mp4"
-    tested.page.do(lambda: tested.press("review.relink"))
+    tested.page.tab.do(lambda: tested.press("review.relink"))
     assert told == ["error"]
 
 
 def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Path):
     sample_project(tmp_path / "walk.tcfit", "first").close()
     with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as tested:
-        tested.page.set(selection=(4,))
+        tested.page.tab.set(selection=(4,))
         shown = tested.html()
     assert 'data-value="swap_body" title="Swap left and right of the body (S)" disabled' in shown
     assert shown.count(" disabled") > 12
@@ -465,24 +465,25 @@ def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Pa
 def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LonePage):
     page = tested.page
     with_suspects(tested, suspect(4))
-    page.set(frames=range(1, 3))
+    page.tab.set(frames=range(1, 3))
     assert f"Both are for frames {FIRST + 1}–{FIRST + 2}." in tested.html()
     tested.press("review.go", "4 cost")
-    assert page.state.frames is None and f"Both are for frame {FIRST + 4}." in tested.html()
+    assert page.tab.state.frames is None and f"Both are for frame {FIRST + 4}." in tested.html()
     wide = replace(suspect(2), frames=range(1, 4))
-    page.reviewing.show(wide)
+    page.gestures.reviewing.show(wide)
     assert f"Looks fine is for frames {FIRST + 1}–{FIRST + 3}, Flag for frame {FIRST + 2}." in tested.html()
     tested.press("action", "fine")
-    assert sorted(page.session.project.marks.all()) == [1, 2, 3]
+    assert sorted(page.tab.session.project.marks.all()) == [1, 2, 3]
 
 
 def test_the_distance_between_a_and_b_in_the_timeline(tested: LonePage):
     page = tested.page
     found = Curve(name=BETWEEN, title="", unit="mm", values=np.arange(6.0))
-    page.desk.between = lambda a, b: found  # pyright: ignore[reportAttributeAccessIssue]
-    page.set(curve=BETWEEN)
-    page.strip.draw()
-    calls = [call.args[0].source for call in page.client._websock_connection.queue_message.call_args_list]  # pyright: ignore[reportAttributeAccessIssue]
+    page.tab.desk.between = lambda a, b: found  # pyright: ignore[reportAttributeAccessIssue]
+    page.tab.set(curve=BETWEEN)
+    page.tab.look()
+    page.timeline.draw()
+    calls = [call.args[0].source for call in page.tab.client._websock_connection.queue_message.call_args_list]  # pyright: ignore[reportAttributeAccessIssue]
     timeline = next(source for source in reversed(calls) if '"timeline"' in source)
     assert "Distance between A and B" in timeline and "[0.0,1.0,2.0,3.0,4.0,5.0]" in timeline
 

@@ -27,40 +27,40 @@ def test_buttons_work_and_show_their_state(opened: Reviewing):
     button = opened.tab.locator("[data-value=space]")
     button.click()
     until(lambda: button.get_attribute("aria-pressed") == "true")
-    assert opened.page.state.mode == "space"
+    assert opened.page.tab.state.mode == "space"
     opened.tab.locator("[data-value=edit]").click()
-    until(lambda: opened.page.state.mode == "edit")
+    until(lambda: opened.page.tab.state.mode == "edit")
 
 
 def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
     button = opened.tab.locator("[data-tcfit='view.group'][data-value=face]")
     button.hover()
     opened.tab.mouse.down()
-    opened.page.do(lambda: opened.page.set(bones=False))
+    opened.page.tab.do(lambda: opened.page.tab.set(bones=False))
     until(lambda: opened.tab.locator("[data-value=bones][aria-pressed=false]").count() > 0)
     opened.tab.mouse.up()
-    until(lambda: "face" not in opened.page.state.groups)
+    until(lambda: "face" not in opened.page.tab.state.groups)
 
 
 def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
-    groups = opened.page.state.groups
+    groups = opened.page.tab.state.groups
     opened.tab.locator("[data-tcfit='view.group'][data-value=body]").hover()
     opened.tab.mouse.down()
     opened.tab.locator("[data-tcfit='view.group'][data-value=left_hand]").hover()
     opened.tab.mouse.up()
     opened.tab.wait_for_timeout(200)
-    assert opened.page.state.groups == groups
+    assert opened.page.tab.state.groups == groups
 
 
 def test_buttons_by_keyboard(opened: Reviewing):
     opened.tab.locator("[data-tcfit='view.color'][data-value=confidence]").focus()
     opened.tab.keyboard.press("Enter")
-    until(lambda: opened.page.state.color_by == "confidence")
+    until(lambda: opened.page.tab.state.color_by == "confidence")
     opened.tab.keyboard.press("Escape")
 
 
 def test_names_of_runs_are_text(opened: Reviewing):
-    opened.page.do(lambda: opened.page.set(selection=(4,)))
+    opened.page.tab.do(lambda: opened.page.tab.set(selection=(4,)))
     for name in ("Keypoints", "Review", "View"):
         opened.tab.get_by_text(name, exact=True).first.click()
         opened.tab.wait_for_timeout(100)
@@ -69,13 +69,13 @@ def test_names_of_runs_are_text(opened: Reviewing):
 
 
 def test_a_row_leads_to_its_frame(opened: Reviewing):
-    opened.page.do(lambda: opened.page.set(frame=3, selection=(4,)))
-    opened.page.do(opened.page.correcting.toggle_bad)
-    until(lambda: opened.page.session.project.last_edit == 1)
-    opened.page.do(lambda: opened.page.seek(0))
+    opened.page.tab.do(lambda: opened.page.tab.set(frame=3, selection=(4,)))
+    opened.page.tab.do(opened.page.gestures.correcting.toggle_bad)
+    until(lambda: opened.page.tab.session.project.last_edit == 1)
+    opened.page.tab.do(lambda: opened.page.tab.seek(0))
     opened.tab.get_by_text("Keypoints", exact=True).first.click()
     opened.tab.locator("tr[data-tcfit='keypoints.visit']").first.click()
-    until(lambda: opened.page.state.frame == 3)
+    until(lambda: opened.page.tab.state.frame == 3)
     opened.tab.locator("[data-value=undo]").click()
     until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
 
@@ -85,7 +85,7 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
 )
 def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: list[str]):
     def weight() -> float:
-        return opened.page.state.settings.config.temporal.weight
+        return opened.page.tab.state.settings.config.temporal.weight
 
     opened.tab.get_by_role("tab", name="Fit").click()
     field = opened.tab.locator(".mantine-NumberInput-input:visible").first
@@ -132,8 +132,10 @@ def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Rev
     opened.tab.get_by_role("tab", name="Runs").click()
     until(lambda: shown() == "Runs")
     for part in (opened.tab.reload, opened.server.viser._websock_server.disconnect_all_clients):
-        client = opened.page.client.client_id
+        client = opened.page.tab.client.client_id
         part()
-        until(lambda client=client: opened.app.pages and opened.page.client.client_id != client and opened.page.ready)
+        until(
+            lambda client=client: opened.app.pages and opened.page.tab.client.client_id != client and opened.page.ready
+        )
         until(lambda: opened.tab.locator("[role=tab]").count() and shown() == "Runs", "the panel")
     opened.tab.get_by_role("tab", name="View", exact=True).click()

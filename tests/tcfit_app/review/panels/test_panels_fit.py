@@ -14,10 +14,10 @@ from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.panels.fit.fit_progress import POINTS, charted, curves
 from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
-from tcfit_app.review.panels.fit.panel import FitPanel
-from tcfit_app.review.view_state import FitSettings
+from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.samples.sessions import QUICK
 
@@ -35,27 +35,27 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
     tested.enter("Window", 3)
     tested.enter("Focal length", 1000.0)
     tested.click("Fit everything")
-    (job,) = page.session.jobs.values()
+    (job,) = page.tab.session.jobs.values()
     assert job.run is not None
-    tested.until(lambda: not page.session.jobs)
-    run = page.session.project.runs.get(job.run)
+    tested.until(lambda: not page.tab.session.jobs)
+    run = page.tab.session.project.runs.get(job.run)
     assert run.state == "finished"
     assert run.config == changed(
         QUICK, {"temporal.weight": 42.5, "temporal.mode": "sliding_window", "temporal.window_size": 3}, origin=""
     )
-    clip, camera = page.session.project.clip.camera, page.session.fits.fit(run).camera
+    clip, camera = page.tab.session.project.clip.camera, page.tab.session.fits.fit(run).camera
     assert camera.focal == (1000.0, pytest.approx(1000 * clip.focal[1] / clip.focal[0]))
     assert camera.center == clip.center and "review" in camera.source
-    assert page.corrected_fit().camera == camera  # pyright: ignore
-    page.set(frames=range(2, 4))
-    jobs, submit = [], page.session.worker.submit
-    page.session.worker.submit = lambda job: jobs.append(job) or submit(job)  # pyright: ignore
+    assert page.tab.look().b.camera == camera  # pyright: ignore
+    page.tab.set(frames=range(2, 4))
+    jobs, submit = [], page.tab.session.worker.submit
+    page.tab.session.worker.submit = lambda job: jobs.append(job) or submit(job)  # pyright: ignore
     tested.click("Re-run frames 2–3")
     assert jobs[0].job.clip.camera == camera, "it is fitted again as its own camera sees it"
-    tested.until(lambda: not page.session.jobs)
-    rerun = page.session.fits.runs[-1]
+    tested.until(lambda: not page.tab.session.jobs)
+    rerun = page.tab.session.fits.runs[-1]
     assert (rerun.kind, rerun.frames, rerun.parent) == ("frames", range(2, 4), run.id)
-    assert page.session.fits.fit(rerun).camera == camera
+    assert page.tab.session.fits.fit(rerun).camera == camera
 
 
 @pytest.mark.parametrize(
@@ -74,25 +74,25 @@ def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, va
     assert said in tested.html()
     assert tested.field(label).value == value, "it stays, to be put right"
     assert tested.button("Fit everything").disabled
-    tested.page.do(lambda: tested.press("action", "fit"))  # by its key
+    tested.page.tab.do(lambda: tested.press("action", "fit"))  # by its key
     assert tested.notices and tested.notices[-1].kind == "error"
-    assert not tested.page.session.jobs and not tested.page.session.fits.runs
+    assert not tested.page.tab.session.jobs and not tested.page.tab.session.fits.runs
     tested.enter("Preset", "tcfit")
     assert said not in tested.html()
     if label != "Gender":
         assert tested.field(label).value != value
-    assert not tested.page.state.settings.problems
+    assert not tested.page.tab.state.settings.problems
 
 
 def test_a_preset_sets_everything_and_changes_are_named(tested: LonePage):
     tested.enter("Preset", "tcfit")
-    assert tested.page.state.settings.config == PRESETS["tcfit"] and "Back to the preset" not in tested.html()
+    assert tested.page.tab.state.settings.config == PRESETS["tcfit"] and "Back to the preset" not in tested.html()
     tested.enter("w_T", 5.0)
     tested.enter("Window", 9)
     assert "w_T, window size" in tested.html()
     tested.click("Back to the preset")
     tested.draw()
-    assert tested.page.state.settings.config == PRESETS["tcfit"]
+    assert tested.page.tab.state.settings.config == PRESETS["tcfit"]
     assert tested.field("w_T").value == 100.0 and tested.field("Window").value == 7
 
 
@@ -101,7 +101,7 @@ def test_all_settings_as_a_text(tested: LonePage):
     assert text == as_toml(QUICK, preset_name="paper")
     tested.enter("TOML", text.replace("hand_components = 12", "hand_components = 6"))
     tested.click("Use these settings")
-    assert tested.page.state.settings.config == replace(QUICK, hand_components=6)
+    assert tested.page.tab.state.settings.config == replace(QUICK, hand_components=6)
     tested.draw()
     tested.enter("TOML", "hand_components = 99")
     tested.click("Use these settings")
@@ -109,14 +109,14 @@ def test_all_settings_as_a_text(tested: LonePage):
     tested.enter("TOML", "[weights\n")
     tested.click("Use these settings")
     assert "is no TOML" in tested.notices[-1].text
-    assert tested.page.state.settings.config == replace(QUICK, hand_components=6)
+    assert tested.page.tab.state.settings.config == replace(QUICK, hand_components=6)
 
 
 def test_echoes_of_the_server_are_ignored(tested: LonePage):
-    before = tested.page.state.settings
+    before = tested.page.tab.state.settings
     for label in ("Preset", "w_T", "Mode", "Focal length", "Around", "Gender", "TOML"):
         tested.call_back(tested.field(label), None)
-    assert tested.page.state.settings is before
+    assert tested.page.tab.state.settings is before
 
 
 def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
@@ -129,7 +129,7 @@ def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
 def test_typing_on_is_not_overwritten(tested: LonePage):
     """Two values come in before the drawing thread takes the first."""
     waiting: list = []
-    tested.page._do = waiting.append
+    tested.page.tab._do = waiting.append
     tested.enter("w_T", 1.0)
     tested.enter("w_T", 12.0)
     waiting.pop(0)()
@@ -137,11 +137,11 @@ def test_typing_on_is_not_overwritten(tested: LonePage):
     assert tested.field("w_T").value == 12.0
     waiting.pop(0)()
     tested.draw()
-    assert tested.field("w_T").value == 12.0 == tested.page.state.settings.config.temporal.weight
+    assert tested.field("w_T").value == 12.0 == tested.page.tab.state.settings.config.temporal.weight
 
 
 def test_cancel_and_what_remains_to_be_seen(tested: LonePage):
-    session = tested.page.session
+    session = tested.page.tab.session
     tested.enter("TOML", as_toml(replace(QUICK, settings=replace(QUICK.settings, iterations=500)), preset_name="paper"))
     tested.click("Use these settings")
     tested.click("Fit everything")
@@ -162,7 +162,7 @@ def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: py
     with monkeypatch.context() as broken:
         broken.setattr("tcfit_app.fitting.jobs.fit_events", fail)
         tested.click("Fit everything")
-        tested.until(lambda: not tested.page.session.jobs)
+        tested.until(lambda: not tested.page.tab.session.jobs)
     assert "MemoryError: no &lt;b&gt;memory&lt;/b&gt;" in tested.html()
     tested.click("Fit everything")
     assert "MemoryError" not in tested.html()
@@ -171,21 +171,21 @@ def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: py
 def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: LonePage):
     page, run = tested.page, tested.fit()
     other = tested.fit()
-    page.set(b=FitChoice(run=run.id), selection=(4,))
-    page.correcting.toggle_bad()
-    page.correcting.show_corrections()
-    assert page.state.b.run == run.id, "not before they are fitted"
-    assert "The fit follows" in [chip.text for chip in page.status._chips(0.0)]
-    tested.until(lambda: page.correcting.show_corrections() or page.state.b.run != run.id)
-    corrections = page.session.fits.run(page.state.b.run)  # pyright: ignore[reportArgumentType]
+    page.tab.set(b=FitChoice(run=run.id), selection=(4,))
+    page.gestures.correcting.toggle_bad()
+    page.tab.look()
+    assert page.tab.state.b.run == run.id, "not before they are fitted"
+    assert "The fit follows" in [chip.text for chip in page.status.chips(0.0, "")]
+    tested.until(lambda: page.tab.look() and page.tab.state.b.run != run.id)
+    corrections = page.tab.session.fits.run(page.tab.state.b.run)  # pyright: ignore[reportArgumentType]
     assert corrections is not None and (corrections.kind, corrections.parent) == ("corrections", run.id)
-    page.set(b=FitChoice(run=other.id))
-    page.correcting.show_corrections()
-    assert page.state.b.run == other.id, "what was chosen since stays"
+    page.tab.set(b=FitChoice(run=other.id))
+    page.tab.look()
+    assert page.tab.state.b.run == other.id, "what was chosen since stays"
 
 
 def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
-    session, run = tested.page.session, tested.fit()
+    session, run = tested.page.tab.session, tested.fit()
     assert tested.button("Re-run around edits").disabled
     session.edit(MarkBad(frames=(1,), joints=(4,)), author="test")
     assert session.frames_edited_since(run) == {1}

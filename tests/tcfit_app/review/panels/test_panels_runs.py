@@ -27,12 +27,13 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MoveKeypoint
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels.compare import panel as compare
-from tcfit_app.review.panels.compare.panel import ComparePanel
-from tcfit_app.review.panels.export import ExportPanel
-from tcfit_app.review.panels.runs.panel import RunsPanel
+from tcfit_app.review.browser.page_events import Press
+from tcfit_app.review.panels.compare import compare_panel as compare
+from tcfit_app.review.panels.compare.compare_panel import ComparePanel
+from tcfit_app.review.panels.export_panel import ExportPanel
+from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tcfit_app.review.panels.runs.runs_shown import run_names
-from tcfit_app.review.view_state import FitSettings
+from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.samples.project_samples import sample_clip
 from tests.samples.sessions import FRAMES, QUICK
@@ -51,7 +52,7 @@ def panel_of(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyMod
 
 def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
     tested = panel_of(RunsPanel)
-    session = tested.page.session
+    session = tested.page.tab.session
     assert "Nothing was fitted yet" in tested.html()
     first, second = tested.fit(), tested.fit()
     tested.enter("Run", f"{first.id} · {first.name}")
@@ -61,7 +62,7 @@ def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
     assert session.project.runs.get(first.id).name == EVIL
     assert "<img" not in tested.html() and "&lt;img src=x" in tested.html()
     tested.click("Show as A")
-    assert tested.page.state.a == FitChoice(run=first.id)
+    assert tested.page.tab.state.a == FitChoice(run=first.id)
     tested.click("Delete")
     tested.draw()
     assert [run.id for run in session.fits.runs] == [second.id]
@@ -84,7 +85,7 @@ def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
     tested.press("runs.choose", str(second.id))
     tested.draw()  # the user presses just before that is drawn
     tested.press(delete.command, delete.value)
-    assert [run.id for run in tested.page.session.fits.runs] == [second.id]
+    assert [run.id for run in tested.page.tab.session.fits.runs] == [second.id]
     with pytest.raises(InputError, match="deleted meanwhile"):
         tested.press(rename.command, rename.value)
 
@@ -94,18 +95,18 @@ def test_removing_for_good_asks(panel_of: Opener):
     run = tested.fit()
     tested.click("Delete")
     tested.click("Remove all for good")
-    assert tested.page.session.project.runs.get(run.id).deleted
+    assert tested.page.tab.session.project.runs.get(run.id).deleted
     tested.click("Keep them")
     assert "Remove 1 deleted run" not in tested.html()
     tested.click("Remove all for good")
     tested.click("Remove 1 deleted run")
     with pytest.raises(InputError, match="no run"):
-        tested.page.session.project.runs.get(run.id)
+        tested.page.tab.session.project.runs.get(run.id)
 
 
 def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
     tested = panel_of(RunsPanel)
-    session, first = tested.page.session, tested.fit()
+    session, first = tested.page.tab.session, tested.fit()
     runs, fit = session.project.runs, session.fits.fit(first)
     started = runs.start(QUICK, body=first.body, edits_seen=0, kind="corrections", parent=first.id, name="Corrected")
     runs.finish(started.id, fit)
@@ -119,7 +120,7 @@ def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
 
 def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(panel_of: Opener):
     tested = panel_of(RunsPanel)
-    session, first = tested.page.session, tested.fit()
+    session, first = tested.page.tab.session, tested.fit()
     runs, fit = session.project.runs, session.fits.fit(first)
     assert "<dt>Took</dt>" in tested.html()
     patched = replace(fit.last, objective={"by frame": float(fit.last.frame_cost.mean())})
@@ -142,9 +143,9 @@ def of_parent(tested: LonePage) -> str:
 def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
     tested = panel_of(RunsPanel)
     tested.fit()
-    tested.page.set(settings=FitSettings())
+    tested.page.tab.set(settings=FitSettings())
     tested.click("Use its settings")
-    settings = tested.page.state.settings
+    settings = tested.page.tab.state.settings
     assert (settings.config, settings.preset, settings.focal) == (QUICK, "paper", None)
 
 
@@ -154,7 +155,7 @@ def test_a_run_without_a_name_is_refused(panel_of: Opener):
     tested.draw()
     tested.enter("Name", "   ")
     tested.click("Rename")
-    assert tested.notices[-1].kind == "error" and tested.page.session.fits.runs[0].name == "Run 1"
+    assert tested.notices[-1].kind == "error" and tested.page.tab.session.fits.runs[0].name == "Run 1"
 
 
 @pytest.mark.parametrize("kind", [RunsPanel, ComparePanel, ExportPanel])
@@ -177,7 +178,7 @@ def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch
     assert "Being measured" in tested.html()
     tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
     tested.press("compare.frame", "3")
-    assert tested.page.state.frame == 3
+    assert tested.page.tab.state.frame == 3
 
 
 def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -193,16 +194,16 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytes
     tested.enter("Begins at frame", "-2")
     tested.click("Compare with it")
     assert "expected a whole number" in tested.notices[-1].text
-    first = tested.page.session.project.clip.first_frame
+    first = tested.page.tab.session.project.clip.first_frame
     tested.enter("Begins at frame", str(first + 2))
     tested.click("Compare with it")
     tested.until(lambda: "a world of its own" in tested.html())
     tested.fit()
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
-    assert tested.page.session.project.reference is not None
+    assert tested.page.tab.session.project.reference is not None
     tested.click("Forget the reference")
     tested.until(lambda: "PA-MPJPE" not in tested.html())
-    assert tested.page.session.project.reference is None
+    assert tested.page.tab.session.project.reference is None
 
 
 def test_peaks_are_apart_from_each_other():
@@ -244,8 +245,10 @@ def downloaded(tested: LonePage, name: str) -> bytes:
 def test_files_are_downloaded(panel_of: Opener):
     tested = panel_of(ExportPanel)
     assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
+    tested.page.receive(Press("export.begin", "summary"))
+    assert tested.panels[0].running is None, "a button that is off does nothing"
     with pytest.raises(InputError, match="no fit to export"):
-        tested.press("export.begin", "summary")
+        tested.panels[0]._begin(EXPORTS["summary"])
     tested.fit()
     got = {name: downloaded(tested, name) for name in _MADE}
     with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
@@ -269,18 +272,18 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
     tested.fit()
     tested.draw()
     assert tested.button("selected").disabled
-    tested.page.set(frames=range(2, 5))
+    tested.page.tab.set(frames=range(2, 5))
     tested.click("frames 2–4")
     tested.click("A: ")
     tested.click("y up")
-    run = tested.page.session.fits.runs[0]
-    first = tested.page.session.fits.fit(run).phase(1)
+    run = tested.page.tab.session.fits.runs[0]
+    first = tested.page.tab.session.fits.fit(run).phase(1)
     assert first is not None
     with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
         assert read["trans"].shape == (3, 3) and int(read["first_frame"]) == 2
         assert str(read["axes"]).startswith("y-up")
         assert np.allclose(read["pose_body"], first.params.body_pose[2:5])
-    tested.page.set(frames=None)
+    tested.page.tab.set(frames=None)
     tested.draw()
     with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
         assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
@@ -288,7 +291,7 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
 
 def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):
     tested = panel_of(ExportPanel)
-    run, clip = tested.fit(), tested.page.session.project.clip.name
+    run, clip = tested.fit(), tested.page.tab.session.project.clip.name
 
     def name(export: str) -> str:
         downloaded(tested, export)
@@ -296,19 +299,19 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
 
     assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
     tested.press("export.side", "A")
-    tested.page.set(frames=range(2, 5))
+    tested.page.tab.set(frames=range(2, 5))
     tested.press("export.frames", "selected")
     assert name("npz") == f"-run{run.id}-SMPLify-X-2-4.smplx.npz"
     assert name("figures") == "-2-4.figures.csv", "it shows A and B"
     assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
-    tested.page.set(frames=None, a=FitChoice(phase=2))
+    tested.page.tab.set(frames=None, a=FitChoice(phase=2))
     tested.draw()
     assert name("figures") == f"-run{run.id}-shared-shape-run{run.id}-temporal.figures.csv"
     second = tested.fit()
-    tested.page.set(b=FitChoice(run=run.id))
+    tested.page.tab.set(b=FitChoice(run=run.id))
     tested.press("export.side", "B")
     assert name("summary") == f"-run{run.id}-temporal.summary.json"
-    tested.page.set(b=FitChoice(run=second.id))
+    tested.page.tab.set(b=FitChoice(run=second.id))
     assert name("summary") == ".summary.json"
 
 
@@ -316,11 +319,11 @@ def test_long_names_of_runs_are_told_apart(panel_of: Opener):
     tested = panel_of(ExportPanel)
     run = tested.fit()
     name = f"a very long name {'of a run ' * 15}corrected"
-    tested.page.session.rename(run.id, name)
+    tested.page.tab.session.rename(run.id, name)
     shown = tested.html()
     assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
     assert f'title="{name} · temporal"' in shown
-    renamed = tested.page.session.fits.runs[0]
+    renamed = tested.page.tab.session.fits.runs[0]
     others = [replace(renamed, id=2, name=f"{name} twice"), replace(renamed, id=3, name=f"{name[:9]}, {name}")]
     names = run_names([renamed, *others])
     assert names == ["a very long name…n corrected", "a very long name…ected twice", "a very lo, a ver…n corrected"]
@@ -338,7 +341,7 @@ def test_the_project_is_downloaded(panel_of: Opener, tmp_path: Path):
 
 def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: Path):
     tested = panel_of(ExportPanel)
-    session = tested.page.session
+    session = tested.page.tab.session
     session.project.append(MoveKeypoint(frames=(3,), joints=(4,), xy=(((12.5, 34.25),),)))
     (tmp_path / "got.zip").write_bytes(downloaded(tested, "openpose"))
     with ZipFile(tmp_path / "got.zip") as archive:

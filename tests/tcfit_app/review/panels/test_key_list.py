@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from tcfit_app.review.gestures.actions import ACTIONS, Key
-from tcfit_app.review.gestures.key_list import joined_keys, key_groups, keys_html, keys_markdown
+from tcfit_app.review.panels.key_list import joined_keys, key_groups, keys_html, keys_markdown
 
-PAGE = Path(__file__).parents[3] / "docs" / "app.md"
+PAGE = Path(__file__).parents[4] / "docs" / "app.md"
 
 
 def test_the_documentation_has_the_keys_of_the_app():

@@ -1,7 +1,7 @@
 """The panel Export: files of the project and its fits, as downloads of the browser."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import viser
 
@@ -10,8 +10,9 @@ from fitting_core.io.motion.motion import AXES
 from tcfit_app.exports.exporting import Exporting
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
-from tcfit_app.fitting.fits import TITLES, FitChoice, Shown
+from tcfit_app.fitting.fits import TITLES, Shown
 from tcfit_app.project.frame_words import in_words, numbers
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -27,16 +28,13 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.presses import one_of
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.view_state import ViewState
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.buttons import one_of
+from tcfit_app.review.tab.on_show import OnShow, on_show
+from tcfit_app.review.tab.state import TabState
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
-_USUAL: dict[Side, FitChoice] = {"A": ViewState().a, "B": ViewState().b}
 _FRAMES = {"all": False, "selected": True}
 """Whether the selected frames alone are exported, by the button's value."""
 _AXES_HINT = "As the programs expect that read the format: each button's hint says which"
@@ -59,17 +57,17 @@ class ExportPanel:
     title: ClassVar[str] = "Export"
     icon: ClassVar[viser.IconName] = viser.Icon.DOWNLOAD
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab = tab = gestures.tab
         self._wishes = _Wishes()
         self.running: Exporting | None = None
         """The export that began last."""
-        self._files, self._said = Board(page), Board(page)
-        page.on_press("export.begin", self._begin, EXPORTS.__getitem__)
-        page.on_press("export.cancel", lambda _: self._stop())
-        page.on_press("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
-        page.on_press("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
-        page.on_press("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
+        self._files, self._said = Board(tab), Board(tab)
+        tab.buttons.on("export.begin", self._begin, EXPORTS.__getitem__)
+        tab.buttons.on("export.cancel", lambda _: self._stop())
+        tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
+        tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
+        tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
@@ -77,7 +75,8 @@ class ExportPanel:
     def _begin(self, export: Export) -> None:
         if self.running is not None and self.running.state == "running":
             raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
-        page = self._page
+        tab = self._tab
+        tab.look()
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
@@ -87,7 +86,7 @@ class ExportPanel:
             export,
             source,
             "-".join([source.name, *self._parts(export)]),
-            lambda name, content: page.client.send_file_download(name, content, save_immediately=True),
+            lambda name, content: tab.client.send_file_download(name, content, save_immediately=True),
         )
 
     def _parts(self, export: Export) -> list[str]:
@@ -95,41 +94,35 @@ class ExportPanel:
         phase, or what A | B shows at first, and the whole clip."""
         if export.group == "Project":
             return []
-        page, frames = self._page, self._frames
-        known = {} if export.needs == "keypoints" else {side: _short(fit) for side, fit in self._fits().items()}
+        tab, frames = self._tab, self._frames
+        known = {} if export.needs == "keypoints" else {side: _short(f) for side, f in _fits(tab.shown).items()}
         shown = [name for side, name in known.items() if export.both or side == self._wishes.side]
-        sides: list[Side] = ["A", "B"] if export.both else ["B"]
-        usual = [_short(fit) for side in sides if (fit := page.fit(_USUAL[side])) is not None]
-        some = [] if frames is None else [numbers(frames, page.first_frame).replace("–", "-")]
+        at_first = _fits(on_show(TabState(), tab.session))
+        usual = [_short(fit) for side, fit in at_first.items() if export.both or side == "B"]
+        some = [] if frames is None else [numbers(frames, tab.first_frame).replace("–", "-")]
         return [*(shown if shown != usual else []), *some]
 
     def _source(self, export: Export) -> ExportSource:
         """What there is, with the fits only where they are needed: their bodies may be missing."""
-        page, project = self._page, self._page.session.project
-        fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in self._fits().items()}
+        tab, project = self._tab, self._tab.session.project
+        fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in _fits(tab.shown).items()}
         return ExportSource(
             name=project.clip.name,
             chosen=fits.get(self._wishes.side),
             compared=list(fits.values()),
             known_clip=project.clip,
-            project=page.session.project.folder,
+            project=tab.session.project.folder,
             axes=self._wishes.axes or None,
         )
 
-    def _fits(self) -> dict[Side, Shown]:
-        """A and B, as far as they are there."""
-        page = self._page
-        both: dict[Side, Shown | None] = {"A": page.fit(page.state.a), "B": page.fit(page.state.b)}
-        return {side: fit for side, fit in both.items() if fit is not None}
-
     def _exported(self, shown: Shown) -> ExportedFit:
-        page = self._page
-        return ExportedFit(shown=shown, fit=page.session.fits.fit(shown.run), meshes=page.desk.meshes(shown))
+        tab = self._tab
+        return ExportedFit(shown=shown, fit=tab.session.fits.fit(shown.run), meshes=tab.desk.meshes(shown))
 
     @property
     def _frames(self) -> range | None:
         """The selected frames, if those alone are wished for."""
-        return self._page.state.frames if self._wishes.selected else None
+        return self._tab.state.frames if self._wishes.selected else None
 
     def _stop(self) -> None:
         if self.running is not None:
@@ -139,21 +132,21 @@ class ExportPanel:
 
     def draw(self) -> None:
         """See `Panel.draw`."""
-        page, fits = self._page, self._fits()
-        if page.state.frames is None and self._wishes.selected:
+        tab, fits = self._tab, _fits(self._tab.shown)
+        if tab.state.frames is None and self._wishes.selected:
             self._wish(selected=False)
         titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
-        if page.changes.of("exported", tuple(titles.items()), page.state.frames, self._wishes):
+        if tab.sent.differs("exported", tuple(titles.items()), tab.state.frames, self._wishes):
             self._files.show(*self._choices(titles), *self._groups(titles))
         going = self.running
-        if going is not None and page.changes.of(
+        if going is not None and tab.sent.differs(
             "export", going, going.state, going.stopping, round(100 * going.share)
         ):
             self._said.show(heading("Last file"), *_said(going))
 
     def _choices(self, titles: dict[Side, str]) -> list[Html]:
         """Which run, which frames, which axes."""
-        wishes, page = self._wishes, self._page
+        wishes, tab = self._wishes, self._tab
         sides = [
             button(
                 joined(dot(css(color)), *_named(side, titles.get(side, "none"))),
@@ -166,8 +159,8 @@ class ExportPanel:
             )
             for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
         ]
-        selected = page.state.frames
-        some = "selected" if selected is None else in_words(selected, page.first_frame)
+        selected = tab.state.frames
+        some = "selected" if selected is None else in_words(selected, tab.first_frame)
         frames = [
             button(label, "export.frames", value, pressed=wishes.selected == on, disabled=on and selected is None)
             for label, (value, on) in zip(("all", some), _FRAMES.items(), strict=True)
@@ -202,6 +195,12 @@ class ExportPanel:
             ]
             rows.append(row(cells(*buttons), label=group))
         return [heading("Formats"), *rows]
+
+
+def _fits(shown: OnShow) -> dict[Side, Shown]:
+    """A and B, as far as they are there."""
+    both: dict[Side, Shown | None] = {"A": shown.a, "B": shown.b}
+    return {side: fit for side, fit in both.items() if fit is not None}
 
 
 def _named(side: Side, title: str) -> list[Html]:

@@ -1,20 +1,18 @@
 """The panel that says what is seen: mode, playing, runs, layers, timeline."""
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import viser
 
 from fitting_core.keypoints import GROUPS
 from tcfit_app.review.browser.page_states import GROUP_COLORS
+from tcfit_app.review.drawing.timeline import PLOTTED
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.review.panels.runs.runs_shown import RunsShown
-from tcfit_app.review.presses import one_of
-from tcfit_app.review.timeline import PLOTTED
-from tcfit_app.review.view_state import MODES, SPEEDS
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.buttons import one_of
+from tcfit_app.review.tab.state import MODES, SPEEDS
 
 _CURVES = {f"{title} ({unit})" if unit else title: name for name, (title, unit) in PLOTTED.items()}
 """Curves by what they are called in the dropdown."""
@@ -33,66 +31,66 @@ class ViewPanel:
     title: ClassVar[str] = "View"
     icon: ClassVar[viser.IconName] = viser.Icon.EYE
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
-        gui = page.client.gui
-        self._top = Board(page)
-        last = max(1, page.length - 1) + page.first_frame
-        frame = gui.add_number("Frame", page.first_frame, min=page.first_frame, max=last, step=1)
-        self._frame = Field(page, frame, self._jump)
-        self._speed = Board(page)
-        self._runs = RunsShown(page)
-        self._layers = Board(page)
-        opacity = gui.add_slider("Opacity", 0.1, 1.0, 0.05, page.state.opacity)
-        self._opacity = Field(page, opacity, lambda value: page.set(opacity=value))
-        self._keypoints = Board(page)
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab = tab = gestures.tab
+        gui = tab.client.gui
+        self._top = Board(tab)
+        last = max(1, tab.length - 1) + tab.first_frame
+        frame = gui.add_number("Frame", tab.first_frame, min=tab.first_frame, max=last, step=1)
+        self._frame = Field(tab, frame, self._jump)
+        self._speed = Board(tab)
+        self._runs = RunsShown(tab)
+        self._layers = Board(tab)
+        opacity = gui.add_slider("Opacity", 0.1, 1.0, 0.05, tab.state.opacity)
+        self._opacity = Field(tab, opacity, lambda value: tab.set(opacity=value))
+        self._keypoints = Board(tab)
         minimum = gui.add_slider(
             "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of less confidence are left out, unless selected"
         )
-        self._minimum = Field(page, minimum, lambda value: page.set(minimum=value))
+        self._minimum = Field(tab, minimum, lambda value: tab.set(minimum=value))
         curve = gui.add_dropdown("Timeline", tuple(_CURVES))
-        self._curve = Dropdown(page, curve, lambda title: page.set(curve=_CURVES[title]))
-        Board(page).show(row(action("help", "All keys and gestures")))
+        self._curve = Dropdown(tab, curve, lambda title: tab.set(curve=_CURVES[title]))
+        Board(tab).show(row(action("help", "All keys and gestures")))
         self._listen()
 
     def _listen(self) -> None:
-        page = self._page
-        page.on_press("view.switch", self._switch, one_of(_SWITCHES))
-        page.on_press("view.group", self._switch_group, one_of(GROUPS))
-        page.on_press("view.color", lambda by: page.set(color_by=by), one_of(_COLORS_BY))
-        page.on_press("view.speed", page.set_speed, _SPEEDS.__getitem__)
-        page.on_press("view.apart", lambda _: page.set(apart=0.0 if page.state.apart else _APART))
+        tab = self._tab
+        tab.buttons.on("view.switch", self._switch, one_of(_SWITCHES))
+        tab.buttons.on("view.group", self._switch_group, one_of(GROUPS))
+        tab.buttons.on("view.color", lambda by: tab.set(color_by=by), one_of(_COLORS_BY))
+        tab.buttons.on("view.speed", tab.set_speed, _SPEEDS.__getitem__)
+        tab.buttons.on("view.apart", lambda _: tab.set(apart=0.0 if tab.state.apart else _APART))
 
     def _jump(self, number: int) -> None:
-        self._page.pause()
-        self._page.seek(number - self._page.first_frame)
+        self._tab.pause()
+        self._tab.seek(number - self._tab.first_frame)
 
     def _switch(self, name: str) -> None:
-        self._page.set(**{name: not getattr(self._page.state, name)})
+        self._tab.set(**{name: not getattr(self._tab.state, name)})
 
     def _switch_group(self, name: str) -> None:
-        self._page.set(groups=self._page.state.groups ^ {name})
+        self._tab.set(groups=self._tab.state.groups ^ {name})
 
     def draw(self) -> None:
-        """Bring it to the page's state."""
-        page, state = self._page, self._page.state
+        """Bring it to the tab's state."""
+        tab, state = self._tab, self._tab.state
         self._draw_playing()
         self._runs.draw()
         self._opacity.show(state.opacity)
         self._minimum.show(state.minimum)
         self._curve.show(next(title for title, name in _CURVES.items() if name == state.curve))
-        if page.changes.of("view panel", state.bodies, state.wireframe, state.difference, state.mode, state.apart):
+        if tab.sent.differs("view panel", state.bodies, state.wireframe, state.difference, state.mode, state.apart):
             self._draw_bodies()
-        if page.changes.of(
+        if tab.sent.differs(
             "keypoint layers",
             *(state.video, state.keypoints, state.bones, state.detections, state.groups, state.color_by),
         ):
             self._draw_keypoints()
 
     def _draw_playing(self) -> None:
-        page, state = self._page, self._page.state
-        self._frame.show(state.frame + page.first_frame)
-        if not page.changes.of("playing", state.mode, state.playing, state.speed, state.loop, state.frames):
+        tab, state = self._tab, self._tab.state
+        self._frame.show(state.frame + tab.first_frame)
+        if not tab.sent.differs("playing", state.mode, state.playing, state.speed, state.loop, state.frames):
             return
         modes = (action(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
         self._top.show(
@@ -115,7 +113,7 @@ class ViewPanel:
         )
 
     def _draw_bodies(self) -> None:
-        state = self._page.state
+        state = self._tab.state
         rows = [
             heading("Bodies"),
             row(
@@ -130,7 +128,7 @@ class ViewPanel:
         self._layers.show(*rows)
 
     def _draw_keypoints(self) -> None:
-        state = self._page.state
+        state = self._tab.state
         groups = (
             button(
                 joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import viser
 
@@ -10,16 +10,14 @@ from fitting_core.config.toml import as_toml
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.runs import Run
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, preformatted, row, table
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.deleted_runs import DeletedRuns
 from tcfit_app.review.panels.runs.import_run import ImportRun
 from tcfit_app.review.panels.runs.run_texts import Listed, details, option, result_of, run_line
-from tcfit_app.review.presses import one_of
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.buttons import one_of
 
 LISTED = 30
 """Runs in the table, the newest; the choice has them all."""
@@ -34,81 +32,81 @@ class RunsPanel:
     title: ClassVar[str] = "Runs"
     icon: ClassVar[viser.IconName] = viser.Icon.LIST_DETAILS
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab = tab = gestures.tab
         self._chosen: int | None = None
         """The run whose details are shown; None: the newest."""
         self._drawn: int | None = None
         """The one that the user sees there now."""
-        gui = page.client.gui
-        self._table = Board(page)
-        self._head = Board(page)
-        self._choice = Dropdown(page, gui.add_dropdown("Run", (_NONE,)), self._choose)
+        gui = tab.client.gui
+        self._table = Board(tab)
+        self._head = Board(tab)
+        self._choice = Dropdown(tab, gui.add_dropdown("Run", (_NONE,)), self._choose)
         self._name = gui.add_text("Name", "", hint="Type another name, then Enter or Rename")
-        self._naming = Field(page, self._name, lambda _: setattr(self, "_chosen", self._drawn))
-        self._buttons, self._details = Board(page), Board(page)
+        self._naming = Field(tab, self._name, lambda _: setattr(self, "_chosen", self._drawn))
+        self._buttons, self._details = Board(tab), Board(tab)
         self._settings = gui.add_folder("All its settings", expand_by_default=False)
         with self._settings:
-            self._toml = Board(page)
-        self._import = ImportRun(page, lambda run: setattr(self, "_chosen", run.id))
-        self._deleted = DeletedRuns(page)
+            self._toml = Board(tab)
+        self._import = ImportRun(tab, lambda run: setattr(self, "_chosen", run.id))
+        self._deleted = DeletedRuns(tab)
         self._head.show(heading("This run"))
         self._listen()
 
     def _listen(self) -> None:
-        page = self._page
-        page.on_press("runs.choose", lambda number: setattr(self, "_chosen", number), int)
-        page.on_press("runs.show", self._show_as, _side_and_run)
-        page.on_press("runs.settings", lambda number: self._use_settings(self._pressed(number)), int)
-        page.on_press("runs.cancel", page.session.cancel, int)
-        page.on_press("runs.rename", lambda number: self._rename(self._pressed(number)), int)
-        page.on_press("runs.delete", lambda number: self._delete(self._pressed(number)), int)
+        tab = self._tab
+        tab.buttons.on("runs.choose", lambda number: setattr(self, "_chosen", number), int)
+        tab.buttons.on("runs.show", self._show_as, _side_and_run)
+        tab.buttons.on("runs.settings", lambda number: self._use_settings(self._pressed(number)), int)
+        tab.buttons.on("runs.cancel", tab.session.cancel, int)
+        tab.buttons.on("runs.rename", lambda number: self._rename(self._pressed(number)), int)
+        tab.buttons.on("runs.delete", lambda number: self._delete(self._pressed(number)), int)
 
     # --- what is done ---
 
     @property
     def _run(self) -> Run:
-        runs = self._page.session.fits.runs
+        runs = self._tab.session.fits.runs
         if not runs:
             raise InputError("There is no run yet: fit everything first.")
         return next((run for run in runs if run.id == self._chosen), runs[-1])
 
     def _pressed(self, number: int) -> Run:
         """The run that a button was for: a newer one may have taken its place since. It stays on show."""
-        run = self._page.session.fits.run(number)
+        run = self._tab.session.fits.run(number)
         if run is None:
             raise InputError("This run was deleted meanwhile; it can be restored below.")
         self._chosen = run.id
         return run
 
     def _choose(self, name: str) -> None:
-        runs = self._page.session.fits.runs
+        runs = self._tab.session.fits.runs
         self._chosen = next((run.id for run in runs if name == option(run)), None)
 
     def _show_as(self, what: tuple[str, int]) -> None:
         side, number = what
         run = self._pressed(number)
-        if run not in self._page.session.fits.showable():
+        if run not in self._tab.session.fits.showable():
             raise InputError(f"{run.name} has no result that could be shown.")
-        self._page.set(**{side: FitChoice(run=run.id)})
+        self._tab.set(**{side: FitChoice(run=run.id)})
 
     def _rename(self, run: Run) -> None:
-        self._page.refuse_read_only()
-        self._page.session.rename(run.id, self._name.value)
-        self._page.say("Renamed")
+        self._tab.refuse_read_only()
+        self._tab.session.rename(run.id, self._name.value)
+        self._tab.say("Renamed")
 
     def _delete(self, run: Run) -> None:
-        self._page.refuse_read_only()
-        self._page.session.delete(run.id)
+        self._tab.refuse_read_only()
+        self._tab.session.delete(run.id)
         self._chosen = None
-        self._page.say(f"Deleted: {run.name}; it can be restored below")
+        self._tab.say(f"Deleted: {run.name}; it can be restored below")
 
     def _use_settings(self, run: Run) -> None:
-        page = self._page
-        fit, clip = result_of(page.session, run), page.session.project.clip.camera
+        tab = self._tab
+        fit, clip = result_of(tab.session, run), tab.session.project.clip.camera
         focal = fit.camera.focal[0] if fit is not None and fit.camera.focal != clip.focal else None
         settings = replace(
-            page.state.settings,
+            tab.state.settings,
             config=run.config,
             preset=nearest_preset(run.config),
             kind=run.body.kind,
@@ -116,8 +114,8 @@ class RunsPanel:
             focal=focal,
             problems=(),
         )
-        page.set(settings=settings)
-        page.say(f"The next fit has the settings of {run.name}")
+        tab.set(settings=settings)
+        tab.say(f"The next fit has the settings of {run.name}")
 
     # --- drawing ---
 
@@ -125,13 +123,13 @@ class RunsPanel:
         """See `Panel.draw`."""
         self._import.draw()
         self._deleted.draw()
-        page, session = self._page, self._page.session
-        shown = tuple(fit.run.id if fit else None for fit in (page.fit(page.state.a), page.fit(page.state.b)))
+        tab, session = self._tab, self._tab.session
+        shown = tuple(fit.run.id if fit else None for fit in (tab.shown.a, tab.shown.b))
         shares = tuple(
             (job.run, job.started, round(100 * job.progress.share) if job.progress else 0)
             for job in session.jobs.values()
         )
-        if not page.changes.of("runs", session.fits.changes, session.edits, shown, shares, self._chosen):
+        if not tab.sent.differs("runs", session.fits.changes, session.edits, shown, shares, self._chosen):
             return
         runs = session.fits.runs
         self._draw_choice(runs)
@@ -158,14 +156,14 @@ class RunsPanel:
                 heading("All runs", first=True), paragraph("Nothing was fitted yet: see the panel Fit.", "dim")
             )
             return
-        first, here = self._page.first_frame, self._run
+        first, here = self._tab.first_frame, self._run
         rows = [run_line(one, first_frame=first, here=one.run.id == here.id) for one in listed[:LISTED]]
         more = len(listed) - LISTED
         older = [paragraph(f"and {more} older", "dim")] if more > 0 else []
         self._table.show(heading("All runs", "click for details", first=True), table(rows), *older)
 
     def _draw_chosen(self, listed: list[Listed]) -> None:
-        session = self._page.session
+        session = self._tab.session
         chosen = next((one for one in listed if one.run.id == self._run.id), None) if listed else None
         if chosen is None:
             for board in (self._buttons, self._details, self._toml):
@@ -174,7 +172,7 @@ class RunsPanel:
             return
         run = chosen.run
         self._drawn = run.id
-        if not self._naming.waiting and self._page.changes.of("run name", run.id, run.name):
+        if not self._naming.waiting and self._tab.sent.differs("run name", run.id, run.name):
             self._naming.show(run.name)
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
@@ -185,8 +183,8 @@ class RunsPanel:
         self._toml.show(*settings)
 
     def _draw_buttons(self, chosen: Listed) -> None:
-        off, number = self._page.session.project.read_only, str(chosen.run.id)
-        there = chosen.run in self._page.session.fits.showable()
+        off, number = self._tab.session.project.read_only, str(chosen.run.id)
+        there = chosen.run in self._tab.session.fits.showable()
         show = partial(button, command="runs.show", disabled=not there)
         cancel = [row(button("Cancel", "runs.cancel", number, kind="danger"))] if chosen.job is not None else []
         self._buttons.show(

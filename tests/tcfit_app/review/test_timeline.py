@@ -1,8 +1,8 @@
 """How far a job is, in the timeline."""
 
 from tcfit_app.fitting.running_job import RunningJob
-from tcfit_app.review.timeline import PLOTTED, fit_spans
-from tcfit_app.review.view_state import ViewState
+from tcfit_app.review.drawing.timeline import PLOTTED, fit_spans
+from tcfit_app.review.tab.state import TabState
 
 
 def job(phase: int | None, *windows: range) -> RunningJob:
@@ -28,4 +28,4 @@ def test_frames_that_are_fitted_again_are_all_that_is_drawn():
 
 
 def test_the_curve_of_a_new_page_can_be_plotted():
-    assert ViewState().curve in PLOTTED
+    assert TabState().curve in PLOTTED

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from tcfit_app.imports.keypoint_source import Going
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -18,16 +19,17 @@ from tcfit_app.review.panels.elements.html import (
     row,
     words,
 )
+from tcfit_app.review.tab.tab import Tab
 
 if TYPE_CHECKING:
     from fitting_core.detect.known_models import KnownModel
-    from tcfit_app.review.page import Page
 
 _FILE = "An ONNX file of yours"
 _NONE = "None: follow from frame to frame"
 _TO_FETCH = "download"
 _RECOMMENDED = "dwpose-l"
 """What is offered where no whole-body model has been downloaded."""
+_IMPORT = row(button("Import from this path", "start.import", kind="main", enter=True))
 
 
 class StartPanel:
@@ -36,9 +38,10 @@ class StartPanel:
     title: ClassVar[str] = "Start"
     icon: ClassVar[viser.IconName] = viser.Icon.USER_PLUS
 
-    def __init__(self, page: "Page") -> None:
-        self._page, gui = page, page.client.gui
-        self._intro = Board(page)
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab = gestures.tab
+        tab, gui = gestures.tab, gestures.tab.client.gui
+        self._intro = Board(tab)
         self._folder = gui.add_folder("Import keypoints")
         with self._folder:
             self._add_import()
@@ -46,64 +49,67 @@ class StartPanel:
         with self._detection:
             self._pose, self._pose_file = self._add_model("points", "Model", "Finds 133 points of the whole body")
             self._boxes, self._boxes_file = self._add_model("boxes", "People", "Finds people before the model does")
-            self._choice = Board(page)
-        self._said = Board(page)
-        page.on_press("start.import", lambda _: page.session.source.import_path(self._path.value))
-        page.on_press("start.detect", lambda _: self._detect())
-        page.on_press("start.download", lambda name: page.session.source.download(name), _known_model)
-        page.on_press("start.cancel", lambda _: page.session.source.cancel())
+            self._choice = Board(tab)
+        self._said = Board(tab)
+        tab.buttons.on("start.import", lambda _: tab.session.source.import_path(self._path.value))
+        tab.buttons.on("start.detect", lambda _: self._detect())
+        tab.buttons.on("start.download", lambda name: tab.session.source.download(name), _known_model)
+        tab.buttons.on("start.cancel", lambda _: tab.session.source.cancel())
 
     def _add_import(self) -> None:
-        page, gui = self._page, self._page.client.gui
+        tab, gui = self._tab, self._tab.client.gui
         hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
         self._path = gui.add_text("Path", "", hint=hint)
-        Board(page).show(row(button("Import from this path", "start.import", kind="main", enter=True)))
+        self._import = Board(tab)
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
         upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
 
         @upload.on_upload
         async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
             file = event.target.value
-            page.do(lambda: page.session.source.import_upload(file.name, file.content))
+            tab.do(lambda: tab.session.source.import_upload(file.name, file.content))
 
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
-        gui = self._page.client.gui
-        choice = _ModelChoice(self._page, finds, label, hint)
+        gui = self._tab.client.gui
+        choice = _ModelChoice(self._tab, finds, label, hint)
         file = gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit")
         return choice, file
 
     def _detect(self) -> None:
         pose, boxes = self._pose.given(self._pose_file.value), self._boxes.given(self._boxes_file.value)
-        self._page.session.source.detect(pose, boxes)
+        self._tab.session.source.detect(pose, boxes)
 
     def draw(self) -> None:
         """See `Panel.draw`."""
-        page, session = self._page, self._page.session
+        tab, session = self._tab, self._tab.session
         going, done = session.source.going, session.project.has_detections
-        if page.changes.of("start", going, session.source.busy, done, self._pose.chosen, self._boxes.chosen):
+        if tab.sent.differs("start", going, session.source.busy, done, self._pose.chosen, self._boxes.chosen):
             self._draw_choices(done)
         said = (
             None if going is None else (going, going.state, going.stopping, going.text, round(200 * (going.share or 0)))
         )
-        if page.changes.of("start going", said, done):
+        if tab.sent.differs("start going", said, done):
             self._said.show(*([] if going is None or done else _said(going)))
 
     def _draw_choices(self, done: bool) -> None:
-        page = self._page
-        self._intro.show(*(_finished(page) if done else _introduction(page)))
+        tab = self._tab
+        self._intro.show(*(_finished(tab) if done else _introduction(tab)))
+        open_for_it = not (done or tab.session.project.read_only or tab.session.source.busy)
         for folder in (self._folder, self._detection):
-            folder.visible = not (done or page.session.project.read_only or page.session.source.busy)
+            folder.visible = open_for_it
+        self._import.show(*([_IMPORT] if open_for_it else []))
         for choice, file in ((self._pose, self._pose_file), (self._boxes, self._boxes_file)):
             choice.offer()
             file.visible = choice.chosen == _FILE
         missing = next((known for choice in (self._pose, self._boxes) if (known := choice.to_fetch())), None)
-        self._choice.show(*(_fetchable(missing) if missing else _detectable()))
+        offered = _fetchable(missing) if missing else _detectable()
+        self._choice.show(*(offered if open_for_it else []))
 
 
 class _ModelChoice:
     """A dropdown of models: none, those that are known, and a file."""
 
-    def __init__(self, page: "Page", finds: str, label: str, hint: str) -> None:
+    def __init__(self, tab: Tab, finds: str, label: str, hint: str) -> None:
         self._finds = finds
         self._none = (_NONE,) if finds == "boxes" else ()
         self.chosen = self._none[0] if self._none else _FILE
@@ -113,8 +119,8 @@ class _ModelChoice:
             self.chosen = here[0]
         elif finds == "points":
             self.chosen = known[_RECOMMENDED]
-        handle = page.client.gui.add_dropdown(label, tuple(self._options()), initial_value=self.chosen, hint=hint)
-        self._dropdown = Dropdown(page, handle, self._choose)
+        handle = tab.client.gui.add_dropdown(label, tuple(self._options()), initial_value=self.chosen, hint=hint)
+        self._dropdown = Dropdown(tab, handle, self._choose)
 
     def _choose(self, title: str) -> None:
         self.chosen = title
@@ -152,8 +158,8 @@ def _known_model(name: str) -> str:
     return KNOWN_MODELS[name].name
 
 
-def _introduction(page: "Page") -> list[Html]:
-    session = page.session
+def _introduction(tab: Tab) -> list[Html]:
+    session = tab.session
     if session.project.read_only:
         text = "This project is open read-only: keypoints can be imported or detected where it is open for writing."
     elif session.source.busy:
@@ -169,12 +175,12 @@ def _introduction(page: "Page") -> list[Html]:
     ]
 
 
-def _finished(page: "Page") -> list[Html]:
-    project = page.session.project
+def _finished(tab: Tab) -> list[Html]:
+    project = tab.session.project
     found = int((project.detections.confidence > 0).any(1).sum())
     return [
         heading("Keypoints", first=True),
-        paragraph(words(f"Found in {found} of {page.length} frames.", "good")),
+        paragraph(words(f"Found in {found} of {tab.length} frames.", "good")),
         *(paragraph(note, "dim") for note in project.clip.notes),
         paragraph("Next: fit the body. Keypoints that are wrong can be corrected before or after."),
         row(action("fit", "Fit everything", kind="main")),

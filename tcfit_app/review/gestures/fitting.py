@@ -2,39 +2,36 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from fitting_core.camera import Camera
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.project.edits.edit_windows import around
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
-    from tcfit_app.review.view_state import FitSettings
+from tcfit_app.review.tab.state import FitSettings
+from tcfit_app.review.tab.tab import Tab
 
 FOCAL_SOURCE = "set in the review"
 """Where such a focal length comes from."""
 
 
-class Submitting:
-    """Submits fits for one page, with its settings."""
+class Fitting:
+    """Begins fits for one tab, with its settings."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
 
     def everything(self) -> None:
         """Fit all phases. Raises InputError if a setting is wrong, or it cannot be begun."""
         settings = self._checked()
-        session = self._page.session
+        session = self._tab.session
         camera = camera_of(settings, session.project.clip.camera)
         session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender, camera=camera)
-        self._page.say("Fit everything: begun")
+        self._tab.say("Fit everything: begun")
 
     def frames(self) -> None:
         """Fit the selected frames of B again. Raises InputError as `everything`, and if none are selected."""
-        frames = self._page.state.frames
+        frames = self._tab.state.frames
         if frames is None:
             raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
         self._rerun((frames,))
@@ -51,35 +48,35 @@ class Submitting:
 
     def shape(self) -> None:
         """Find B's shape again, and fit consistency under it. Raises InputError as `everything`."""
-        self._page.session.rerun_shape(self._base(), self._checked().config)
-        self._page.say("Re-run shape: begun")
+        self._tab.session.rerun_shape(self._base(), self._checked().config)
+        self._tab.say("Re-run shape: begun")
 
     def edited_windows(self, shown: Shown) -> tuple[range, ...]:
         """The frames that `edited` fits again."""
-        session, reach = self._page.session, self._page.state.settings.reach
+        session, reach = self._tab.session, self._tab.state.settings.reach
         flagged = {frame for frame, mark in session.project.marks.all().items() if mark.state == "flag"}
-        return around(flagged | session.frames_edited_since(shown.run), reach, self._page.length)
+        return around(flagged | session.frames_edited_since(shown.run), reach, self._tab.length)
 
     def _rerun(self, windows: tuple[range, ...]) -> None:
-        self._page.session.rerun_frames(self._base(), self._checked().config, windows)
-        self._page.say("Re-run: begun")
+        self._tab.session.rerun_frames(self._base(), self._checked().config, windows)
+        self._tab.say("Re-run: begun")
 
     def _base(self) -> Shown:
-        shown = self._page.corrected_fit()
+        shown = self._tab.look().b
         if shown is None:
             raise InputError("There is no fit yet to re-run: fit everything first.")
         return shown
 
-    def _checked(self) -> "FitSettings":
-        self._page.refuse_read_only()
-        settings = self._page.state.settings
+    def _checked(self) -> FitSettings:
+        self._tab.refuse_read_only()
+        settings = self._tab.state.settings
         if settings.problems:
             raise InputError(settings.problems[0][1])
         check(settings.config, origin="Fit settings")
         return settings
 
 
-def camera_of(settings: "FitSettings", camera: Camera) -> Camera:
+def camera_of(settings: FitSettings, camera: Camera) -> Camera:
     """The clip's camera with the focal length that was chosen; pixels stay square if they are.
 
     Raises:

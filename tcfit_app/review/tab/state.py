@@ -1,4 +1,4 @@
-"""What one browser shows: its own frame, selection and looks."""
+"""What one browser tab has set: its own frame, selection and looks."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -30,7 +30,7 @@ class FitSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewState:
+class TabState:
     """Everything that one browser can set about what it sees."""
 
     frame: int = 0
@@ -70,3 +70,5 @@ class ViewState:
     apart: float = 0.0
     """Metres between A and B in 3D; 0 leaves both in place."""
     settings: FitSettings = field(default_factory=FitSettings)
+    keys: bool = False
+    """The window of all keys is open."""

@@ -1,9 +1,11 @@
 """All keys and gestures as lists: the app's window of keys, and the table in docs/app.md."""
 
 from itertools import groupby
+from typing import Any
 
 from tcfit_app.review.gestures.actions import ACTIONS, Action, Key
-from tcfit_app.review.panels.elements.html import Html, button, heading, joined, line, table, tag
+from tcfit_app.review.panels.elements.html import Board, Html, button, heading, joined, line, table, tag
+from tcfit_app.review.tab.tab import Tab
 
 GESTURES = {
     "In the picture": (
@@ -53,11 +55,33 @@ def joined_keys(*keys: tuple[Key, ...]) -> str:
     return " ".join([str(first[0]), *(str(key).rpartition("+")[2] for key in first[1:])])
 
 
+class KeyWindow:
+    """The window of all keys, open while a tab's state says so."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self._open: tuple[Any, Board] | None = None
+
+    def draw(self) -> None:
+        """Open or close it."""
+        if self._tab.state.keys == (self._open is not None):
+            return
+        if self._open is not None:
+            window, board = self._open
+            self._open = None
+            board.show()
+            window.close()
+            return
+        window = self._tab.client.gui.add_modal("Keys")
+        with window:
+            self._open = window, Board(self._tab)
+        self._open[1].show(keys_html())
+
+
 def keys_html() -> Html:
     """The content of the window of keys, with the button that closes it."""
     blocks = [_block(title, tuple(rows)) for title, rows in {**key_groups(), **GESTURES}.items()]
-    close = button("Close", "action", "help", kind="close")
-    return tag("div", joined(tag("div", joined(*blocks), class_="tcfit-keys"), close), class_="tcfit-panel")
+    return joined(tag("div", joined(*blocks), class_="tcfit-keys"), button("Close", "action", "help", kind="close"))
 
 
 def _block(title: str, rows: tuple[tuple[str, str], ...]) -> Html:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import viser
 
@@ -13,10 +13,8 @@ from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.frame_words import in_words, numbers
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, line, paragraph, row, table
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
 
 _MOST = 40
 """Entries that are listed; one that is checked makes room for the next."""
@@ -32,8 +30,9 @@ class ReviewPanel:
     title: ClassVar[str] = "Review"
     icon: ClassVar[viser.IconName] = viser.Icon.CHECKLIST
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures = gestures
+        self._tab = tab = gestures.tab
         self._suspects: tuple[Suspect, ...] | None = None
         """The last that were found; None until then."""
         self._looking = False
@@ -43,79 +42,81 @@ class ReviewPanel:
         self._problem = ""
         self._flagged: list[int] = []
         self._checked: set[int] = set()
-        self._media = Board(page)
-        self._path = page.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
-        self._relink = Board(page)
-        self._head = Board(page)
-        self._queue = Board(page)
-        page.on_press("review.go", self._go, _entry)
-        page.on_press("review.frame", self._visit, int)
-        page.on_press("review.relink", lambda _: self._find_video())
+        self._media = Board(tab)
+        self._path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
+        self._relink = Board(tab)
+        self._head = Board(tab)
+        self._queue = Board(tab)
+        tab.buttons.on("review.go", self._go, _entry)
+        tab.buttons.on("review.frame", self._visit, int)
+        tab.buttons.on("review.relink", lambda _: self._find_video())
 
     def _go(self, entry: tuple[int, str]) -> None:
         found = [s for s in self._suspects or () if (s.frame, s.kind) == entry]
         if not found:
             raise InputError("This entry is gone from the queue: its frames were checked or fitted again.")
-        self._page.reviewing.show(found[0])
+        self._gestures.reviewing.show(found[0])
 
     def _visit(self, frame: int) -> None:
-        self._page.pause()
-        self._page.seek(frame)
+        self._tab.pause()
+        self._tab.seek(frame)
 
     def _find_video(self) -> None:
-        page = self._page
-        page.refuse_read_only()
+        tab = self._tab
+        tab.refuse_read_only()
         given = self._path.value.strip().strip("\"'")
         if not given:
             raise InputError("Type where the video is now: its file, or the folder of its images.")
-        page.session.project.relink(Path(given).expanduser())
-        page.desk.reopen_video()
-        media = page.session.project.media
+        tab.session.project.relink(Path(given).expanduser())
+        tab.desk.reopen_video()
+        media = tab.session.project.media
         if media.problem:
-            page.notify(Notice(title="Linked, but look at it", text=media.problem))
+            tab.notify(Notice(title="Linked, but look at it", text=media.problem))
         else:
-            page.notify(Notice(title="The video is found", text=str(media.path and media.path.resolve()), kind="done"))
+            tab.notify(Notice(title="The video is found", text=str(media.path and media.path.resolve()), kind="done"))
 
     # --- drawing ---
 
     def draw(self) -> None:
-        """Bring it to the page's state."""
-        page, session = self._page, self._page.session
+        """Bring it to the tab's state."""
+        tab, session = self._tab, self._tab.session
         self._draw_media()
-        shown = page.corrected_fit()
+        shown = tab.shown.b
         self._look(shown)
-        if page.changes.of("marks of the queue", session.marked):
+        if tab.sent.differs("marks of the queue", session.marked):
             marks = session.project.marks.all()
             self._flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
             self._checked = {frame for frame, mark in marks.items() if mark.state == "checked"}
         here, where = self._here(), self._applies()
-        fine = self._checked.issuperset(page.reviewing.dismissed)
-        flagged = set(page.correcting.frames) <= set(self._flagged)
-        if page.changes.of("review head", id(self._suspects), self._path.visible, session.marked, where, fine, flagged):
+        fine = self._checked.issuperset(self._gestures.reviewing.dismissed)
+        flagged = set(tab.chosen_frames) <= set(self._flagged)
+        if tab.sent.differs(
+            "review head", id(self._suspects), self._path.visible, session.marked, where, fine, flagged
+        ):
             self._draw_head(where, fine=fine, flagged=flagged)
-        if page.changes.of("queue", id(self._suspects), self._looking, self._problem, shown is None, here):
+        if tab.sent.differs("queue", id(self._suspects), self._looking, self._problem, shown is None, here):
             self._queue.show(*self._entries(here, fitted=shown is not None))
 
     def _look(self, shown: Shown | None) -> None:
         """Take up the queue if it is another one; the last one stays meanwhile."""
-        page = self._page
-        key = None if shown is None else page.desk.key(shown)
-        changed = page.changes.of("suspects of", key, page.session.marked)
+        tab = self._tab
+        key = None if shown is None else tab.desk.key(shown)
+        changed = tab.sent.differs("suspects of", key, tab.session.marked)
         if not changed and not (self._looking and time.monotonic() > self._next):
             return
         self._next = time.monotonic() + _PATIENCE
         if shown is None:
             self._suspects, self._looking, self._problem = None, False, ""
             return
-        found = page.reviewing.suspects
-        self._problem = page.desk.suspects_problem(shown) if found is None else ""
+        found = tab.desk.suspects(shown)
+        self._problem = tab.desk.suspects_problem(shown) if found is None else ""
         self._looking = found is None and not self._problem
         if not self._looking:
             self._suspects = found
 
     def _here(self) -> int | None:
         """The place of the entry on show in the queue."""
-        frame = self._page.state.frame
+        frame = self._tab.state.frame
         places = [i for i, suspect in enumerate(self._suspects or ()) if frame in suspect.frames]
         exact = [i for i in places if (self._suspects or ())[i].frame == frame]
         return next(iter(exact + places), None)
@@ -123,7 +124,7 @@ class ReviewPanel:
     def _draw_head(self, where: str, *, fine: bool, flagged: bool) -> None:
         found = [] if self._suspects is None else [f"{len(self._suspects)} left"]
         counts = ", ".join([*found, f"{len(self._flagged)} flagged", f"{len(self._checked)} checked"])
-        off = self._page.session.project.read_only
+        off = self._tab.session.project.read_only
         self._head.show(
             heading("Suspicious frames", counts, first=not self._path.visible),
             row(
@@ -140,19 +141,19 @@ class ReviewPanel:
 
     def _applies(self) -> str:
         """What "Looks fine" and "Flag" are about."""
-        page = self._page
-        if page.state.playing and page.state.frames is None:  # else it would change with each frame
+        tab = self._tab
+        if tab.state.playing and tab.state.frames is None:  # else it would change with each frame
             return "Both are for the frame on show."
-        fine, flag = self._where(page.reviewing.dismissed), self._where(page.correcting.frames)
+        fine, flag = self._where(self._gestures.reviewing.dismissed), self._where(tab.chosen_frames)
         return f"Both are for {fine}." if fine == flag else f"Looks fine is for {fine}, Flag for {flag}."
 
     def _where(self, frames: Sequence[int]) -> str:
-        return in_words(frames, self._page.first_frame)
+        return in_words(frames, self._tab.first_frame)
 
     def _flags(self, frames: list[int]) -> list[Html]:
         if not frames:
             return []
-        first = self._page.first_frame
+        first = self._tab.first_frame
         found = runs(frames)
         buttons = [
             button(numbers(run, first), "review.frame", str(run.start), kind="mini", hint=f"Go to {first + run.start}")
@@ -171,7 +172,7 @@ class ReviewPanel:
         if not self._suspects:
             again = " Looking again …" if self._looking else ""
             return [paragraph(f"Nothing suspicious.{again}", "dim")]
-        first = self._page.first_frame
+        first = self._tab.first_frame
         rows = [
             line(
                 i + 1,
@@ -196,9 +197,9 @@ class ReviewPanel:
         return parts
 
     def _draw_media(self) -> None:
-        page = self._page
-        problem = page.session.project.media.problem or page.desk.video.problem_of(page.state.frame)
-        if not page.changes.of("media problem", problem):
+        tab = self._tab
+        problem = tab.session.project.media.problem or tab.desk.video.problem_of(tab.state.frame)
+        if not tab.sent.differs("media problem", problem):
             return
         self._path.visible = bool(problem)
         if not problem:
@@ -206,7 +207,7 @@ class ReviewPanel:
             self._relink.show()
             return
         self._media.show(heading("Video", first=True), paragraph(problem, "warn"))
-        off = page.session.project.read_only
+        off = tab.session.project.read_only
         self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off, enter=True)))
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import viser
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from tcfit_app.analysis.between_runs import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.fitting.fits import Shown
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.compare.reference_field import ReferenceField
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -28,9 +29,6 @@ from tcfit_app.review.panels.elements.html import (
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
-
 SETTLING = 1.0
 """Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
 _MEASURING = "Being measured …"
@@ -45,21 +43,21 @@ class ComparePanel:
     title: ClassVar[str] = "Compare"
     icon: ClassVar[viser.IconName] = viser.Icon.SCALE
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab = tab = gestures.tab
         self._settled, self._waiting = 0.0, False
-        self._head, self._peaks, self._against, self._figures = (Board(page) for _ in range(4))
-        self._reference = ReferenceField(page)
-        with page.client.gui.add_folder("Costs", expand_by_default=False):
-            self._costs = Board(page)
-        page.on_press("compare.frame", page.seek, int)
+        self._head, self._peaks, self._against, self._figures = (Board(tab) for _ in range(4))
+        self._reference = ReferenceField(tab)
+        with tab.client.gui.add_folder("Costs", expand_by_default=False):
+            self._costs = Board(tab)
+        tab.buttons.on("compare.frame", tab.seek, int)
 
     def draw(self) -> None:
         """See `Panel.draw`."""
-        page, desk = self._page, self._page.desk
-        a, b = page.fit(page.state.a), page.fit(page.state.b)
+        tab, desk = self._tab, self._tab.desk
+        a, b = tab.shown.a, tab.shown.b
         if a is None or b is None:
-            if page.changes.of("compare", None):
+            if tab.sent.differs("compare", None):
                 self._head.show(paragraph(_NO_FIT, "dim"))
                 for board in (self._peaks, self._against, self._figures, self._costs):
                     board.show()
@@ -67,7 +65,7 @@ class ComparePanel:
             return
         self._reference.draw()
         titles = (a.title, b.title)
-        if page.changes.of("compare", desk.key(a), desk.key(b), *titles, page.session.referenced):
+        if tab.sent.differs("compare", desk.key(a), desk.key(b), *titles, tab.session.referenced):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
             self._head.show(*_heads(a, b))
             self._figures.show(paragraph(self._reason(a, b), "dim"))
@@ -77,7 +75,7 @@ class ComparePanel:
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """What is there of the figures, once keypoints and fits have come to rest."""
-        desk = self._page.desk
+        desk = self._tab.desk
         one, other, apart = desk.metrics(a), desk.metrics(b), desk.distances(a, b)
         against = desk.reference_metrics(a), desk.reference_metrics(b)
         self._waiting = any(found is None for found in (one, other, apart, *against))
@@ -96,13 +94,13 @@ class ComparePanel:
         self, a: Shown, b: Shown, one: tuple[Metric, ...] | None, other: tuple[Metric, ...] | None
     ) -> None:
         """Figures against the project's reference, if it has one."""
-        reference = self._page.session.project.reference
+        reference = self._tab.session.project.reference
         if reference is None or a.result is None or b.result is None:
             self._against.show()
             return
         head = heading("Against the reference", reference.name)
         if one is None or other is None:
-            problem = self._page.desk.reference_problem(a) or self._page.desk.reference_problem(b)
+            problem = self._tab.desk.reference_problem(a) or self._tab.desk.reference_problem(b)
             self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
             self._waiting = self._waiting and not problem
             return
@@ -113,10 +111,10 @@ class ComparePanel:
         running = [fit.run.name for fit in (a, b) if fit.result is None]
         if running:
             return f"{running[0]} is still being fitted: it is measured when it is done."
-        return self._page.desk.metrics_problem(a) or self._page.desk.metrics_problem(b) or _MEASURING
+        return self._tab.desk.metrics_problem(a) or self._tab.desk.metrics_problem(b) or _MEASURING
 
     def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
-        first, frames = self._page.first_frame, peaks(values)
+        first, frames = self._tab.first_frame, peaks(values)
         if not frames:
             return []
         buttons = (

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import viser
@@ -14,6 +14,7 @@ from tcfit_app.project.edits.kinds import SIDES, Edit
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.correcting import describe
+from tcfit_app.review.gestures.gestures import Gestures
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -30,10 +31,7 @@ from tcfit_app.review.panels.elements.html import (
 )
 from tcfit_app.review.panels.keypoints.edit_history import history_table, past_edits
 from tcfit_app.review.panels.keypoints.selected_keypoints import selected_keypoints, selection_table
-from tcfit_app.review.presses import one_of
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.tab.buttons import one_of
 
 _NOTHING = "Select by name"
 _SWAPPED = ("arms", "legs")
@@ -51,90 +49,91 @@ class KeypointsPanel:
     title: ClassVar[str] = "Keypoints"
     icon: ClassVar[viser.IconName] = viser.Icon.HAND_CLICK
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
-        gui = page.client.gui
-        self._selected = Board(page)
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures = gestures
+        self._tab = tab = gestures.tab
+        gui = tab.client.gui
+        self._selected = Board(tab)
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
-        self._name = Dropdown(page, names, self._select)
-        self._buttons = Board(page)
+        self._name = Dropdown(tab, names, self._select)
+        self._buttons = Board(tab)
         self._by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
-        self._exactly = Board(page)
-        self._groups = Board(page)
-        self._history = Board(page)
+        self._exactly = Board(tab)
+        self._groups = Board(tab)
+        self._history = Board(tab)
         self._all_bad = False
         self._listen()
 
     def _listen(self) -> None:
-        page, correcting = self._page, self._page.correcting
-        page.on_press("keypoints.swap", correcting.swap_sides, one_of(SIDES))
-        page.on_press("keypoints.move", lambda _: correcting.nudge(*self._by.value))
-        page.on_press("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
-        page.on_press("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))
-        page.on_press("keypoints.restore", correcting.restore_group, one_of(GROUPS))
-        page.on_press("keypoints.group", self._select_group, one_of(GROUPS))
-        page.on_press("keypoints.follow", lambda _: self._follow_or_not())
-        page.on_press("keypoints.visit", self._visit, self._edit_of)
+        tab, correcting = self._tab, self._gestures.correcting
+        tab.buttons.on("keypoints.swap", correcting.swap_sides, one_of(SIDES))
+        tab.buttons.on("keypoints.move", lambda _: correcting.nudge(*self._by.value))
+        tab.buttons.on("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
+        tab.buttons.on("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))
+        tab.buttons.on("keypoints.restore", correcting.restore_group, one_of(GROUPS))
+        tab.buttons.on("keypoints.group", self._select_group, one_of(GROUPS))
+        tab.buttons.on("keypoints.follow", lambda _: self._follow_or_not())
+        tab.buttons.on("keypoints.visit", self._visit, self._edit_of)
 
     def _select(self, name: str) -> None:
         if name in _JOINTS:
-            self._page.set(selection=(_JOINTS[name],))
+            self._tab.set(selection=(_JOINTS[name],))
 
     def _select_group(self, name: str) -> None:
         part = GROUPS[name]
-        self._page.set(selection=tuple(range(part.start, part.stop)))
+        self._tab.set(selection=tuple(range(part.start, part.stop)))
 
     def _follow_or_not(self) -> None:
-        session = self._page.session
+        session = self._tab.session
         session.following.after_edits = not session.following.after_edits
 
     def _edit_of(self, number: str) -> Edit:
         """The edit with this number in the log; raises ValueError if there is none."""
-        found = [entry.action for entry in self._page.session.project.log if entry.id == int(number)]
+        found = [entry.action for entry in self._tab.session.project.log if entry.id == int(number)]
         if not found or isinstance(found[0], Undo | Redo):
             raise ValueError(number)
         return found[0]
 
     def _visit(self, edit: Edit) -> None:
-        page = self._page
-        page.pause()
-        page.seek(edit.frames[0])
-        page.set(selection=edit.joints)
+        tab = self._tab
+        tab.pause()
+        tab.seek(edit.frames[0])
+        tab.set(selection=edit.joints)
 
     def draw(self) -> None:
-        """Bring it to the page's state."""
-        page, state, session = self._page, self._page.state, self._page.session
+        """Bring it to the tab's state."""
+        tab, state, session = self._tab, self._tab.state, self._tab.session
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
-        if page.changes.of("selected", state.selection, state.frame if state.selection else 0, session.edits):
-            self._selected.show(*selection_table(selected_keypoints(page), state.frame + page.first_frame))
+        if tab.sent.differs("selected", state.selection, state.frame if state.selection else 0, session.edits):
+            self._selected.show(*selection_table(selected_keypoints(tab), state.frame + tab.first_frame))
         where, bad = self._where(), self._bad()
-        if page.changes.of("keypoint buttons", where, bad, not state.selection):
+        if tab.sent.differs("keypoint buttons", where, bad, not state.selection):
             self._draw_buttons(where, bad)
-        if page.changes.of("groups", where):
+        if tab.sent.differs("groups", where):
             self._groups.show(heading("Whole groups", where), self._group_table())
-        if page.changes.of("history", session.edits, session.following.after_edits, page.author):
+        if tab.sent.differs("history", session.edits, session.following.after_edits, tab.author):
             self._draw_history()
 
     def _where(self) -> str:
-        page = self._page
-        if page.state.playing and page.state.frames is None:  # else it would change with each frame
+        tab = self._tab
+        if tab.state.playing and tab.state.frames is None:  # else it would change with each frame
             return "apply to the frame on show"
-        return f"apply to {in_words(page.correcting.frames, page.first_frame)}"
+        return f"apply to {in_words(tab.chosen_frames, tab.first_frame)}"
 
     def _bad(self) -> bool:
         """Whether all that is selected is bad."""
-        page, state = self._page, self._page.state
+        tab, state = self._tab, self._tab.state
         if not state.selection or state.playing:
             return False
-        if page.changes.of("bad", state.selection, page.correcting.frames, page.session.edits):
-            bad = page.session.project.corrected.bad
-            self._all_bad = bool(bad[np.ix_(page.correcting.frames, state.selection)].all())
+        if tab.sent.differs("bad", state.selection, tab.chosen_frames, tab.session.edits):
+            bad = tab.session.project.corrected.bad
+            self._all_bad = bool(bad[np.ix_(tab.chosen_frames, state.selection)].all())
         return self._all_bad
 
     def _draw_buttons(self, where: str, bad: bool) -> None:
-        page, state = self._page, self._page.state
-        off = page.session.project.read_only
+        tab, state = self._tab, self._tab.state
+        off = tab.session.project.read_only
         none = off or not state.selection
         edit = partial(action, disabled=none)
         self._buttons.show(
@@ -155,7 +154,7 @@ class KeypointsPanel:
         )
 
     def _group_table(self) -> Html:
-        off = self._page.session.project.read_only
+        off = self._tab.session.project.read_only
         rows = [
             line(
                 joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
@@ -173,8 +172,8 @@ class KeypointsPanel:
         return table(rows)
 
     def _draw_history(self) -> None:
-        page, project = self._page, self._page.session.project
-        follow = page.session.following.after_edits
+        tab, project = self._tab, self._tab.session.project
+        follow = tab.session.following.after_edits
         hint = "After an edit, the fit of its frame and the frames around is made again"
         self._history.show(
             heading("Corrections"),
@@ -182,7 +181,7 @@ class KeypointsPanel:
             row(self._step("redo", "Redo", project.redoable)),
             row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
             *history_table(
-                past_edits(project.log), me=page.author, first_frame=page.first_frame, now=datetime.now().astimezone()
+                past_edits(project.log), me=tab.author, first_frame=tab.first_frame, now=datetime.now().astimezone()
             ),
         )
 
@@ -190,5 +189,5 @@ class KeypointsPanel:
         if entry is None:
             return action(name, f"Nothing to {verb.lower()}", disabled=True, kind="left")
         assert not isinstance(entry.action, Undo | Redo)
-        what = describe(entry.action, self._page.first_frame)
-        return action(name, f"{verb}: {what}", kind="left", disabled=self._page.session.project.read_only)
+        what = describe(entry.action, self._tab.first_frame)
+        return action(name, f"{verb}: {what}", kind="left", disabled=self._tab.session.project.read_only)

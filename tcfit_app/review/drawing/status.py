@@ -1,44 +1,38 @@
 """What one tab says over its picture: what is being fitted, what was saved, what is wrong."""
 
-from typing import TYPE_CHECKING
-
 from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
+from tcfit_app.review.gestures.gestures import Gestures
 
 PHASES = {1: "every frame", 2: "shape", 3: "over time"}
 """Phases in few words."""
 
 
 class Status:
-    """Draws one page's status line and notices; asked again and again, it sends what changed."""
+    """Draws one tab's status line and notices; asked again and again, it sends what changed."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
-        self.problem = ""
-        """What cannot be shown, and why; set by who draws."""
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab, self._correcting = gestures.tab, gestures.correcting
 
-    def draw(self, now: float) -> None:
-        """Send what changed."""
-        page = self._page
-        chips = tuple(self._chips(now))
-        if page.changes.of("chips", chips):
-            page.channel.send("chips", Chips(chips=chips))
+    def draw(self, now: float, problem: str) -> None:
+        """Send what changed; `problem` says what cannot be shown, and why."""
+        tab = self._tab
+        chips = tuple(self.chips(now, problem))
+        if tab.sent.differs("chips", chips):
+            tab.channel.send("chips", Chips(chips=chips))
         notice = self._notice()
-        if page.changes.of("notice", notice):
-            page.channel.send("notice", notice)
-        self.problem = ""
+        if tab.sent.differs("notice", notice):
+            tab.channel.send("notice", notice)
 
-    def _chips(self, now: float) -> list[Chip]:
-        page, session = self._page, self._page.session
+    def chips(self, now: float, problem: str) -> list[Chip]:
+        """What is said at a time; `problem` as of `draw`."""
+        tab, session = self._tab, self._tab.session
         chips = []
         if session.project.read_only:
             chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
-        if session.following.busy and not page.correcting.dragging:
+        if session.following.busy and not self._correcting.dragging:
             chips.append(Chip(text="The fit follows", kind="busy"))
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
@@ -46,18 +40,18 @@ class Status:
             chips.append(self._keypoint_chip())
         elif not session.jobs and not session.fits.showable():
             chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
-        media = session.project.media.problem or page.desk.video.problem_of(page.state.frame)
-        for text in (media, self.problem):
+        media = session.project.media.problem or tab.desk.video.problem_of(tab.state.frame)
+        for text in (media, problem):
             if text:
                 chips.append(Chip(text=text, kind="warning"))
-        text, until = page.message
+        text, until = tab.message
         if text and now < until:
             chips.append(Chip(text=text, kind="good"))
         return chips
 
     def _notice(self) -> Notice | None:
         """A card where there is nothing else to see."""
-        project = self._page.session.project
+        project = self._tab.session.project
         if project.has_detections or project.media.path is not None:
             return None
         text = "This project has no keypoints yet, and its video is not there. Import keypoints in the panel Start."
@@ -65,7 +59,7 @@ class Status:
 
     def _keypoint_chip(self) -> Chip:
         """How far it is that the project gets its keypoints, or where they are to be had."""
-        going = self._page.session.source.going
+        going = self._tab.session.source.going
         if going is None or going.state != "running":
             return Chip(text="No keypoints yet: import or detect them in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)

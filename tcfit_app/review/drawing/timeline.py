@@ -1,19 +1,15 @@
 """The timeline of one tab: curves of the runs on show, marks, the running fit, selected frames and the cursor."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tcfit_app.analysis.between_runs import BETWEEN, peaks
 from tcfit_app.analysis.curves import CURVES, Curve
 from tcfit_app.fitting.running_job import RunningJob
-from tcfit_app.review.browser.page_states import ChosenRange, Cursor, Fit, FitSpan, Marks, Timeline, curve_values, spans
-from tcfit_app.review.browser.page_states import Curve as Line
+from tcfit_app.review.browser import page_states as states
+from tcfit_app.review.browser.page_states import FitSpan, curve_values, spans
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-
-if TYPE_CHECKING:
-    from tcfit_app.review.page import Page
-
+from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.tab import Tab
 
 PLOTTED: dict[str, tuple[str, str]] = {
     **{name: (kind.title, kind.unit) for name, kind in CURVES.items()},
@@ -23,63 +19,63 @@ PLOTTED: dict[str, tuple[str, str]] = {
 _BETWEEN_COLOR = "#c9a3ff"
 
 
-class Strip:
-    """Draws one page's timeline; asked again and again, it sends what changed."""
+class Timeline:
+    """Draws one tab's timeline; asked again and again, it sends what changed."""
 
-    def __init__(self, page: "Page") -> None:
-        self._page = page
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
         self._last: dict[str, Curve] = {}
         """The curves on show, by "a" and "b": they stay until newer ones are there."""
 
     def draw(self) -> None:
         """Send what changed."""
-        page, state = self._page, self._page.state
-        if page.changes.of("cursor", state.frame, state.playing):
-            page.channel.send("cursor", Cursor(frame=state.frame, playing=state.playing))
-        if page.changes.of("range", state.frames):
+        tab, state = self._tab, self._tab.state
+        if tab.sent.differs("cursor", state.frame, state.playing):
+            tab.channel.send("cursor", states.Cursor(frame=state.frame, playing=state.playing))
+        if tab.sent.differs("range", state.frames):
             frames = state.frames
-            chosen = None if frames is None else ChosenRange(first=frames[0], last=frames[-1])
-            page.channel.send("range", chosen)
+            chosen = None if frames is None else states.ChosenRange(first=frames[0], last=frames[-1])
+            tab.channel.send("range", chosen)
         self._draw_curves()
         self._draw_marks()
         self._draw_fit()
 
     def _draw_curves(self) -> None:
-        page, state = self._page, self._page.state
+        tab, state = self._tab, self._tab.state
         lines = self._between() if state.curve == BETWEEN else self._of_each()
-        clip = page.session.project.clip
-        if page.changes.of("timeline", state.curve, *((title, id(found)) for title, _, found in lines)):
+        clip = tab.session.project.clip
+        if tab.sent.differs("timeline", state.curve, *((title, id(found)) for title, _, found in lines)):
             title, unit = PLOTTED[state.curve]
-            timeline = Timeline(
-                length=page.length,
+            timeline = states.Timeline(
+                length=tab.length,
                 frame_rate=clip.frame_rate,
                 first_frame=clip.first_frame,
                 title=title,
                 unit=unit,
                 curves=tuple(
-                    Line(label=label, color=color, values=curve_values(c.values)) for label, color, c in lines
+                    states.Curve(label=label, color=color, values=curve_values(c.values)) for label, color, c in lines
                 ),
             )
-            page.channel.send("timeline", timeline)
+            tab.channel.send("timeline", timeline)
 
     def _of_each(self) -> list[tuple[str, str, Curve]]:
         """Label, colour and curve of the runs on show."""
-        page, state = self._page, self._page.state
+        tab = self._tab
         lines = []
-        for name, choice, color in zip("ab", (state.a, state.b), RUN_COLORS, strict=True):
-            shown = page.fit(choice)
-            made = None if shown is None else page.desk.curve(state.curve, shown)
-            found = self._latest(name, made)
+        for side, color in zip(SIDES, RUN_COLORS, strict=True):
+            shown = tab.shown.fit(side)
+            made = None if shown is None else tab.desk.curve(tab.state.curve, shown)
+            found = self._latest(side, made)
             if shown is not None and found is not None:
                 lines.append((shown.title, css(color), found))
         return lines
 
     def _between(self) -> list[tuple[str, str, Curve]]:
-        page, state = self._page, self._page.state
-        a, b = page.fit(state.a), page.fit(state.b)
+        tab = self._tab
+        a, b = tab.shown.a, tab.shown.b
         if a is None or b is None:
             return []
-        found = self._latest("b", page.desk.between(a, b))
+        found = self._latest("b", tab.desk.between(a, b))
         return [] if found is None else [(f"{a.title} to {b.title}", _BETWEEN_COLOR, found)]
 
     def _latest(self, name: str, found: Curve | None) -> Curve | None:
@@ -87,42 +83,42 @@ class Strip:
         if found is not None:
             self._last[name] = found
         last = self._last.get(name)
-        return last if last is not None and last.name == self._page.state.curve else None
+        return last if last is not None and last.name == self._tab.state.curve else None
 
     def _draw_marks(self) -> None:
-        page, apart = self._page, self._apart()
-        if not page.changes.of("marks", page.session.edits, page.session.marked, apart):
+        tab, apart = self._tab, self._apart()
+        if not tab.sent.differs("marks", tab.session.edits, tab.session.marked, apart):
             return
-        corrected, marks = page.session.project.corrected, page.session.project.marks.all()
+        corrected, marks = tab.session.project.corrected, tab.session.project.marks.all()
         by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
-        found = Marks(
+        found = states.Marks(
             edited=spans(np.flatnonzero(corrected.edited.any(1))),
             bad=spans(np.flatnonzero(corrected.bad.any(1))),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
             apart=spans(sorted(apart)),
         )
-        page.channel.send("marks", found)
+        tab.channel.send("marks", found)
 
     def _apart(self) -> tuple[int, ...]:
         """The frames where two finished fits differ most, once that is known."""
-        page = self._page
-        a, b = page.fit(page.state.a), page.fit(page.state.b)
+        tab = self._tab
+        a, b = tab.shown.a, tab.shown.b
         if a is None or b is None or a.result is None or b.result is None or a == b:
             return ()
-        found = page.desk.distances(a, b)
+        found = tab.desk.distances(a, b)
         return () if found is None else tuple(peaks(found.values))
 
     def _draw_fit(self) -> None:
-        page = self._page
-        if page.changes.of("fit", page.session.changes):
-            jobs = page.session.jobs.values()
+        tab = self._tab
+        if tab.sent.differs("fit", tab.session.changes):
+            jobs = tab.session.jobs.values()
             found = tuple(span for job in jobs if job.started for span in fit_spans(job, self._frames_of(job)))
-            page.channel.send("fit", Fit(spans=found) if found else None)
+            tab.channel.send("fit", states.Fit(spans=found) if found else None)
 
     def _frames_of(self, job: RunningJob) -> range:
-        run = self._page.session.fits.run(job.run) if job.run is not None else None
-        return run.frames if run is not None and run.frames else range(self._page.length)
+        run = self._tab.session.fits.run(job.run) if job.run is not None else None
+        return run.frames if run is not None and run.frames else range(self._tab.length)
 
 
 def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:

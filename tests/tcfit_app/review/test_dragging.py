@@ -1,0 +1,90 @@
+"""A keypoint is dragged in a tab: what is fitted is what was saved, and what is shown never goes back."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.keypoints import INDEX
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.fitting.live import Correction
+from tcfit_app.review.browser.page_events import Drag
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
+from tests.drivers.lone_page import LonePage, tiny_page
+from tests.samples.sessions import PATIENCE
+
+WRIST, FRAME = INDEX["right_wrist"], 4
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, FitPanel) as made:
+        made.page.tab.set(frame=FRAME)
+        yield made
+
+
+def drag(tested: LonePage, phase: str, dx: float) -> None:
+    tested.page.receive(Drag(phase, (WRIST,), dx, 0.0, FRAME))  # pyright: ignore[reportArgumentType]
+
+
+def test_the_fit_converges_where_the_keypoint_was_let_go(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    session, run = tested.page.tab.session, tested.fit()
+    kept, keep = [], session.fits.keep_correction
+
+    def kept_too(correction: Correction, xy: np.ndarray, params: object) -> None:
+        kept.append(xy)
+        keep(correction, xy, params)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(session.fits, "keep_correction", kept_too)
+    drag(tested, "start", 0.0)
+    drag(tested, "move", 10.0)
+    tested.until(lambda: session.following.live is not None)
+    drag(tested, "end", 60.0)  # the pointer went on since its last move
+    tested.until(lambda: not session.following.busy)
+    assert np.array_equal(kept[0], session.project.corrected.xy[FRAME, [WRIST]])
+    assert session.edits_since(session.fits.corrections_of(run.id)) == 0
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_the_old_body_does_not_come_back_when_a_drag_ends(tested: LonePage, chosen: bool):
+    tab, run = tested.page.tab, tested.fit()
+    session, end = tab.session, time.monotonic() + PATIENCE
+    if chosen:
+        tab.set(b=FitChoice(run=run.id))
+
+    def body() -> np.ndarray:
+        """As the next drawing has it, after the worker's news."""
+        session.take_news()
+        shown = tab.look()
+        assert shown.b is not None
+        return tab.desk.body(shown.b, FRAME, shown.live_of("b")).vertices
+
+    old = body()
+    drag(tested, "start", 0.0)
+    drag(tested, "move", 40.0)
+    tested.until(lambda: session.following.live is not None)
+    assert not np.array_equal(body(), old)
+    drag(tested, "end", 60.0)
+    while session.following.busy:
+        assert not np.array_equal(body(), old)
+        assert time.monotonic() < end
+    assert not np.array_equal(body(), old)
+    assert tab.state.b.run == (session.fits.corrections_of(run.id).id if chosen else None)
+
+
+def test_a_drag_of_another_frame_or_run_leaves_this_body_alone(tested: LonePage):
+    tab, first, second = tested.page.tab, tested.fit(), tested.fit()
+    tab.set(a=FitChoice(run=first.id))
+    drag(tested, "start", 0.0)
+    drag(tested, "move", 40.0)
+    tested.until(lambda: tab.session.following.live is not None)
+    shown = tab.look()
+    assert shown.b is not None and shown.b.run.id == second.id
+    assert shown.live_of("b") is not None and shown.live_of("a") is None
+    tab.set(frame=0)
+    assert tab.look().live is None and tab.look().revision is None
+    drag(tested, "cancel", 0.0)

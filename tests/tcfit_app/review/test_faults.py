@@ -1,0 +1,87 @@
+"""What goes wrong while the app draws: told once in the tab, and the rest goes on."""
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import viser
+
+from tcfit_app.fitting.notices import Notice
+from tcfit_app.review.browser.page_events import Hello
+from tcfit_app.review.faults import AGAIN, Faults
+from tests.drivers.lone_page import LonePage, lone_page, sample_project
+
+
+def test_a_fault_is_told_once_and_tried_again_a_little_later(caplog: pytest.LogCaptureFixture):
+    told: list[Notice] = []
+    tried: list[float] = []
+    wrong: list[Exception | None] = [ValueError("one")]
+    faults = Faults(told.append)
+
+    def attempt(now: float) -> None:
+        def draw() -> None:
+            tried.append(now)
+            if wrong[0] is not None:
+                raise wrong[0]
+
+        faults.attempt("draw", draw, now)
+
+    for tick in range(61):  # a second of the loop, and a little more
+        attempt(tick / 60 * AGAIN)
+    assert tried == [0.0, AGAIN] and len(told) == 1 and "ValueError: one" in told[0].text
+    assert [record.levelno for record in caplog.records] == [logging.ERROR], "nor does the terminal fill"
+    wrong[0] = KeyError("two")
+    attempt(2 * AGAIN)
+    assert len(told) == 2, "another fault is news"
+    wrong[0] = None
+    attempt(3 * AGAIN)
+    wrong[0] = KeyError("two")
+    attempt(3 * AGAIN)
+    assert len(told) == 3, "and so is one that comes back"
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
+    with sample_project(tmp_path / "walk.tcfit", "first") as project, lone_page(panel_server, project) as made:
+        made.page.receive(Hello("a tab", 1000, 700))
+        yield made
+
+
+def calls(tested: LonePage, name: str) -> int:
+    """How many states of a name were sent to the page's script."""
+    queue = tested.page.tab.client._websock_connection.queue_message  # pyright: ignore[reportAttributeAccessIssue]
+    return sum(f'tcfit.receive("{name}"' in getattr(c.args[0], "source", "") for c in queue.call_args_list)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_part_that_cannot_be_drawn_is_told_and_the_others_are_drawn(
+    tested: LonePage, monkeypatch: pytest.MonkeyPatch
+):
+    page = tested.page
+    with monkeypatch.context() as broken:
+        broken.setattr(page.timeline, "draw", lambda: 1 / 0)
+        for tick in range(30):
+            page.draw(tick / 60)
+    assert [notice.title for notice in tested.notices] == ["Something went wrong in tcfit"]
+    assert "timeline" in tested.notices[0].text and calls(tested, "chips") == 1
+    page.draw(2 * AGAIN)
+    assert calls(tested, "timeline") == 1 and len(tested.notices) == 1
+
+
+def test_what_could_not_be_sent_is_sent_once_it_can(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    page = tested.page
+    send = page.tab.channel.send
+
+    def refuse(name: str, state: object) -> None:
+        if name == "marks":
+            raise ValueError("no marks")
+        send(name, state)  # pyright: ignore[reportArgumentType]
+
+    with monkeypatch.context() as broken:
+        broken.setattr(page.tab.channel, "send", refuse)
+        page.draw(0.0)
+    assert calls(tested, "marks") == 0
+    page.draw(2 * AGAIN)
+    assert calls(tested, "marks") == 1
+    page.draw(3 * AGAIN)
+    assert calls(tested, "marks") == 1
