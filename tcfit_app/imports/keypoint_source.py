@@ -47,13 +47,9 @@ class KeypointSource:
         """The job that began last."""
         self._taken: Going | None = None
 
-    def import_path(self, path: str) -> None:
+    def import_path(self, path: Path) -> None:
         """Begin to read keypoints of this computer. Raises InputError if that cannot begin."""
-        if not path.strip():
-            raise InputError(
-                "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
-            )
-        self._begin(ImportFiles(path=Path(path.strip()).expanduser()))
+        self._begin(ImportFiles(path=path))
 
     def import_upload(self, name: str, content: bytes) -> None:
         """Begin to read keypoints that a browser has sent. Raises InputError as `import_path`."""

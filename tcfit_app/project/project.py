@@ -139,6 +139,11 @@ class Project:
         """Whether nothing can be changed."""
         return self._lock is None
 
+    def refuse_read_only(self) -> None:
+        """Raise InputError if nothing can be changed."""
+        if self.read_only:
+            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+
     @property
     def detections(self) -> Keypoints:
         """What was detected, in arrays that cannot be written."""
@@ -193,9 +198,11 @@ class Project:
         """Say where the video or the images are now.
 
         Raises:
-            InputError: There is nothing, or the project cannot be written.
+            InputError: There is nothing, it is no video and no folder of images, or the project cannot be written.
         """
+        self.refuse_read_only()
         link = media.link(source, self.folder)
+        media.check_decodes(source)
         with self._guard:
             with self._database.transaction() as connection:
                 connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
@@ -215,8 +222,7 @@ class Project:
         Raises:
             InputError: It has no frame in common with the clip, or the project cannot be written.
         """
-        if self.read_only:
-            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+        self.refuse_read_only()
         if reference is not None:
             reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
         with self._guard:

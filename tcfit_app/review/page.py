@@ -34,6 +34,7 @@ from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.status import Status
 from tcfit_app.review.timeline import Strip
 from tcfit_app.review.view_state import Mode, ViewState
+from tcfit_app.server.page_files import PageFiles
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
@@ -54,10 +55,13 @@ class Page:
         desk: what it draws from.
         do: how callbacks get to the drawing thread.
         remembered: states of tabs that were closed or reloaded, by the tab's own name.
+        files: which files of this computer it may name.
     """
 
-    def __init__(self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, ViewState]) -> None:
-        self.client, self.desk, self.session = client, desk, desk.session
+    def __init__(
+        self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, ViewState], files: PageFiles
+    ) -> None:
+        self.client, self.desk, self.session, self.files = client, desk, desk.session, files
         self.length = desk.length
         self.first_frame = desk.session.project.clip.first_frame
         """The number that users see for frame 0."""

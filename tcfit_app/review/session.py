@@ -167,7 +167,7 @@ class Session:
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
 
-    def import_run(self, path: str, choices: ImportChoices) -> Run:
+    def import_run(self, path: Path, choices: ImportChoices) -> Run:
         """Keep another program's result, at a path of this computer, as a run to compare with.
 
         Raises:
@@ -175,7 +175,7 @@ class Session:
                 written; nothing is kept then.
         """
         self._refuse_read_only("imported")
-        run = import_run(self.project, self.bodies, Path(path).expanduser(), choices)
+        run = import_run(self.project, self.bodies, path, choices)
         self.fits.changed()
         return run
 

@@ -23,6 +23,7 @@ from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.view_state import FitSettings
+from tcfit_app.server.page_files import PageFiles
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
 from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
 
@@ -168,7 +169,8 @@ def lone_page(
     server.gui._websock_interface.queue_message = sent.append  # pyright: ignore[reportAttributeAccessIssue]
     try:
         run = do or (lambda command: command())
-        yield LonePage(Page(cast(viser.ClientHandle, client), desk, run, {}), sent)
+        page = Page(cast(viser.ClientHandle, client), desk, run, {}, PageFiles(here=True))
+        yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue
         server.gui.reset()

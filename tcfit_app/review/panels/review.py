@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import viser
@@ -65,10 +64,9 @@ class ReviewPanel:
     def _find_video(self) -> None:
         page = self._page
         page.refuse_read_only()
-        given = self._path.value.strip().strip("\"'")
-        if not given:
+        if not self._path.value.strip():
             raise InputError("Type where the video is now: its file, or the folder of its images.")
-        page.session.project.relink(Path(given).expanduser())
+        page.session.project.relink(page.files.path(self._path.value))
         page.desk.reopen_video()
         media = page.session.project.media
         if media.problem:

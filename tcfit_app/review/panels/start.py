@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
+from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_source import Going
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
@@ -48,7 +49,7 @@ class StartPanel:
             self._boxes, self._boxes_file = self._add_model("boxes", "People", "Finds people before the model does")
             self._choice = Board(page)
         self._said = Board(page)
-        page.on_press("start.import", lambda _: page.session.source.import_path(self._path.value))
+        page.on_press("start.import", lambda _: self._import_path())
         page.on_press("start.detect", lambda _: self._detect())
         page.on_press("start.download", lambda name: page.session.source.download(name), _known_model)
         page.on_press("start.cancel", lambda _: page.session.source.cancel())
@@ -65,6 +66,13 @@ class StartPanel:
         async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
             file = event.target.value
             page.do(lambda: page.session.source.import_upload(file.name, file.content))
+
+    def _import_path(self) -> None:
+        if not self._path.value.strip():
+            raise InputError(
+                "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
+            )
+        self._page.session.source.import_path(self._page.files.path(self._path.value))
 
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
         gui = self._page.client.gui
@@ -104,7 +112,7 @@ class _ModelChoice:
     """A dropdown of models: none, those that are known, and a file."""
 
     def __init__(self, page: "Page", finds: str, label: str, hint: str) -> None:
-        self._finds = finds
+        self._page, self._finds = page, finds
         self._none = (_NONE,) if finds == "boxes" else ()
         self.chosen = self._none[0] if self._none else _FILE
         known = {model.name: title for title, model in self._options().items() if model is not None}
@@ -141,7 +149,7 @@ class _ModelChoice:
     def given(self, file: str) -> str:
         """What is chosen, as `KeypointSource.detect` takes it."""
         if self.chosen == _FILE:
-            return file
+            return str(self._page.files.path(file)) if file.strip() else ""
         known = self._options().get(self.chosen)
         return known.name if known is not None else ""
 

@@ -209,7 +209,7 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
     monkeypatch.setattr(compare, "SETTLING", 0.0)
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
         own, session = tested.fit(), tested.page.session
-        run = session.import_run(str(small_results(tmp_path / "theirs", tiny_body)), NONE)
+        run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE)
         tested.page.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
         tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
         shown = page_a(tested)

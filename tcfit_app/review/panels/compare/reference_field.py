@@ -56,11 +56,11 @@ class ReferenceField:
         return [take] if reference is None else [take, forget]
 
     def _from_path(self) -> None:
-        given = self._path.value.strip().strip("\"'")
-        if not given:
+        if not self._path.value.strip():
             raise InputError("Type where the reference is: a file, or a folder with a truth.npz or fit.npz.")
+        path = self._page.files.path(self._path.value)
         camera, placed = self._camera_given(), self._start_given()
-        self._read(lambda: placed(read_reference(Path(given).expanduser(), camera=camera)))
+        self._read(lambda: placed(read_reference(path, camera=camera)))
 
     def _uploaded(self, file) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
@@ -79,8 +79,7 @@ class ReferenceField:
 
     def _camera_given(self) -> Path | None:
         self._page.refuse_read_only()
-        given = self._camera.value.strip().strip("\"'")
-        return Path(given).expanduser() if given else None
+        return self._page.files.path(self._camera.value) if self._camera.value.strip() else None
 
     def _start_given(self) -> Callable[[Reference], Reference]:
         """What puts a reference where the user says that it begins."""

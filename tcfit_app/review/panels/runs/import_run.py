@@ -58,11 +58,11 @@ class ImportRun:
         return ImportChoices(first_frame=int(first) if first else None, body_model=body)
 
     def _import_path(self) -> None:
-        given = self._path.value.strip()
-        if not given:
+        if not self._path.value.strip():
             raise InputError("Give the path of a result first; expected a folder of SMPLify-X or an npz.")
         self._page.refuse_read_only()
-        self._done(self._page.session.import_run(given, self._choices()))
+        path = self._page.files.path(self._path.value)
+        self._done(self._page.session.import_run(path, self._choices()))
 
     async def _uploaded(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:

@@ -26,6 +26,7 @@ from tcfit_app.review.picture import _surroundings
 from tcfit_app.review.timeline import PLOTTED
 from tcfit_app.server.gated_viser import icon
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
 
 ATTACK = "<img src=x onerror=alert(1)>"
@@ -436,10 +437,7 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     assert tested.field("New place").visible
     told: list[str] = []
     page.notify = lambda notice: told.append(f"{notice.title}: {notice.text}")  # pyright: ignore[reportAttributeAccessIssue]
-    folder = tmp_path / "images"
-    folder.mkdir()
-    for frame in range(FRAMES):
-        (folder / f"{frame:03}.png").write_bytes(b"picture %d" % frame)
+    folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(FRAMES)))
     tested.field("New place")._impl.value = f'"{folder}" '
     tested.press("review.relink")
     assert told == [f"The video is found: {folder}"] and page.session.project.media.problem == ""
