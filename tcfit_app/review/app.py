@@ -42,7 +42,7 @@ class ReviewApp:
         self.pages: dict[int, Page] = {}
         self._remembered: dict[str, ViewState] = {}
         session.tell = self._tell
-        session.worker.outbox.arrived = lambda: self.post(lambda: None)
+        session.tasks.arrived = session.worker.outbox.arrived = lambda: self.post(lambda: None)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 

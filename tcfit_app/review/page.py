@@ -32,6 +32,7 @@ from tcfit_app.review.picture import Picture
 from tcfit_app.review.presses import Presses
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.status import Status
+from tcfit_app.review.tasks import Task, Value, Work
 from tcfit_app.review.timeline import Strip
 from tcfit_app.review.view_state import Mode, ViewState
 from tcfit_app.server.page_files import PageFiles
@@ -114,6 +115,21 @@ class Page:
     def do(self, command: Callable[[], None]) -> None:
         """Run something on the drawing thread; for callbacks of panels. What goes wrong is told in the tab."""
         self._do(self._guarded(command))
+
+    def begin(self, title: str, work: Work[Value], then: Callable[[Value], None]) -> Task[Value]:
+        """Do something slow beside the drawing thread. What goes wrong is told in the tab; it ends when that is closed.
+
+        Args:
+            title: What it is.
+            work: See `Tasks.submit`.
+            then: Gets what it has made, on the drawing thread.
+        """
+
+        def ended(task: Task[Value]) -> None:
+            if task.state != "cancelled":
+                self._guarded(lambda: then(task.result()))()
+
+        return self.session.tasks.submit(title, work, owner=self, then=ended)
 
     def on_press(self, command: str, run: Callable[[Any], None], read: Callable[[str], Any] = str) -> None:
         """What a button in a panel's HTML does (`panels/html.py`), as `Presses.on`. The command "action" is taken: it
@@ -222,9 +238,10 @@ class Page:
         self.set(mode=mode)
 
     def fit(self, choice: FitChoice) -> Shown | None:
-        """What a choice means now; None if there is nothing or it cannot be read, which the status line then says."""
+        """What a choice means now; None if there is nothing, or nothing yet, or if it cannot be read, which the status
+        line then says."""
         try:
-            return self.session.fits.show(choice)
+            return self.session.stored.show(choice)
         except InputError as error:
             self.status.problem = str(error)
             return None
@@ -341,6 +358,7 @@ class Page:
         """The tab is gone."""
         self.correcting.abandon()
         self.desk.video.leave(self)
+        self.session.tasks.leave(self)
 
 
 RECEIVERS: dict[type, Callable[[Page, Any], None]] = {

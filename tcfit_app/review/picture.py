@@ -173,7 +173,7 @@ class Picture:
         """Where a fit's body is in the clip; None while that is made."""
         meshes, step = self._desk.meshes(shown), -(-len(shown.params) // _SAMPLED)
         key = ("extent", shown.run.id, shown.phase, shown.revision)
-        return self._desk.background.get(key, lambda: extent(meshes.batch(shown.params[::step])))
+        return self._desk.tasks.get(key, lambda: extent(meshes.batch(shown.params[::step])))
 
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0

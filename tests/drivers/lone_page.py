@@ -4,7 +4,7 @@ import asyncio
 import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
@@ -14,6 +14,7 @@ from unittest.mock import MagicMock
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.project import Project
@@ -131,6 +132,10 @@ class LonePage:
             self.draw()
             time.sleep(0.005)
 
+    def settle(self) -> None:
+        """Until everything slow that was begun has ended."""
+        self.until(lambda: not self.page.session.tasks.busy)
+
     def fit(self) -> Run:
         """A whole fit to its end."""
         session = self.page.session
@@ -169,6 +174,9 @@ def lone_page(
     server.gui._websock_interface.queue_message = sent.append  # pyright: ignore[reportAttributeAccessIssue]
     try:
         run = do or (lambda command: command())
+        for stored in session.fits.showable():
+            with suppress(InputError):
+                session.fits.fit(stored)  # which the drawing thread would not wait for
         page = Page(cast(viser.ClientHandle, client), desk, run, {}, PageFiles(here=True))
         yield LonePage(page, sent)
     finally:

@@ -7,7 +7,7 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion.motion import AXES
-from tcfit_app.exports.exporting import Exporting
+from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
 from tcfit_app.fitting.fits import TITLES, FitChoice, Shown
@@ -29,6 +29,7 @@ from tcfit_app.review.panels.elements.html import (
 )
 from tcfit_app.review.presses import one_of
 from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.tasks import Step, Task
 from tcfit_app.review.view_state import ViewState
 
 if TYPE_CHECKING:
@@ -62,8 +63,10 @@ class ExportPanel:
     def __init__(self, page: "Page") -> None:
         self._page = page
         self._wishes = _Wishes()
-        self.running: Exporting | None = None
-        """The export that began last."""
+        self.running: Task[bytes] | None = None
+        """The export that began last; its title is the file's name."""
+        self._size = 0
+        """Of its file, in bytes."""
         self._files, self._said = Board(page), Board(page)
         page.on_press("export.begin", self._begin, EXPORTS.__getitem__)
         page.on_press("export.cancel", lambda _: self._stop())
@@ -76,19 +79,25 @@ class ExportPanel:
 
     def _begin(self, export: Export) -> None:
         if self.running is not None and self.running.state == "running":
-            raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
+            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
         page = self._page
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
         if (frames := self._frames) is not None and export.group != "Project":
             source = source[slice(frames.start, frames.stop)]
-        self.running = Exporting(
-            export,
-            source,
-            "-".join([source.name, *self._parts(export)]),
-            lambda name, content: page.client.send_file_download(name, content, save_immediately=True),
-        )
+        name = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)
+
+        def work(report: Step) -> bytes:
+            return content_of(export, source, lambda share: report("", share))
+
+        self.running = page.session.tasks.submit(name, work, owner=page, then=self._send)
+
+    def _send(self, made: Task[bytes]) -> None:
+        if made.state == "finished":
+            content = made.result()
+            self._size = len(content)
+            self._page.client.send_file_download(made.title, content, save_immediately=True)
 
     def _parts(self, export: Export) -> list[str]:
         """What files of other runs, phases and frames are told apart by: without it they are the newest run's last
@@ -147,9 +156,9 @@ class ExportPanel:
             self._files.show(*self._choices(titles), *self._groups(titles))
         going = self.running
         if going is not None and page.changes.of(
-            "export", going, going.state, going.stopping, round(100 * going.share)
+            "export", going, going.state, going.stopping, round(100 * (going.share or 0.0)), self._size
         ):
-            self._said.show(heading("Last file"), *_said(going))
+            self._said.show(heading("Last file"), *_said(going, self._size))
 
     def _choices(self, titles: dict[Side, str]) -> list[Html]:
         """Which run, which frames, which axes."""
@@ -220,20 +229,20 @@ def _axes_hint(name: str) -> str:
     return f"{AXES[name].text}; counts for SMPL-X npz, BVH, OBJ and PLY" if name else _AXES_HINT
 
 
-def _said(going: Exporting) -> list[Html]:
+def _said(going: Task[bytes], size: int) -> list[Html]:
     """How far an export is, or how it ended."""
-    name = words(going.name, "strong")
+    name = words(going.title, "strong")
     if going.state == "failed":
         return [paragraph(joined(name, text(" could not be made"))), paragraph(going.reason, "bad")]
     if going.state == "finished":
         sent = words("sent to the downloads", "good")
-        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(going.size)})")))]
+        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})")))]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
-    doing = " is being stopped …" if going.stopping else f" is being made … {going.share:.0%}"
+    doing = " is being stopped …" if going.stopping else f" is being made … {going.share or 0.0:.0%}"
     return [
         paragraph(joined(name, text(doing))),
-        progress_bar(going.share),
+        progress_bar(going.share or 0.0),
         row(button("Cancel", "export.cancel", disabled=going.stopping, kind="danger")),
     ]
 

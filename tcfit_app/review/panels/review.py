@@ -66,7 +66,11 @@ class ReviewPanel:
         page.refuse_read_only()
         if not self._path.value.strip():
             raise InputError("Type where the video is now: its file, or the folder of its images.")
-        page.session.project.relink(page.files.path(self._path.value))
+        path, project = page.files.path(self._path.value), page.session.project
+        page.begin("Looking for the video", lambda _: project.relink(path), lambda _: self._found_video())
+
+    def _found_video(self) -> None:
+        page = self._page
         page.desk.reopen_video()
         media = page.session.project.media
         if media.problem:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.imports.keypoint_source import Going
+from tcfit_app.review.keypoint_source import Going
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -207,7 +207,7 @@ def _fetchable(model: "KnownModel") -> list[Html]:
 
 def _said(going: Going) -> list[Html]:
     """How far a job is, or how it ended."""
-    title = heading(going.job.title)
+    title = heading(going.title)
     if going.state == "failed":
         return [title, paragraph(going.reason, "bad")]
     if going.state == "cancelled":

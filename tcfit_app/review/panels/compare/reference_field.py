@@ -1,11 +1,12 @@
 """Where a user says what fits are compared with: a part of the panel Compare."""
 
 import tempfile
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import viser
 
 from fitting_core.errors import InputError
 from fitting_core.measure.reference.files import read_reference
@@ -13,6 +14,7 @@ from fitting_core.measure.reference.reference import Reference
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
+from tcfit_app.review.tasks import Step, Task
 
 if TYPE_CHECKING:
     from tcfit_app.review.page import Page
@@ -28,7 +30,9 @@ class ReferenceField:
     """Shows the project's reference, and takes another one: from a path, or as a file from the browser."""
 
     def __init__(self, page: "Page") -> None:
-        self._page, self._reading = page, False
+        self._page = page
+        self._reading: Task[Reference] | None = None
+        """The reference that was asked for last."""
         gui = page.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(page)
@@ -37,22 +41,22 @@ class ReferenceField:
             self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
             self._buttons = Board(page)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
-        self._upload.on_upload(lambda event: page.do(lambda: self._uploaded(event.target.value)))
+        self._upload.on_upload(self._upload_came)
         page.on_press("compare.reference", lambda _: self._from_path())
         page.on_press("compare.forget", lambda _: self._forget())
 
     def draw(self) -> None:
         """Bring it to the project's state."""
         session = self._page.session
-        if self._page.changes.of("reference field", session.referenced, self._reading):
+        reading = self._reading is not None and self._reading.state == "running"
+        if self._page.changes.of("reference field", session.referenced, reading):
             reference = session.project.reference
-            self._told.show(paragraph(_READING if self._reading else _described(reference), "dim"))
-            self._buttons.show(row(*self._choices(reference)))
+            self._told.show(paragraph(_READING if reading else _described(reference), "dim"))
+            self._buttons.show(row(*self._choices(reference, off=reading or session.project.read_only)))
 
-    def _choices(self, reference: Reference | None) -> list[Html]:
-        closed = self._page.session.project.read_only or self._reading
-        take = button("Compare with it", "compare.reference", disabled=closed)
-        forget = button("Forget the reference", "compare.forget", disabled=closed)
+    def _choices(self, reference: Reference | None, *, off: bool) -> list[Html]:
+        take = button("Compare with it", "compare.reference", disabled=off)
+        forget = button("Forget the reference", "compare.forget", disabled=off)
         return [take] if reference is None else [take, forget]
 
     def _from_path(self) -> None:
@@ -62,7 +66,11 @@ class ReferenceField:
         camera, placed = self._camera_given(), self._start_given()
         self._read(lambda: placed(read_reference(path, camera=camera)))
 
-    def _uploaded(self, file) -> None:
+    async def _upload_came(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+        file = event.target.value  # now: another upload may take its place
+        self._page.do(lambda: self._uploaded(file))
+
+    def _uploaded(self, file: viser.UploadedFile) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
 
         def read() -> Reference:
@@ -89,29 +97,20 @@ class ReferenceField:
         return lambda found: found.starting_at(int(first), rate) if first else found
 
     def _read(self, read: Callable[[], Reference]) -> None:
-        """Read in a thread of its own: a body's joints over a clip take seconds, in which the page must live."""
-        page, bodies = self._page, self._page.session.bodies
-        self._reading = True
+        """Read it: a body's joints over a clip take seconds."""
+        session = self._page.session
 
-        def work() -> None:
-            try:
-                reference = read()
-                bodies.of_reference(reference)
-            except Exception as error:  # raised again on the thread that draws, which tells it in the tab
-                problem = error
-                page.do(lambda: self._failed(problem))
-            else:
-                page.do(lambda: self._take(reference))
+        def work(report: Step) -> Reference:
+            reference = read()
+            session.bodies.of_reference(reference)
+            report("Keeping it", None)
+            session.project.set_reference(reference)
+            return reference
 
-        threading.Thread(target=work, name="reference", daemon=True).start()
-
-    def _failed(self, problem: Exception) -> None:
-        self._reading = False
-        raise problem
+        self._reading = self._page.begin("Reading the reference", work, self._take)
 
     def _take(self, reference: Reference) -> None:
-        self._reading = False
-        self._page.session.set_reference(reference)
+        self._page.session.referenced += 1
         self._page.notify(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
 
     def _forget(self) -> None:

@@ -10,6 +10,7 @@ from fitting_core.errors import InputError
 from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
+from tcfit_app.review.tasks import Task, Work
 
 if TYPE_CHECKING:
     from tcfit_app.review.page import Page
@@ -31,6 +32,8 @@ class ImportRun:
 
     def __init__(self, page: "Page", imported: Callable[[Run], None]) -> None:
         self._page, self._imported = page, imported
+        self._reading: Task[Run] | None = None
+        """The import that began last."""
         gui = page.client.gui
         with gui.add_folder("Import a result", expand_by_default=False):
             Board(page).show(paragraph(_SAID, "dim"))
@@ -61,8 +64,8 @@ class ImportRun:
         if not self._path.value.strip():
             raise InputError("Give the path of a result first; expected a folder of SMPLify-X or an npz.")
         self._page.refuse_read_only()
-        path = self._page.files.path(self._path.value)
-        self._done(self._page.session.import_run(path, self._choices()))
+        path, choices, session = self._page.files.path(self._path.value), self._choices(), self._page.session
+        self._begin(lambda report: session.import_run(path, choices, report))
 
     async def _uploaded(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
@@ -71,7 +74,17 @@ class ImportRun:
 
     def _import_upload(self, file: viser.UploadedFile) -> None:
         self._page.refuse_read_only()
-        self._done(self._page.session.import_upload(file.name, file.content, self._choices()))
+        choices, session = self._choices(), self._page.session
+        self._begin(lambda report: session.import_upload(file.name, file.content, choices, report))
+
+    def _begin(self, work: Work[Run]) -> None:
+        if self._busy:
+            raise InputError("Another result is still being read: wait for it.")
+        self._reading = self._page.begin("Importing a result", work, self._done)
+
+    @property
+    def _busy(self) -> bool:
+        return self._reading is not None and self._reading.state == "running"
 
     def _done(self, run: Run) -> None:
         self._imported(run)
@@ -79,7 +92,9 @@ class ImportRun:
 
     def draw(self) -> None:
         """Send what changed."""
-        off = self._page.session.project.read_only
-        if self._page.changes.of("import", off):
-            self._buttons.show(row(button("Import", "import.path", disabled=off, kind="main")))
-            self._upload.disabled = off
+        off, busy = self._page.session.project.read_only, self._busy
+        if self._page.changes.of("import", off, busy):
+            self._buttons.show(
+                row(button("Importing …" if busy else "Import", "import.path", disabled=off or busy, kind="main"))
+            )
+            self._upload.disabled = off or busy

@@ -53,6 +53,7 @@ def name(page: LonePage, named: str, path: str) -> list[str]:
     page.field(field)._impl.value = path
     page.notices.clear()
     page.page.do(lambda: page.press(button))
+    page.settle()
     return [notice.text for notice in page.notices]
 
 

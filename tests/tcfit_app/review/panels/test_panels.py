@@ -440,6 +440,7 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(FRAMES)))
     tested.field("New place")._impl.value = f'"{folder}" '
     tested.press("review.relink")
+    tested.settle()
     assert told == [f"The video is found: {folder}"] and page.session.project.media.problem == ""
 
 
@@ -448,6 +449,7 @@ def test_a_wrong_place_is_told(tested: LonePage):
     tested.page.notify = lambda notice: told.append(notice.kind)  # pyright: ignore[reportAttributeAccessIssue]
     tested.field("New place")._impl.value = "/nowhere/walk.mp4"
     tested.page.do(lambda: tested.press("review.relink"))
+    tested.settle()
     assert told == ["error"]
 
 

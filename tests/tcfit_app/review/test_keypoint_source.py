@@ -1,6 +1,7 @@
 """Getting keypoints in the review: jobs beside the app, what they leave when they end, and the panel Start."""
 
 import io
+import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -17,10 +18,11 @@ from fitting_core.detect import known_models
 from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.imports import keypoint_source
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, Report
-from tcfit_app.imports.keypoint_source import PARTS
+from tcfit_app.project import project as project_module
 from tcfit_app.project.project import Project
+from tcfit_app.review import keypoint_source
+from tcfit_app.review.keypoint_source import PARTS
 from tcfit_app.review.panels.start import StartPanel
 from tcfit_app.review.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
@@ -149,6 +151,28 @@ def test_another_model_begins_anew(folder: Path, model: Path, tmp_path: Path, mo
         session.source.detect(str(brightest_model(tmp_path / "other.onnx", size=(48, 64))))
         ended(session)
         assert session.project.has_detections
+
+
+def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
+    session: Session, files: Path, monkeypatch: pytest.MonkeyPatch
+):
+    gate, writing, write = threading.Event(), threading.Event(), project_module.replace_detections
+
+    def slowly(*args: Any) -> None:
+        writing.set()
+        assert gate.wait(60)
+        write(*args)
+
+    monkeypatch.setattr(project_module, "replace_detections", slowly)
+    session.source.import_path(files)
+    assert writing.wait(60)
+    session.take_news()
+    project = session.project
+    assert not project.has_detections and project.log == () and not project.corrected.bad.any() and project.clip
+    assert not told(session)
+    gate.set()
+    ended(session)
+    assert project.has_detections and told(session)[-1].kind == "done"
 
 
 @pytest.mark.parametrize(
