@@ -208,7 +208,7 @@ def starting(review: Reviewing) -> Iterator[str]:
     yield "start"
     choose_model(review, "An ONNX file of yours")
     yield "own-model"
-    review.app.post(lambda: review.session.source.import_path("no/such/folder"))
+    review.app.post(lambda: review.session.source.import_path(Path("no/such/folder")))
     until(lambda: not review.session.source.busy, "the failure")
     settle(review)
     yield "failed"

@@ -38,7 +38,7 @@ def run_review(options: ReviewOptions) -> None:
             load_app()
             with opened(options) as project:
                 _take_reference(project, options.truth)
-                _review(project, server, models=options.models, fit=fit, body=body)
+                _review(project, server, options.server, models=options.models, fit=fit, body=body)
         return
     with opened(options) as project:
         _take_reference(project, options.truth)
@@ -57,10 +57,12 @@ def review(
         fit: what to start with if the project has no fit; None: nothing.
     """
     with _served(project.clip.name, options) as server:
-        _review(project, server, models=models, fit=fit)
+        _review(project, server, options, models=models, fit=fit)
 
 
 def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
+    if options.files is not None and not options.files.is_dir():
+        raise InputError(f"--files {options.files}: is no folder; expected one whose files pages may name.")
     return review_server(
         f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser, scripts=web_files()
     )
@@ -69,6 +71,7 @@ def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewS
 def _review(
     project: "Project",
     server: ReviewServer,
+    options: ServerOptions,
     *,
     models: Path | None,
     fit: FitConfig | None,
@@ -84,7 +87,7 @@ def _review(
     torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
     _log_warnings()
     session = Session(project, Bodies(models, body))
-    app = ReviewApp(session, server.viser)
+    app = ReviewApp(session, server.viser, files=options.files)
     try:
         if fit is not None and project.has_detections and not session.fits.runs and not project.read_only:
             session.fit_everything(fit, kind="smplx", gender="neutral")

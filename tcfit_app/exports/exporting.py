@@ -1,10 +1,10 @@
-"""Exports from their start to their end: files that appear whole or not at all, and a thread for the app's."""
+"""Exports from their start to their end: files that appear whole or not at all."""
 
 import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,7 +13,6 @@ from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.motion import Progress
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import Export
-from tcfit_app.imports.job_thread import JobThread
 from tcfit_app.project.storage import names
 
 _ZIPPING = 0.15
@@ -115,33 +114,9 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
             progress(done / len(files))
 
 
-class Exporting(JobThread):
-    """An export for a browser; cancelled, it leaves nothing. Begins at once.
-
-    Args:
-        export: what is written.
-        source: from what.
-        name: of the file, without the format's suffix.
-        done: gets the file's name and content, on the export's thread.
-    """
-
-    def __init__(self, export: Export, source: ExportSource, name: str, done: Callable[[str, bytes], None]) -> None:
-        super().__init__(f"The export {export.title}")
-        self.export, self.name = export, file_name(export, name, zipped=True)
-        self.share = 0.0
-        self.size = 0
-        """Bytes."""
-        self._source, self._done = source, done
-        self.start()
-
-    def _progress(self, share: float) -> None:
-        self._go_on()
-        self.share = share
-
-    def _work(self) -> None:
-        with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
-            path = Path(folder) / f"export{self.export.suffix}"
-            write_export(self.export, self._source, path, self._progress, zipped=True)
-            content = path.read_bytes()
-        self.size = len(content)
-        self._done(self.name, content)
+def content_of(export: Export, source: ExportSource, progress: Progress) -> bytes:
+    """An export as one file's content, of which nothing stays on the disk. As `write_export`."""
+    with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
+        path = Path(folder) / f"export{export.suffix}"
+        write_export(export, source, path, progress, zipped=True)
+        return path.read_bytes()

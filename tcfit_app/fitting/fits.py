@@ -1,6 +1,7 @@
 """The fits of an open project: what can be shown, what is streaming in, and where the worker's results are kept."""
 
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Container
 from dataclasses import dataclass, replace
@@ -27,6 +28,8 @@ from tcfit_app.project.storage.runs import Ended, Run
 
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
+IN_USE = 5.0
+"""Seconds since it was last asked for until a result counts as not on show any more."""
 TITLES = {1: "SMPLify-X", 2: "shared shape", 3: "temporal"}
 """What each phase is called where two of them stand side by side."""
 
@@ -89,7 +92,11 @@ class Fits:
     def __init__(self, project: Project) -> None:
         self._project = project
         self._lock = threading.RLock()
+        self._correcting = threading.Lock()
+        """Held from the reading of a run's corrections until they are stored with a change."""
         self._versions: OrderedDict[int, _Version] = OrderedDict()
+        self._asked: dict[int, float] = {}
+        """When each was asked for last."""
         self._revisions = count(1)
         self._runs: tuple[Run, ...] | None = None
         self._unwritten: dict[int, FitResult] = {}
@@ -139,18 +146,25 @@ class Fits:
         """
         return self._version(run).fit
 
+    def meant(self, choice: FitChoice) -> Run | None:
+        """The run that a choice means now."""
+        runs = [run for run in self.showable() if choice.run in (None, run.id)]
+        return newest(runs) if runs else None
+
+    def held(self, run: Run) -> bool:
+        """Whether what a run has found is in memory: nothing that is asked of it waits for the disk then."""
+        with self._lock:
+            return run.id in self._versions
+
     def show(self, choice: FitChoice) -> Shown | None:
         """The run and phase that a choice means now; a phase that is not there yet becomes the last one before it.
 
         Raises:
             InputError: Its file cannot be read.
         """
-        runs = self.showable()
-        if choice.run is not None:
-            runs = [run for run in runs if run.id == choice.run]
-        if not runs:
+        run = self.meant(choice)
+        if run is None:
             return None
-        run = newest(runs)
         version = self._version(run)
         if version.partial is not None and choice.phase in (None, 3):
             return self._shown(run, version, 3, version.partial, None)
@@ -170,6 +184,7 @@ class Fits:
             version = self._versions.get(run.id)
             if version is not None:
                 self._versions.move_to_end(run.id)
+                self._asked[run.id] = time.monotonic()
                 return version
         fit = self._project.runs.load(run.id)
         with self._lock:  # another thread may have published a newer one meanwhile
@@ -180,10 +195,18 @@ class Fits:
             version = _Version(fit=fit, partial=partial, revision=next(self._revisions))
             self._versions[run] = version
             self._versions.move_to_end(run)
-            running = {r.id for r in self.runs if r.state == "running"}
-            for old in [r for r in self._versions if r not in running][: max(0, len(self._versions) - KEPT_FITS)]:
-                del self._versions[old]
+            self._asked[run] = time.monotonic()
+            self._forget()
             return version
+
+    def _forget(self) -> None:
+        """Leave what is running or on show alone: tabs that evict each other's fits would read them for ever."""
+        since = time.monotonic() - IN_USE
+        running = {r.id for r in self.runs if r.state == "running"}
+        idle = [run for run in self._versions if run not in running and self._asked.get(run, 0.0) < since]
+        for old in idle[: max(0, len(self._versions) - KEPT_FITS)]:
+            del self._versions[old]
+            self._asked.pop(old, None)
 
     def begin(self, run: Run, start: Shown | None) -> None:
         """A run was submitted that goes on from another one's fit, or from nothing. Raises InputError as `fit`."""
@@ -268,7 +291,8 @@ class Fits:
         # Its own edit is among them: it was on the disk before the drag was released.
         seen = {entry.id for entry in self._project.log if entry.id <= correction.edits_seen}
         clip = correction.edited(xy)
-        self._correct(correction.origin, (correction.frames,), params, clip, correction.body, seen)
+        with self._correcting:
+            self._correct(correction.origin, (correction.frames,), params, clip, correction.body, seen)
 
     def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
         """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
@@ -279,7 +303,8 @@ class Fits:
             self.late.put(Late(run=self._project.runs.get(job.origin), frames=frozenset(late)))
         if windows:
             seen = {entry.id for entry in log if entry.id <= job.edits_seen}
-            self._correct(job.origin, windows, fit.last.params, inner.clip, inner.body, seen)
+            with self._correcting:
+                self._correct(job.origin, windows, fit.last.params, inner.clip, inner.body, seen)
 
     def _correct(
         self, run: int, windows: tuple[range, ...], params: BodyParams, clip: Clip, body: BodyModel, seen: set[int]
@@ -318,6 +343,8 @@ class Fits:
 
     def _store_corrections(self, base: Run, fit: FitResult, seen: int) -> None:
         runs = self._project.runs
+        if runs.get(base.id).deleted:
+            raise InputError(f"{base.name} was deleted: what followed its corrections is not kept.")
         if base.kind == "corrections":
             run = runs.amend(base.id, fit, edits_seen=seen)
         else:

@@ -63,8 +63,8 @@ class Following:
     """
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
-        self.live: LiveWindow | None = None
-        """What a drag has led to so far."""
+        self._windows_of: dict[int, LiveWindow] = {}
+        """What each drag has led to so far, by its number: several tabs may drag at once."""
         self.after_edits = True
         """Whether the fit follows edits by itself."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
@@ -73,6 +73,16 @@ class Following:
         self._recent: dict[int, _Recent] = {}
         self._settled: dict[int, _Recent] = {}
         """Held until the run's corrections before them are through: then one job follows them all."""
+
+    @property
+    def live(self) -> LiveWindow | None:
+        """What a drag has led to last; None while there is none."""
+        return max(self._windows_of.values(), key=lambda window: window.revision, default=None)
+
+    def window(self, run: int, frame: int) -> LiveWindow | None:
+        """What a drag has led to last in a frame of a run."""
+        there = (w for w in self._windows_of.values() if w.run == run and frame in w.frames)
+        return max(there, key=lambda window: window.revision, default=None)
 
     @property
     def busy(self) -> bool:
@@ -114,12 +124,14 @@ class Following:
         """A drag has led to another fit."""
         if moved.drag in self._drags:
             run = self._drags[moved.drag][1]
-            self.live = LiveWindow(run=run.id, frames=moved.frames, params=moved.params, revision=next(self._revisions))
+            self._windows_of[moved.drag] = LiveWindow(
+                run=run.id, frames=moved.frames, params=moved.params, revision=next(self._revisions)
+            )
 
     def take_end(self, report: DragFinished | DragAbandoned | DragFailed) -> None:
         """A drag has ended; one that failed is followed as other edits are, now or once it is released."""
         drag, run = self._drags.pop(report.drag, (None, None))
-        self.live = None
+        self._windows_of.pop(report.drag, None)
         if drag is None or run is None or not isinstance(report, DragFailed):
             return
         drag.failed = True

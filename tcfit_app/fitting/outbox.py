@@ -115,7 +115,8 @@ class News:
     """What came since the outbox was emptied last."""
 
     progress: JobProgress | None = None
-    moved: DragMoved | None = None
+    moved: tuple[DragMoved, ...] = ()
+    """Of each drag the newest."""
     reports: list[Report] = field(default_factory=list)
     """In order."""
 
@@ -128,7 +129,8 @@ class Outbox:
         """Called by the worker's thread when there is something new."""
         self._lock = threading.Lock()
         self._progress: JobProgress | None = None
-        self._moved: DragMoved | None = None
+        self._moved: dict[int, DragMoved] = {}
+        """By drag."""
         self._reports: list[Report] = []
 
     def show(self, latest: JobProgress | DragMoved) -> None:
@@ -137,7 +139,7 @@ class Outbox:
             if isinstance(latest, JobProgress):
                 self._progress = latest
             else:
-                self._moved = latest
+                self._moved[latest.drag] = latest
         self.arrived()
 
     def tell(self, report: Report) -> None:
@@ -146,13 +148,13 @@ class Outbox:
             if isinstance(report, JobFinished | JobCancelled | JobFailed):
                 self._progress = None
             if isinstance(report, DragFinished | DragAbandoned | DragFailed):
-                self._moved = None
+                self._moved.pop(report.drag, None)
             self._reports.append(report)
         self.arrived()
 
     def empty(self) -> News:
         """Everything since the last call."""
         with self._lock:
-            news = News(progress=self._progress, moved=self._moved, reports=self._reports)
-            self._progress, self._moved, self._reports = None, None, []
+            news = News(progress=self._progress, moved=tuple(self._moved.values()), reports=self._reports)
+            self._progress, self._moved, self._reports = None, {}, []
             return news

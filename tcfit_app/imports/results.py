@@ -1,5 +1,6 @@
 """Results of other programs as runs of a project: read, brought into its camera's space, and kept to compare with."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,6 +63,7 @@ def import_run(
     *,
     name: str = "",
     source: str = "",
+    goes_on: Callable[[], None] = lambda: None,
 ) -> Run:
     """Read a result and keep it as a finished run of the project.
 
@@ -74,12 +76,14 @@ def import_run(
         choices: None: all as the files say.
         name: Of the run; by default that of the file or folder.
         source: Where it comes from, for the user; by default the path.
+        goes_on: Called before anything is written; may raise, which ends it.
 
     Raises:
         InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be written.
     """
     source = name_of_file(source) if source else str(path)
     fit, body = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
+    goes_on()
     name, seen = name or name_of_file(_name(path.resolve())), project.last_edit
     run = project.runs.start(fit.config, body=record_of(body), edits_seen=seen, kind="imported", name=name)
     try:

@@ -169,6 +169,8 @@ class ServerOptions:
     """0 takes any."""
     browser: bool = True
     """Open the link in a browser, where there is one."""
+    files: Annotated[Path | None, _shown("DIR", "any, for browsers on this computer alone")] = None
+    """Folder whose files may be named in the page (videos, results, models), by browsers on other computers too."""
 
 
 @dataclass(frozen=True, kw_only=True)

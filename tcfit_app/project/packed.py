@@ -146,11 +146,14 @@ def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Pa
         link = _link(connection)
         if link is None or not (with_media or media.is_own(link)):
             return []
-        path = _own_video(folder, link) if media.is_own(link) else _video_elsewhere(folder, link)
+        own = media.is_own(link)
+        path = _own_video(folder, link) if own else _video_elsewhere(folder, link)
+        files = _files(path) if own else media.frames_of(path)
         packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
+        if not own and path.is_dir():
+            packed = msgspec.structs.replace(packed, fingerprint=media.fingerprint_of_images(files))
         connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
         connection.commit()
-    files = [path] if path.is_file() else _files(path)
     return [(file, packed.relative + f"/{file.name}" * (file != path)) for file in files]
 
 
@@ -169,7 +172,7 @@ def _link(connection: sqlite3.Connection) -> MediaLink | None:
 def _own_video(folder: Path, link: MediaLink) -> Path:
     """A video in the project. Raises InputError if one of its files, links followed, lies elsewhere."""
     path, own = folder / link.relative, folder.resolve() / media.FOLDER
-    for file in (path, *([] if path.is_file() else _files(path))):
+    for file in (path, *_files(path)):
         if not file.resolve().is_relative_to(own):
             raise InputError(
                 f"{folder}: was not packed: its video {link.relative!r} leads to {file.resolve()}, out of its folder "
@@ -178,9 +181,9 @@ def _own_video(folder: Path, link: MediaLink) -> Path:
     return path
 
 
-def _files(folder: Path) -> list[Path]:
-    """The visible ones of a folder."""
-    return sorted(file for file in folder.iterdir() if file.is_file() and file.name[0] != ".")
+def _files(path: Path) -> list[Path]:
+    """A file, or the visible ones of a folder."""
+    return [path] if path.is_file() else media.visible_files(path)
 
 
 def _add(archive: zipfile.ZipFile, files: list[tuple[Path, str]], progress: Progress | None) -> None:

@@ -62,6 +62,9 @@ class Project:
         self._clip: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
+        """Of what is known of the project; held for moments only, for the thread that draws asks for it."""
+        self._changing_files = threading.Lock()
+        """Of what takes longer: other detections, another video, another reference."""
         self._reference: Reference | None = None
         self._looked = False
         if held:
@@ -139,6 +142,11 @@ class Project:
         """Whether nothing can be changed."""
         return self._lock is None
 
+    def refuse_read_only(self) -> None:
+        """Raise InputError if nothing can be changed."""
+        if self.read_only:
+            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+
     @property
     def detections(self) -> Keypoints:
         """What was detected, in arrays that cannot be written."""
@@ -175,7 +183,7 @@ class Project:
             InputError: It has detections, the keypoints are of another number of frames or none, or the project cannot
                 be written; nothing has changed.
         """
-        with self._guard:
+        with self._changing_files:
             if self.has_detections:
                 raise InputError(f"{self.folder}: has its keypoints already. Make a new project for others.")
             if len(keypoints) != len(self._stored):
@@ -185,18 +193,22 @@ class Project:
             if not (keypoints.confidence > 0).any():
                 raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
             stored = replace(self._stored, keypoints=_fixed(keypoints), notes=(*self._stored.notes, *notes))
-            history = EditHistory(stored.keypoints, self._log)
+            EditHistory(stored.keypoints, self.log)  # what could not be opened again must not get onto the disk
             replace_detections(self.folder, self._database, stored.keypoints, stored.notes)
-            self._stored, self._history, self._detected = stored, history, True
+            with self._guard:
+                self._stored, self._detected = stored, True
+                self._history = EditHistory(stored.keypoints, self._log)
 
     def relink(self, source: Path) -> None:
         """Say where the video or the images are now.
 
         Raises:
-            InputError: There is nothing, or the project cannot be written.
+            InputError: There is nothing, it is no video and no folder of images, or the project cannot be written.
         """
-        link = media.link(source, self.folder)
-        with self._guard:
+        self.refuse_read_only()
+        with self._changing_files:
+            link = media.link(source, self.folder)
+            media.check_decodes(source)
             with self._database.transaction() as connection:
                 connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
             self.media = media.find(link, self.folder)
@@ -215,13 +227,13 @@ class Project:
         Raises:
             InputError: It has no frame in common with the clip, or the project cannot be written.
         """
-        if self.read_only:
-            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+        self.refuse_read_only()
         if reference is not None:
             reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
-        with self._guard:
+        with self._changing_files:
             store_reference(self.folder, reference)
-            self._reference, self._looked = reference, True
+            with self._guard:
+                self._reference, self._looked = reference, True
 
     @property
     def log(self) -> tuple[LogEntry, ...]:

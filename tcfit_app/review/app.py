@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import viser
 
@@ -15,6 +16,8 @@ from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import TabState
+from tcfit_app.server.gated_viser import is_here
+from tcfit_app.server.page_files import PageFiles
 
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
@@ -29,10 +32,11 @@ class ReviewApp:
     Args:
         session: the open project.
         server: behind its gate.
+        files: the folder that alone pages may name files of; None: see `PageFiles`.
     """
 
-    def __init__(self, session: Session, server: viser.ViserServer) -> None:
-        self.session = session
+    def __init__(self, session: Session, server: viser.ViserServer, *, files: Path | None = None) -> None:
+        self.session, self._server, self._files = session, server, files
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self.desk = Desk(session, lambda: self.post(lambda: None))
@@ -40,7 +44,7 @@ class ReviewApp:
         self._remembered: dict[str, TabState] = {}
         self._faults = Faults(self._tell)
         session.tell = self._tell
-        session.worker.outbox.arrived = lambda: self.post(lambda: None)
+        session.tasks.arrived = session.worker.outbox.arrived = lambda: self.post(lambda: None)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
@@ -55,7 +59,8 @@ class ReviewApp:
         self._commands.put(command)
 
     def _open(self, client: viser.ClientHandle) -> None:
-        self.pages[client.client_id] = Page(client, self.desk, self.post, self._remembered)
+        files = PageFiles(here=is_here(self._server, client.client_id), root=self._files)
+        self.pages[client.client_id] = Page(client, self.desk, self.post, self._remembered, files)
 
     def _close(self, client: int) -> None:
         if (page := self.pages.pop(client, None)) is not None:

@@ -23,6 +23,7 @@ from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.review.tab.tab import Do, Tab
+from tcfit_app.server.page_files import PageFiles
 
 _BEAT = 5.0
 """Seconds between two signs of life."""
@@ -32,8 +33,10 @@ SKELETON = Skeleton(names=tuple(full_name(joint) for joint in range(COUNT)))
 class Page:
     """Builds a tab's parts, hands them the page's events, and draws them. Arguments as of `Tab`."""
 
-    def __init__(self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, TabState]) -> None:
-        self.tab = Tab(client, desk, do, self.receive, remembered)
+    def __init__(
+        self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, TabState], files: PageFiles
+    ) -> None:
+        self.tab = Tab(client, desk, do, self.receive, remembered, files)
         self.gestures = Gestures(self.tab)
         self.tab.buttons.on("action", lambda action: action.run(self.gestures), ACTIONS.__getitem__)
         self.tab.channel.send("skeleton", SKELETON)
@@ -173,6 +176,7 @@ class Page:
         """The tab is gone."""
         self.gestures.correcting.abandon()
         self.tab.desk.video.leave(self.tab)
+        self.tab.session.tasks.leave(self.tab)
 
 
 RECEIVERS: dict[type, Callable[[Page, Any], None]] = {

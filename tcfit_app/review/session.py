@@ -33,7 +33,6 @@ from tcfit_app.fitting.outbox import (
 from tcfit_app.fitting.run_jobs import RunJob
 from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.fitting.worker import Drag, Worker
-from tcfit_app.imports.keypoint_source import KeypointSource
 from tcfit_app.imports.result_uploads import upload
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.edits.edit_log import LogEntry, edits_since
@@ -41,6 +40,9 @@ from tcfit_app.project.edits.kinds import Edit, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.runs import Run, RunKind
+from tcfit_app.review.keypoint_source import Going, KeypointSource
+from tcfit_app.review.stored_fits import StoredFits
+from tcfit_app.review.tasks import Step, Tasks
 
 _OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
     JobFinished: "finished",
@@ -66,7 +68,11 @@ class Session:
         self.worker = Worker(self.fits)
         self.following = Following(project, bodies, self.fits, self.worker)
         """Lets the fit follow drags and edits."""
-        self.source = KeypointSource(project)
+        self.tasks = Tasks()
+        """Whatever else is slow."""
+        self.stored = StoredFits(self.fits, self.tasks)
+        """The fits, for whoever draws."""
+        self.source = KeypointSource(project, self.tasks, self._take_keypoints)
         """Gets keypoints for a project that has none."""
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
@@ -87,7 +93,7 @@ class Session:
 
     def close(self) -> None:
         """End all work; what had finished is on the disk."""
-        self.source.close()
+        self.tasks.close()
         self.worker.close()
         for job in self.jobs.values():
             job.outcome, job.reason = "cancelled", "tcfit was closed"
@@ -167,23 +173,31 @@ class Session:
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
 
-    def import_run(self, path: str, choices: ImportChoices) -> Run:
-        """Keep another program's result, at a path of this computer, as a run to compare with.
+    def import_run(self, path: Path, choices: ImportChoices, report: Step = lambda text, share: None) -> Run:
+        """Keep another program's result, at a path of this computer, as a run to compare with. Slow: for `tasks`.
 
         Raises:
             InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
                 written; nothing is kept then.
         """
         self._refuse_read_only("imported")
-        run = import_run(self.project, self.bodies, Path(path).expanduser(), choices)
+        run = import_run(self.project, self.bodies, path, choices, goes_on=lambda: report("", None))
         self.fits.changed()
         return run
 
-    def import_upload(self, name: str, content: bytes, choices: ImportChoices) -> Run:
+    def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
         """The same with a file that a browser has sent. Raises InputError as `import_run`."""
         self._refuse_read_only("imported")
         with upload(name, content) as path:
-            run = import_run(self.project, self.bodies, path, choices, name=name_of_file(name), source=name)
+            run = import_run(
+                self.project,
+                self.bodies,
+                path,
+                choices,
+                name=name_of_file(name),
+                source=name,
+                goes_on=lambda: report("", None),
+            )
         self.fits.changed()
         return run
 
@@ -309,9 +323,9 @@ class Session:
         if news.progress is not None and (job := self.jobs.get(news.progress.job)):
             job.take(news.progress)
             self.changes += 1
-        if news.moved is not None:
-            self.following.take_move(news.moved)
-        self._take_keypoints()
+        for moved in news.moved:
+            self.following.take_move(moved)
+        self.tasks.take()
         self._end_late(time.monotonic())
         while not self.fits.late.empty():
             late = self.fits.late.get()
@@ -321,17 +335,14 @@ class Session:
         if correction is not None:
             self._enqueue(correction, None, follows=correction.origin)
 
-    def _take_keypoints(self) -> None:
+    def _take_keypoints(self, ended: Going) -> None:
         """Take up what has ended of getting keypoints."""
-        ended = self.source.take()
-        if ended is None:
-            return
         self.changes += 1
         if ended.state == "failed":
-            self.tell(Notice(title=f"{ended.job.title} failed", text=ended.reason, kind="error"))
-        elif ended.state == "finished" and ended.found is not None:
+            self.tell(Notice(title=f"{ended.title} failed", text=ended.reason, kind="error"))
+        elif ended.state == "finished" and (found := ended.result()) is not None:
             self.edits += 1
-            self.tell(Notice(title="This project has its keypoints", text="\n".join(ended.found.notes), kind="done"))
+            self.tell(Notice(title="This project has its keypoints", text="\n".join(found.notes), kind="done"))
 
     def _take_whatever_comes(self, report: Report) -> None:
         """A report that cannot be taken up must not take those after it along: jobs would seem to run for ever."""

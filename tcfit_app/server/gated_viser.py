@@ -5,25 +5,32 @@ The one call with which viser starts its network server is answered here (`viser
 
 import logging
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from traceback import walk_tb
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import rich
 import viser
 import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import InvalidMessage
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
 from tcfit_app.server import viser_bridge
 from tcfit_app.server.gate import Gate, protect
+from tcfit_app.server.page_files import on_this_computer
 
 REQUEST_SECONDS = 30.0
 """How long one request may take, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
 GOODBYE_SECONDS = 1.0
 """How long browsers have to hang up when the server stops."""
+
+_here: ContextVar[bool] = ContextVar("whether a connection comes from this computer", default=False)
+_clients_here: WeakKeyDictionary[viser.ViserServer, set[int]] = WeakKeyDictionary()
 
 # Below INFO, websockets logs whole requests, with tokens and cookies.
 _log = logging.getLogger("tcfit_app.requests")
@@ -60,7 +67,7 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
         """In place of websockets' own; host and port are the socket's."""
         options |= {"process_request": _checked(gate, options["process_request"]), "logger": _log}
         options |= {"open_timeout": REQUEST_SECONDS, "close_timeout": REQUEST_SECONDS, "server_header": None}
-        serving = websockets.asyncio.server.serve(handler, sock=listening, **options)
+        serving = websockets.asyncio.server.serve(_located(handler), sock=listening, **options)
         started.append(serving.server)
         return serving
 
@@ -71,6 +78,7 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
         if not started:
             raise RuntimeError(f"viser {viser.__version__} starts its server in a way that tcfit does not know")
         viser_bridge.forbid_sharing(server)
+        _note_clients_here(server)
         yield server
     finally:
         with suppress(RuntimeError):  # somebody stopped viser before: its loop is closed
@@ -78,6 +86,33 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
                 server.get_event_loop().call_soon_threadsafe(_hang_up, network)
         with _quiet():
             server.stop()
+
+
+def is_here(server: viser.ViserServer, client: int) -> bool:
+    """Whether a client of a gated server, by its number, is a browser on this computer."""
+    return client in _clients_here.get(server, ())
+
+
+def _located(handler: Callable[[ServerConnection], Awaitable[None]]) -> Callable[[ServerConnection], Awaitable[None]]:
+    """viser's handler of a websocket, in which `_here` says where that comes from."""
+
+    async def located(connection: ServerConnection) -> None:
+        request, other_end = connection.request, connection.remote_address
+        _here.set(request is not None and bool(other_end) and on_this_computer(other_end[0], request.headers))
+        await handler(connection)
+
+    return located
+
+
+def _note_clients_here(server: viser.ViserServer) -> None:
+    """Keep the numbers of clients on this computer. Nobody has a link yet, so none is missed."""
+    here = _clients_here.setdefault(server, set())
+
+    def connected(client: int) -> None:
+        if _here.get():
+            here.add(client)
+
+    viser_bridge.watch_connections(server, connected, here.discard)
 
 
 def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> Callable[..., Response | None]:

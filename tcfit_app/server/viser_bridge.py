@@ -141,6 +141,22 @@ def forbid_sharing(server: viser.ViserServer) -> None:
         server._websock_server.unregister_handler(message)
 
 
+def watch_connections(
+    server: viser.ViserServer, connected: Callable[[int], None], disconnected: Callable[[int], None]
+) -> None:
+    """Be told the numbers of tabs that come and go, in the context of their own connection and before viser's tabs
+    are made."""
+
+    async def come(client: _infra.WebsockClientConnection) -> None:
+        connected(client.client_id)
+
+    async def gone(client: _infra.WebsockClientConnection) -> None:
+        disconnected(client.client_id)
+
+    server._websock_server.on_client_connect(come)
+    server._websock_server.on_client_disconnect(gone)
+
+
 def handles_messages(frame: FrameType) -> bool:
     """Whether this is viser's loop that reads what a page sends."""
     return frame.f_code is _infra._message_consumer.__code__

@@ -4,7 +4,7 @@ import asyncio
 import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
@@ -14,6 +14,7 @@ from unittest.mock import MagicMock
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.project import Project
@@ -23,6 +24,7 @@ from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import FitSettings
+from tcfit_app.server.page_files import PageFiles
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
 from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
 
@@ -135,6 +137,10 @@ class LonePage:
             self.draw()
             time.sleep(0.005)
 
+    def settle(self) -> None:
+        """Until everything slow that was begun has ended."""
+        self.until(lambda: not self.page.tab.session.tasks.busy)
+
     def fit(self) -> Run:
         """A whole fit to its end."""
         session = self.page.tab.session
@@ -173,7 +179,11 @@ def lone_page(
     server.gui._websock_interface.queue_message = sent.append  # pyright: ignore[reportAttributeAccessIssue]
     try:
         run = do or (lambda command: command())
-        yield LonePage(Page(cast(viser.ClientHandle, client), desk, run, {}), sent)
+        for stored in session.fits.showable():
+            with suppress(InputError):
+                session.fits.fit(stored)  # which the drawing thread would not wait for
+        page = Page(cast(viser.ClientHandle, client), desk, run, {}, PageFiles(here=True))
+        yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue
         server.gui.reset()

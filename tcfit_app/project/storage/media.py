@@ -3,13 +3,16 @@
 import hashlib
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.video.frame_names import natural_key
+from fitting_core.video.frames import FrameSource, image_files
 from tcfit_app.project.storage.durable import accessing, sync
 from tcfit_app.project.storage.names import portable
 
@@ -51,6 +54,29 @@ def link(source: Path, project: Path) -> MediaLink:
     return MediaLink(relative=relative, absolute=str(source), fingerprint=fingerprint(source))
 
 
+def check_decodes(path: Path) -> None:
+    """Refuse what is no video and no image: a link to it would hand on any other file with the project.
+
+    Raises:
+        InputError: It cannot be decoded, or an image's file holds something else.
+    """
+    with FrameSource(_named(path)) as source:
+        images = image_files(path) if source.stems is not None else ()
+    for image in images:
+        if not cv2.haveImageReader(str(_named(image))):
+            raise InputError(f"{image}: is no image that can be decoded. Remove it from its folder.")
+
+
+def frames_of(path: Path) -> list[Path]:
+    """The files that hold a clip's frames: the video, or the images of a folder and nothing else that lies there.
+
+    Raises:
+        InputError: As `check_decodes`.
+    """
+    check_decodes(path)
+    return list(image_files(path)) if path.is_dir() else [path]
+
+
 def copy(source: Path, project: Path) -> MediaLink:
     """Copy a video, or the files of a folder of images, into a project that has no media yet.
 
@@ -63,7 +89,7 @@ def copy(source: Path, project: Path) -> MediaLink:
         target.parent.mkdir()
         if source.is_dir():
             target.mkdir()
-            for file in _files(source):
+            for file in visible_files(source):
                 shutil.copyfile(file, target / file.name)
                 sync(target / file.name)
         else:
@@ -132,22 +158,28 @@ def fingerprint(path: Path) -> str:
     Raises:
         InputError: It cannot be read.
     """
-    digest = hashlib.sha256()
     try:
         if path.is_dir():
-            files = _files(path)
-            digest.update("\n".join(f"{file.name}/{file.stat().st_size}" for file in files).encode())
-            files = files[:1]
-        else:
-            files = [path]
-        for file in files:
-            _add_blocks(digest, file)
+            return fingerprint_of_images(visible_files(path))
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: is neither a file nor a folder; expected a video or a folder of images.")
+        digest = hashlib.sha256()
+        _add_blocks(digest, path)
+        return digest.hexdigest()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}). Allow reading it.") from error
+
+
+def fingerprint_of_images(files: Sequence[Path]) -> str:
+    """`fingerprint` of a folder that holds these files, in natural order. Raises OSError if one cannot be read."""
+    digest = hashlib.sha256("\n".join(f"{file.name}/{file.stat().st_size}" for file in files).encode())
+    for file in files[:1]:
+        _add_blocks(digest, file)
     return digest.hexdigest()
 
 
-def _files(folder: Path) -> list[Path]:
+def visible_files(folder: Path) -> list[Path]:
+    """Those of a folder whose names do not begin with a dot, in natural order."""
     visible = [file for file in folder.iterdir() if file.is_file() and not file.name.startswith(".")]
     return sorted(visible, key=lambda file: natural_key(file.name))
 

@@ -151,7 +151,7 @@ class Picture:
         """Where a fit's body is in the clip; None while that is made."""
         meshes, step = self._desk.meshes(fit), -(-len(fit.params) // _SAMPLED)
         key = ("extent", fit.run.id, fit.phase, fit.revision)
-        return self._desk.background.get(key, lambda: extent(meshes.batch(fit.params[::step])))
+        return self._desk.tasks.get(key, lambda: extent(meshes.batch(fit.params[::step])))
 
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0

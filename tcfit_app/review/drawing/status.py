@@ -63,7 +63,7 @@ class Status:
         if going is None or going.state != "running":
             return Chip(text="No keypoints yet: import or detect them in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
-        return Chip(text=f"{going.job.title}: {going.text}", kind="busy", progress=progress)
+        return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 
 
 def progress_chip(job: RunningJob) -> Chip:

@@ -7,7 +7,7 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion.motion import AXES
-from tcfit_app.exports.exporting import Exporting
+from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
 from tcfit_app.fitting.fits import TITLES, Shown
@@ -32,6 +32,7 @@ from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.tasks import Step, Task
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
@@ -60,8 +61,10 @@ class ExportPanel:
     def __init__(self, gestures: Gestures) -> None:
         self._tab = tab = gestures.tab
         self._wishes = _Wishes()
-        self.running: Exporting | None = None
-        """The export that began last."""
+        self.running: Task[bytes] | None = None
+        """The export that began last; its title is the file's name."""
+        self._size = 0
+        """Of its file, in bytes."""
         self._files, self._said = Board(tab), Board(tab)
         tab.buttons.on("export.begin", self._begin, EXPORTS.__getitem__)
         tab.buttons.on("export.cancel", lambda _: self._stop())
@@ -74,20 +77,25 @@ class ExportPanel:
 
     def _begin(self, export: Export) -> None:
         if self.running is not None and self.running.state == "running":
-            raise InputError(f"{self.running.name} is still being made: wait for it, or cancel it.")
+            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
         tab = self._tab
-        tab.look()
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
         if (frames := self._frames) is not None and export.group != "Project":
             source = source[slice(frames.start, frames.stop)]
-        self.running = Exporting(
-            export,
-            source,
-            "-".join([source.name, *self._parts(export)]),
-            lambda name, content: tab.client.send_file_download(name, content, save_immediately=True),
-        )
+        name = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)
+
+        def work(report: Step) -> bytes:
+            return content_of(export, source, lambda share: report("", share))
+
+        self.running = tab.session.tasks.submit(name, work, owner=tab, then=self._send)
+
+    def _send(self, made: Task[bytes]) -> None:
+        if made.state == "finished":
+            content = made.result()
+            self._size = len(content)
+            self._tab.client.send_file_download(made.title, content, save_immediately=True)
 
     def _parts(self, export: Export) -> list[str]:
         """What files of other runs, phases and frames are told apart by: without it they are the newest run's last
@@ -140,9 +148,9 @@ class ExportPanel:
             self._files.show(*self._choices(titles), *self._groups(titles))
         going = self.running
         if going is not None and tab.sent.differs(
-            "export", going, going.state, going.stopping, round(100 * going.share)
+            "export", going, going.state, going.stopping, round(100 * (going.share or 0.0)), self._size
         ):
-            self._said.show(heading("Last file"), *_said(going))
+            self._said.show(heading("Last file"), *_said(going, self._size))
 
     def _choices(self, titles: dict[Side, str]) -> list[Html]:
         """Which run, which frames, which axes."""
@@ -219,20 +227,20 @@ def _axes_hint(name: str) -> str:
     return f"{AXES[name].text}; counts for SMPL-X npz, BVH, OBJ and PLY" if name else _AXES_HINT
 
 
-def _said(going: Exporting) -> list[Html]:
+def _said(going: Task[bytes], size: int) -> list[Html]:
     """How far an export is, or how it ended."""
-    name = words(going.name, "strong")
+    name = words(going.title, "strong")
     if going.state == "failed":
         return [paragraph(joined(name, text(" could not be made"))), paragraph(going.reason, "bad")]
     if going.state == "finished":
         sent = words("sent to the downloads", "good")
-        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(going.size)})")))]
+        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})")))]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
-    doing = " is being stopped …" if going.stopping else f" is being made … {going.share:.0%}"
+    doing = " is being stopped …" if going.stopping else f" is being made … {going.share or 0.0:.0%}"
     return [
         paragraph(joined(name, text(doing))),
-        progress_bar(going.share),
+        progress_bar(going.share or 0.0),
         row(button("Cancel", "export.cancel", disabled=going.stopping, kind="danger")),
     ]
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import ClassVar
 
 import viser
@@ -64,10 +63,13 @@ class ReviewPanel:
     def _find_video(self) -> None:
         tab = self._tab
         tab.refuse_read_only()
-        given = self._path.value.strip().strip("\"'")
-        if not given:
+        if not self._path.value.strip():
             raise InputError("Type where the video is now: its file, or the folder of its images.")
-        tab.session.project.relink(Path(given).expanduser())
+        path, project = tab.files.path(self._path.value), tab.session.project
+        tab.begin("Looking for the video", lambda _: project.relink(path), lambda _: self._found_video())
+
+    def _found_video(self) -> None:
+        tab = self._tab
         tab.desk.reopen_video()
         media = tab.session.project.media
         if media.problem:

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
-from tcfit_app.imports.keypoint_source import Going
+from fitting_core.errors import InputError
 from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.keypoint_source import Going
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -51,7 +52,7 @@ class StartPanel:
             self._boxes, self._boxes_file = self._add_model("boxes", "People", "Finds people before the model does")
             self._choice = Board(tab)
         self._said = Board(tab)
-        tab.buttons.on("start.import", lambda _: tab.session.source.import_path(self._path.value))
+        tab.buttons.on("start.import", lambda _: self._import_path())
         tab.buttons.on("start.detect", lambda _: self._detect())
         tab.buttons.on("start.download", lambda name: tab.session.source.download(name), _known_model)
         tab.buttons.on("start.cancel", lambda _: tab.session.source.cancel())
@@ -68,6 +69,13 @@ class StartPanel:
         async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
             file = event.target.value
             tab.do(lambda: tab.session.source.import_upload(file.name, file.content))
+
+    def _import_path(self) -> None:
+        if not self._path.value.strip():
+            raise InputError(
+                "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
+            )
+        self._tab.session.source.import_path(self._tab.files.path(self._path.value))
 
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
         gui = self._tab.client.gui
@@ -110,7 +118,7 @@ class _ModelChoice:
     """A dropdown of models: none, those that are known, and a file."""
 
     def __init__(self, tab: Tab, finds: str, label: str, hint: str) -> None:
-        self._finds = finds
+        self._tab, self._finds = tab, finds
         self._none = (_NONE,) if finds == "boxes" else ()
         self.chosen = self._none[0] if self._none else _FILE
         known = {model.name: title for title, model in self._options().items() if model is not None}
@@ -147,7 +155,7 @@ class _ModelChoice:
     def given(self, file: str) -> str:
         """What is chosen, as `KeypointSource.detect` takes it."""
         if self.chosen == _FILE:
-            return file
+            return str(self._tab.files.path(file)) if file.strip() else ""
         known = self._options().get(self.chosen)
         return known.name if known is not None else ""
 
@@ -205,7 +213,7 @@ def _fetchable(model: "KnownModel") -> list[Html]:
 
 def _said(going: Going) -> list[Html]:
     """How far a job is, or how it ended."""
-    title = heading(going.job.title)
+    title = heading(going.title)
     if going.state == "failed":
         return [title, paragraph(going.reason, "bad")]
     if going.state == "cancelled":

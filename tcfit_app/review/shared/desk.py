@@ -19,8 +19,8 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.following import LiveWindow
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.session import Session
-from tcfit_app.review.shared.background import Background, Value
 from tcfit_app.review.shared.video_frames import VideoFrames
+from tcfit_app.review.tasks import Value
 
 _GROUND_PERCENTILE = 95.0
 """Of the lowest joint's height over the frames: a foot that the fit pushes through the floor now and then is none."""
@@ -48,7 +48,7 @@ class Desk:
         self.session = session
         clip = session.project.clip
         self.length, self.size = len(clip), clip.camera.size
-        self.background, self._wake = Background(wake), wake
+        self.tasks, self._wake = session.tasks, wake
         self._meshes: dict[str, Meshes] = {}
         self.warming = False
         """Whether the first body is still being read (a second): nothing on the drawing thread waits for it."""
@@ -64,7 +64,7 @@ class Desk:
         """Read what the first picture of a fitted project needs, before anybody asks for it."""
         self.warming = True
         self.video.get(0)
-        self.background.get("warm", self._first_body)
+        self.tasks.get("warm", self._first_body)
 
     def _first_body(self) -> None:
         try:
@@ -82,8 +82,7 @@ class Desk:
         self.video = self._opened()
 
     def close(self) -> None:
-        """End its threads."""
-        self.background.close()
+        """End its thread."""
         self.video.close()
 
     def meshes(self, shown: Shown) -> Meshes:
@@ -133,7 +132,7 @@ class Desk:
         one, other = self._ready(a), self._ready(b)
         if one is None or other is None:
             return None
-        return self.background.get(("between", self.key(a), self.key(b)), lambda: between_runs(one(), other()))
+        return self.tasks.get(("between", self.key(a), self.key(b)), lambda: between_runs(one(), other()))
 
     def ground(self, shown: Shown) -> float | None:
         """Height of the floor under a run's person (y in camera space, metres); None while it is made."""
@@ -154,7 +153,7 @@ class Desk:
 
     def metrics_problem(self, shown: Shown) -> str:
         """Why a run cannot be measured; empty if that is not so."""
-        return self._body_problem(shown) or self.background.problem(("metrics", self.key(shown)))
+        return self._body_problem(shown) or self.tasks.problem(("metrics", self.key(shown)))
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run against the project's reference, empty without one; None while they are taken."""
@@ -169,7 +168,7 @@ class Desk:
 
     def reference_problem(self, shown: Shown) -> str:
         """Why a run cannot be compared with the reference; empty if that is not so."""
-        return self.background.problem(self._reference_key(shown))
+        return self.tasks.problem(self._reference_key(shown))
 
     def _reference_key(self, shown: Shown) -> Hashable:
         return "reference", shown.run.id, shown.phase, shown.revision, self.session.referenced
@@ -200,14 +199,14 @@ class Desk:
 
     def suspects_problem(self, shown: Shown) -> str:
         """Why there will be no review queue of a run; empty if nothing is wrong."""
-        return self._body_problem(shown) or self.background.problem(self._suspects_key(shown))
+        return self._body_problem(shown) or self.tasks.problem(self._suspects_key(shown))
 
     def _suspects_key(self, shown: Shown) -> Hashable:
         return "suspects", self.key(shown), self.session.marked
 
     def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
         posed = self._ready(shown)
-        return None if posed is None else self.background.get(key, lambda: make(posed()))
+        return None if posed is None else self.tasks.get(key, lambda: make(posed()))
 
     def _ready(self, shown: Shown) -> Callable[[], PosedFit] | None:
         """`_poser` of a run, if its body model is there by now."""

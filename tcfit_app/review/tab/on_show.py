@@ -6,9 +6,10 @@ from typing import Literal
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import FitChoice, Fits, Shown
+from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.following import LiveWindow
 from tcfit_app.review.session import Session
+from tcfit_app.review.stored_fits import StoredFits
 from tcfit_app.review.tab.state import TabState
 
 Side = Literal["a", "b"]
@@ -24,8 +25,10 @@ class OnShow:
     """None: there is none yet, or it cannot be read."""
     b: Shown | None
     """The one that corrections are made to."""
-    live: LiveWindow | None
-    """What a drag makes of the frames around this one in A or B, drawn in place of what is stored."""
+    live_a: LiveWindow | None
+    """What a drag makes of the frames around this one in A, drawn in place of what is stored."""
+    live_b: LiveWindow | None
+    """The same for B."""
     places: tuple[tuple[Side, ...], ...]
     """The bodies of each poster, or of the room."""
     camera: Camera
@@ -38,8 +41,14 @@ class OnShow:
         return self.a if side == "a" else self.b
 
     def live_of(self, side: Side) -> LiveWindow | None:
-        """The live window, if this side's body is drawn from it."""
-        return self.live if _covers(self.live, self.fit(side), self.frame) else None
+        """The live window from which this side's body is drawn, if there is one."""
+        return self.live_a if side == "a" else self.live_b
+
+    @property
+    def live(self) -> LiveWindow | None:
+        """The newer of both live windows."""
+        windows = (window for window in (self.live_a, self.live_b) if window is not None)
+        return max(windows, key=lambda window: window.revision, default=None)
 
     @property
     def revision(self) -> int | None:
@@ -55,21 +64,22 @@ class OnShow:
 def on_show(state: TabState, session: Session) -> OnShow:
     """What a tab's state means now."""
     problems: list[str] = []
-    a, b = (_read(session.fits, choice, problems) for choice in (state.a, state.b))
-    live, clip = session.following.live, session.project.clip.camera
+    a, b = (_read(session.stored, choice, problems) for choice in (state.a, state.b))
+    clip = session.project.clip.camera
     there = [fit for fit in (b, a) if fit is not None]
     return OnShow(
         frame=state.frame,
         a=a,
         b=b,
-        live=live if any(_covers(live, fit, state.frame) for fit in there) else None,
+        live_a=_live(session, a, state.frame),
+        live_b=_live(session, b, state.frame),
         places=_places(state),
         camera=there[0].camera if state.mode == "space" and there else clip,
         problem=" ".join(dict.fromkeys(problems)),
     )
 
 
-def _read(fits: Fits, choice: FitChoice, problems: list[str]) -> Shown | None:
+def _read(fits: StoredFits, choice: FitChoice, problems: list[str]) -> Shown | None:
     try:
         return fits.show(choice)
     except InputError as error:
@@ -77,11 +87,13 @@ def _read(fits: Fits, choice: FitChoice, problems: list[str]) -> Shown | None:
         return None
 
 
-def _covers(live: LiveWindow | None, fit: Shown | None, frame: int) -> bool:
-    """Whether a drag moves a fit's body in this frame: it is of this run, or of the one whose corrections this is."""
-    if live is None or fit is None or fit.phase != 3 or frame not in live.frames:
-        return False
-    return live.run == fit.run.id or (fit.run.kind == "corrections" and live.run == fit.run.parent)
+def _live(session: Session, fit: Shown | None, frame: int) -> LiveWindow | None:
+    """What a drag makes of a fit in a frame: a drag in this run, or in the one whose corrections it is."""
+    if fit is None or fit.phase != 3:
+        return None
+    runs = (fit.run.id, fit.run.parent) if fit.run.kind == "corrections" else (fit.run.id,)
+    windows = [session.following.window(run, frame) for run in runs if run is not None]
+    return max((w for w in windows if w is not None), key=lambda window: window.revision, default=None)
 
 
 def _places(state: TabState) -> tuple[tuple[Side, ...], ...]:

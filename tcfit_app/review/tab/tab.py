@@ -19,6 +19,8 @@ from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.playback import Playback
 from tcfit_app.review.tab.sent import Sent
 from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.tasks import Task, Value, Work
+from tcfit_app.server.page_files import PageFiles
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
@@ -37,6 +39,7 @@ class Tab:
         do: how callbacks get to the drawing thread.
         receive: takes up what the page's script tells.
         remembered: states of tabs that were closed or reloaded, by the tab's own name.
+        files: which files of this computer the page may name.
     """
 
     def __init__(
@@ -46,8 +49,9 @@ class Tab:
         do: Do,
         receive: Callable[[PageEvent], None],
         remembered: dict[str, TabState],
+        files: PageFiles,
     ) -> None:
-        self.client, self.desk, self.session = client, desk, desk.session
+        self.client, self.desk, self.session, self.files = client, desk, desk.session, files
         self.length = desk.length
         self.first_frame = desk.session.project.clip.first_frame
         """The number that users see for frame 0."""
@@ -70,6 +74,21 @@ class Tab:
     def do(self, command: Callable[[], None]) -> None:
         """Run something on the drawing thread; for callbacks. What goes wrong is told in the tab."""
         self._do(self.guarded(command))
+
+    def begin(self, title: str, work: Work[Value], then: Callable[[Value], None]) -> Task[Value]:
+        """Do something slow beside the drawing thread. What goes wrong is told in the tab; it ends when that is closed.
+
+        Args:
+            title: What it is.
+            work: See `Tasks.submit`.
+            then: Gets what it has made, on the drawing thread.
+        """
+
+        def ended(task: Task[Value]) -> None:
+            if task.state != "cancelled":
+                self.guarded(lambda: then(task.result()))()
+
+        return self.session.tasks.submit(title, work, owner=self, then=ended)
 
     def guarded(self, command: Callable[[], None]) -> Callable[[], None]:
         """A command that tells in the tab what goes wrong in it."""

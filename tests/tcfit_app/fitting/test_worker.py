@@ -128,7 +128,7 @@ class Reader:
         news = self.outbox.empty()
         self.reports += news.reports
         self.progress += [news.progress] if news.progress else []
-        self.moved += [news.moved] if news.moved else []
+        self.moved += news.moved
         return self
 
     def of(self, *kinds: type) -> list[Any]:

@@ -1,9 +1,11 @@
 """Results of other programs as runs of a project: on the command line, in the session, in the panel Runs."""
 
 import pickle
+import threading
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -14,11 +16,13 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
+from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.motion import Motion
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.priors.files.network_file import write_network
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.imports import results as importing
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.compare import compare_panel as compare
@@ -143,6 +147,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     session, tab = tested.page.tab.session, tested.page.tab
     tested.field("Path").value = f" {small_results(tmp_path / 'theirs', tiny_body)} "
     tested.click("Import")
+    tested.settle()
     assert tested.notices == [] or tested.notices[-1].kind != "error"
     run = session.fits.runs[-1]
     assert run.kind == "imported" and tab.message[0] == "Imported: theirs; show it as A or B"
@@ -160,12 +165,56 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     assert session.following.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
 
 
+def test_the_page_lives_while_a_result_is_read(
+    tested: LonePage, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    gate, read = threading.Event(), importing.read_motion
+
+    def slowly(*args: Any, **named: Any) -> ImportedMotion:
+        assert gate.wait(60)
+        return read(*args, **named)
+
+    monkeypatch.setattr(importing, "read_motion", slowly)
+    tested.field("Path").value = str(small_results(tmp_path / "theirs", tiny_body))
+    tested.click("Import")
+    tested.until(lambda: tested.button("Importing").disabled)
+    assert not tested.page.tab.buttons.on_show("import.path", "")
+    assert tested.page.tab.session.fits.runs == ()
+    gate.set()
+    tested.settle()
+    session = tested.page.tab.session
+    assert [run.name for run in session.fits.runs] == ["theirs"] and not tested.button("Import").disabled
+
+
+def test_an_import_ends_with_its_tab(
+    tested: LonePage, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    gate, read, ended = threading.Event(), importing.read_motion, threading.Event()
+
+    def slowly(*args: Any, **named: Any) -> ImportedMotion:
+        assert gate.wait(60)
+        ended.set()
+        return read(*args, **named)
+
+    monkeypatch.setattr(importing, "read_motion", slowly)
+    tested.field("Path").value = str(small_results(tmp_path / "theirs", tiny_body))
+    tested.click("Import")
+    tested.page.close()
+    gate.set()
+    assert ended.wait(60)
+    for thread in [thread for thread in threading.enumerate() if thread.name == "tcfit: Importing a result"]:
+        thread.join(60)
+    assert tested.page.tab.session.project.runs.all() == []
+
+
 def test_what_cannot_be_imported_is_told(tested: LonePage, tmp_path: Path):
     tested.field("Path").value = str(tmp_path / "nowhere")
     tested.click("Import")
+    tested.settle()
     assert "there is no such file or folder" in tested.notices[-1].text
     tested.field("First frame").value = "-1"
     tested.click("Import")
+    tested.settle()
     assert "First frame is '-1'; expected a whole number" in tested.notices[-1].text
     assert tested.page.tab.session.fits.runs == ()
 
@@ -174,6 +223,7 @@ def _upload(tested: LonePage, name: str, content: bytes) -> None:
     handle = tested.field("Upload a file …")
     handle._impl.value = viser.UploadedFile(name=name, content=content)
     tested.call_back(handle, MagicMock())
+    tested.settle()
 
 
 def test_an_upload_becomes_a_run_and_its_name_no_path(tested: LonePage, tmp_path: Path, tiny_body: BodyModel):
@@ -209,7 +259,7 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
     monkeypatch.setattr(compare, "SETTLING", 0.0)
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
         own, session = tested.fit(), tested.page.tab.session
-        run = session.import_run(str(small_results(tmp_path / "theirs", tiny_body)), NONE)
+        run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE)
         tested.page.tab.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
         tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
         shown = page_a(tested)

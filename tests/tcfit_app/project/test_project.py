@@ -33,6 +33,7 @@ from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage import runs as runs_module
 from tcfit_app.project.storage.database import MIGRATIONS
 from tcfit_app.project.storage.lock import ProjectLocked
+from tests.samples.media import write_video
 from tests.samples.project_samples import (
     BODY,
     CONFIG,
@@ -111,8 +112,7 @@ def test_the_clip_is_made_anew_only_when_it_is_another(folder: Path, tmp_path: P
         assert moved.keypoints.xy is project.corrected.xy
         project.undo()
         assert same_keypoints(project.clip.keypoints, first.keypoints)
-        (tmp_path / "walk.mp4").write_bytes(b"frames")
-        project.relink(tmp_path / "walk.mp4")
+        project.relink(write_video(tmp_path / "walk.mp4"))
         assert project.clip.source is not None and project.clip.source.name == "walk.mp4"
 
 
@@ -539,8 +539,7 @@ def test_names_lead_nowhere(tmp_path: Path):
 def video(tmp_path: Path) -> Path:
     path = tmp_path / "films" / "walk.mp4"
     path.parent.mkdir()
-    path.write_bytes(np.random.default_rng(0).bytes(10_000))
-    return path
+    return write_video(path)
 
 
 def test_a_linked_video_is_found_again(tmp_path: Path, video: Path):
@@ -567,11 +566,16 @@ def test_a_linked_video_is_found_again(tmp_path: Path, video: Path):
         assert project.media.path is None and "no longer there" in project.media.problem
         assert project.clip.source is None
         other = tmp_path / "other.mp4"
-        other.write_bytes(b"film")
-        project.relink(other)
+        project.relink(write_video(other, seed=1))
         assert project.clip.source and project.clip.source.samefile(other)
         with pytest.raises(InputError, match="cannot be read"):
             project.relink(tmp_path / "nothing.mp4")
+        with pytest.raises(InputError, match="not a video"):
+            project.relink(project.folder / database.NAME)
+        os.mkfifo(tmp_path / "pipe.mp4")
+        with pytest.raises(InputError, match="neither a file nor a folder"):
+            project.relink(tmp_path / "pipe.mp4")
+        assert project.clip.source and project.clip.source.samefile(other)
     with Project.open(moved) as project:
         assert project.clip.source and project.clip.source.samefile(other) and not project.media.problem
 

@@ -24,6 +24,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage import clip, database
 from tcfit_app.project.storage.media import MediaLink
 from tcfit_app.project.storage.reference import NAME
+from tests.samples.media import write_images, write_video
 from tests.samples.project_samples import (
     BODY,
     CONFIG,
@@ -165,10 +166,8 @@ def test_a_run_that_goes_on_is_interrupted_in_the_copy(project: Path, tmp_path: 
 def test_media(tmp_path: Path, images: bool, copied: bool):
     source = tmp_path / "videos" / ("frames" if images else "walk.mp4")
     source.parent.mkdir()
-    if images:
-        source.mkdir()
-    for file in [source / "0.png", source / "1.png"] if images else [source]:
-        file.write_bytes(file.name.encode() * 1000)
+    write_images(source, "0.png", "1.png") if images else write_video(source)
+    content = (source / "1.png" if images else source).read_bytes()
     with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source), copy_media=copied):
         pass
     pack(tmp_path / "p.tcfit", tmp_path / "without.zip")
@@ -182,17 +181,14 @@ def test_media(tmp_path: Path, images: bool, copied: bool):
             assert (path is not None and not found.media.problem) == there
             if there:
                 assert path is not None and path.resolve().is_relative_to(found.folder)
-                assert (path / "1.png" if images else path).read_bytes().startswith(b"1.png" if images else b"walk")
+                assert (path / "1.png" if images else path).read_bytes() == content
 
 
 @pytest.mark.parametrize("images", [False, True])
 @pytest.mark.parametrize("copied", [False, True])
 def test_names_that_only_some_systems_allow(tmp_path: Path, images: bool, copied: bool):
     source = tmp_path / ("10:30 \\ frames" if images else "2024-05-01 10:30:00 vidéo.mp4")
-    if images:
-        source.mkdir()
-    for file in [source / "a:0.png", source / "a:1.png"] if images else [source]:
-        file.write_bytes(file.name.encode() * 1000)
+    write_images(source, "a:0.png", "a:1.png") if images else write_video(source)
     with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source), copy_media=copied):
         pass
     pack(tmp_path / "p.tcfit", tmp_path / "p.zip", with_media=True)
@@ -213,6 +209,39 @@ def test_a_video_that_is_gone_cannot_be_packed(tmp_path: Path):
     with pytest.raises(InputError, match="no longer there"):
         pack(tmp_path / "p.tcfit", tmp_path / "x.zip", with_media=True)
     assert not (tmp_path / "x.zip").exists()
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "notes.mp4", "notes.png"])
+def test_only_what_decodes_is_packed_as_a_video(tmp_path: Path, name: str):
+    """A link to any other file, however it came into the project, does not hand that file on."""
+    source = tmp_path / name
+    source.write_text("PRIVATE")
+    with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source)):
+        pass
+    with pytest.raises(InputError):
+        pack(tmp_path / "p.tcfit", tmp_path / "x.zip", with_media=True)
+    assert not (tmp_path / "x.zip").exists()
+
+
+def test_of_a_folder_of_images_only_these_are_packed(tmp_path: Path):
+    source = write_images(tmp_path / "frames", "0.png", "1.png")
+    (source / "key.txt").write_text("PRIVATE")
+    with Project.create(tmp_path / "p.tcfit", replace(sample_clip(), source=source)):
+        pass
+    pack(tmp_path / "p.tcfit", tmp_path / "p.zip", with_media=True)
+    with zipfile.ZipFile(tmp_path / "p.zip") as archive:
+        assert [n for n in archive.namelist() if n.startswith("media/")] == ["media/frames/0.png", "media/frames/1.png"]
+    shutil.rmtree(source)
+    unpack(tmp_path / "p.zip", tmp_path / "new.tcfit")
+    with Project.open(tmp_path / "new.tcfit") as found:
+        assert found.media.path is not None and not found.media.problem
+    write_images(source, "0.png", "1.png")
+    (source / "key.txt").write_text("PRIVATE")
+    (source / "2.png").write_text("PRIVATE")
+    with Project.open(tmp_path / "p.tcfit") as project, pytest.raises(InputError, match=r"2\.png: is no image"):
+        project.relink(source)
+    with pytest.raises(InputError):
+        pack(tmp_path / "p.tcfit", tmp_path / "x.zip", with_media=True)
 
 
 def test_cancelled_packing_leaves_nothing(project: Path, tmp_path: Path):

@@ -14,14 +14,17 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import evaluated
-from tcfit_app.fitting import following, live
+from fitting_core.fit.result import FitResult
+from tcfit_app.fitting import fits as fits_module
+from tcfit_app.fitting import following, live, worker
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import RerunFrames
-from tcfit_app.fitting.outbox import DragAbandoned, JobFinished
+from tcfit_app.fitting.outbox import DragAbandoned, DragMoved, JobFinished
 from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.project.edits.edit_windows import around
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project
+from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session import Session
 from tests.samples.scenes import finished
 from tests.samples.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
@@ -184,6 +187,99 @@ def test_windows_of_a_later_drag_are_no_earlier_ones(session: Session):
         idle(session)
         assert session.following.live is None
     assert seen[1] > seen[0]
+
+
+def test_the_end_of_one_drag_leaves_another_tabs_alone(session: Session, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(worker, "LINGER", 0.05)
+    shown, following = newest(session), session.following
+    one, other = (following.begin_drag(shown, frame, (WRIST,), moved(session, 25.0, frame)[1]) for frame in (1, 6))
+    assert one is not None and other is not None
+    until(session, lambda: following.window(shown.run.id, 0) and following.window(shown.run.id, FRAMES - 1))
+    one.abandon()
+    until(session, lambda: following.window(shown.run.id, 0) is None)
+    left = following.window(shown.run.id, FRAMES - 1)
+    assert left is not None and left is following.live and 6 in left.frames
+    other.abandon()
+    until(session, lambda: not following.busy)
+    assert following.live is None and following.window(shown.run.id, FRAMES - 1) is None
+
+
+def test_windows_of_two_drags_are_both_told(session: Session):
+    """Neither takes the other's place in the outbox, and the end of one leaves the news of the other there."""
+    outbox, params = session.worker.outbox, newest(session).params
+
+    def show(drag: int) -> None:
+        outbox.show(DragMoved(drag=drag, frames=range(2), params=params))
+
+    for drag in (1, 2, 1):
+        show(drag)
+    assert sorted(moved.drag for moved in outbox.empty().moved) == [1, 2]
+    for drag in (1, 2):
+        show(drag)
+    outbox.tell(DragAbandoned(drag=1))
+    assert [moved.drag for moved in outbox.empty().moved] == [2] and outbox.empty().moved == ()
+
+
+def test_corrections_of_a_run_that_was_deleted_are_not_kept(session: Session):
+    shown = newest(session)
+    edit, xy = moved(session, 25.0)
+    follower = session.following.begin_drag(shown, 4, (WRIST,), xy)
+    until(session, lambda: session.following.live)
+    session.delete(shown.run.id)
+    session.release(follower, edit, author="me", shown=shown)
+    until(session, lambda: not session.following.busy)
+    assert session.fits.runs == () and session.project.runs.all() == []
+    assert told(session)[-1].kind == "error" and "was deleted" in told(session)[-1].text
+
+
+def test_a_fit_that_is_not_in_memory_is_read_beside_the_drawing_thread(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    gate, threads, load = threading.Event(), [], session.project.runs.load
+
+    def slowly(run: int) -> FitResult:
+        threads.append(threading.current_thread())
+        assert gate.wait(60)
+        return load(run)
+
+    monkeypatch.setattr(session.project.runs, "load", slowly)
+    run = session.fits.runs[0]
+    assert session.stored.show(FitChoice()) is None and session.stored.fit(run) is None
+    assert session.stored.phases(run) == () and result_of(session, run) is None and session.stored.reading(run)
+    gate.set()
+    until(session, lambda: session.stored.show(FitChoice()))
+    assert session.stored.fit(run) is not None and session.stored.phases(run) == (1, 2, 3)
+    assert len(threads) == 1 and threads[0] is not threading.current_thread()
+
+
+def test_a_fit_that_cannot_be_read_says_so_each_time(session: Session):
+    run = session.fits.runs[0]
+    (session.project.folder / "runs" / "000001.npz").write_bytes(b"no archive")
+    until(session, lambda: not session.stored.reading(run))
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"000001\.npz"):
+            session.stored.show(FitChoice())
+    assert result_of(session, run) is None
+
+
+def test_fits_on_show_do_not_evict_each_other(session: Session, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(fits_module, "KEPT_FITS", 1)
+    project, loaded, load = session.project, [], session.project.runs.load
+    for _ in range(3):
+        first = project.runs.get(1)
+        project.runs.finish(project.runs.start(first.config, body=first.body, edits_seen=0).id, load(1))
+    session.fits.changed()
+    monkeypatch.setattr(project.runs, "load", lambda run: loaded.append(run) or load(run))
+    runs = session.fits.runs
+    until(session, lambda: all([session.stored.here(run) for run in runs]))
+    for _ in range(3):
+        assert all([session.stored.here(run) for run in runs])
+    assert sorted(loaded) == [1, 2, 3, 4]
+    monkeypatch.setattr(fits_module, "IN_USE", 0.0)
+    until(session, lambda: session.stored.here(runs[0]))
+    session.fits.forget(4)
+    until(session, lambda: session.stored.here(runs[3]))
+    assert not session.fits.held(runs[1]), "what nobody looks at makes room"
 
 
 def test_a_second_drag_keeps_what_the_first_one_did(session: Session):

@@ -1,11 +1,9 @@
 """Where a user says what fits are compared with: a part of the panel Compare."""
 
 import tempfile
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import viser
 
@@ -16,6 +14,7 @@ from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
 from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tasks import Step, Task
 
 _HINT = "npz of 3D points, TRC, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
 _CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: only form is compared"
@@ -28,7 +27,9 @@ class ReferenceField:
     """Shows the project's reference, and takes another one: from a path, or as a file from the browser."""
 
     def __init__(self, tab: Tab) -> None:
-        self._tab, self._reading = tab, False
+        self._tab = tab
+        self._reading: Task[Reference] | None = None
+        """The reference that was asked for last."""
         gui = tab.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(tab)
@@ -37,35 +38,34 @@ class ReferenceField:
             self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
             self._buttons = Board(tab)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
-        self._upload.on_upload(self._take_upload)
+        self._upload.on_upload(self._upload_came)
         tab.buttons.on("compare.reference", lambda _: self._from_path())
         tab.buttons.on("compare.forget", lambda _: self._forget())
 
     def draw(self) -> None:
         """Bring it to the project's state."""
         session = self._tab.session
-        if self._tab.sent.differs("reference field", session.referenced, self._reading):
+        reading = self._reading is not None and self._reading.state == "running"
+        if self._tab.sent.differs("reference field", session.referenced, reading):
             reference = session.project.reference
-            self._told.show(paragraph(_READING if self._reading else _described(reference), "dim"))
-            self._buttons.show(row(*self._choices(reference)))
+            self._told.show(paragraph(_READING if reading else _described(reference), "dim"))
+            self._buttons.show(row(*self._choices(reference, off=reading or session.project.read_only)))
 
-    def _choices(self, reference: Reference | None) -> list[Html]:
-        closed = self._tab.session.project.read_only or self._reading
-        take = button("Compare with it", "compare.reference", disabled=closed)
-        forget = button("Forget the reference", "compare.forget", disabled=closed)
+    def _choices(self, reference: Reference | None, *, off: bool) -> list[Html]:
+        take = button("Compare with it", "compare.reference", disabled=off)
+        forget = button("Forget the reference", "compare.forget", disabled=off)
         return [take] if reference is None else [take, forget]
 
     def _from_path(self) -> None:
-        given = self._path.value.strip().strip("\"'")
-        if not given:
+        if not self._path.value.strip():
             raise InputError("Type where the reference is: a file, or a folder with a truth.npz or fit.npz.")
+        path = self._tab.files.path(self._path.value)
         camera, placed = self._camera_given(), self._start_given()
-        self._read(lambda: placed(read_reference(Path(given).expanduser(), camera=camera)))
+        self._read(lambda: placed(read_reference(path, camera=camera)))
 
-    async def _take_upload(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None:
-            file = event.target.value  # read now: the next upload takes its place
-            self._tab.do(lambda: self._uploaded(file))
+    async def _upload_came(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+        file = event.target.value  # now: another upload may take its place
+        self._tab.do(lambda: self._uploaded(file))
 
     def _uploaded(self, file: viser.UploadedFile) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
@@ -84,8 +84,7 @@ class ReferenceField:
 
     def _camera_given(self) -> Path | None:
         self._tab.refuse_read_only()
-        given = self._camera.value.strip().strip("\"'")
-        return Path(given).expanduser() if given else None
+        return self._tab.files.path(self._camera.value) if self._camera.value.strip() else None
 
     def _start_given(self) -> Callable[[Reference], Reference]:
         """What puts a reference where the user says that it begins."""
@@ -95,29 +94,20 @@ class ReferenceField:
         return lambda found: found.starting_at(int(first), rate) if first else found
 
     def _read(self, read: Callable[[], Reference]) -> None:
-        """Read in a thread of its own: a body's joints over a clip take seconds, in which the page must live."""
-        tab, bodies = self._tab, self._tab.session.bodies
-        self._reading = True
+        """Read it: a body's joints over a clip take seconds."""
+        session = self._tab.session
 
-        def work() -> None:
-            try:
-                reference = read()
-                bodies.of_reference(reference)
-            except Exception as error:  # raised again on the thread that draws, which tells it in the tab
-                problem = error
-                tab.do(lambda: self._failed(problem))
-            else:
-                tab.do(lambda: self._take(reference))
+        def work(report: Step) -> Reference:
+            reference = read()
+            session.bodies.of_reference(reference)
+            report("Keeping it", None)
+            session.project.set_reference(reference)
+            return reference
 
-        threading.Thread(target=work, name="reference", daemon=True).start()
-
-    def _failed(self, problem: Exception) -> None:
-        self._reading = False
-        raise problem
+        self._reading = self._tab.begin("Reading the reference", work, self._take)
 
     def _take(self, reference: Reference) -> None:
-        self._reading = False
-        self._tab.session.set_reference(reference)
+        self._tab.session.referenced += 1
         self._tab.notify(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
 
     def _forget(self) -> None:

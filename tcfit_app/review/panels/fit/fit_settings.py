@@ -1,6 +1,8 @@
 """The settings of the next fit, as inputs: those that are changed most, and all others as TOML."""
 
+import tomllib
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -162,6 +164,7 @@ class FitInputs:
 
         def take(value: Any) -> None:
             value = plain.get(value, value)
+            value = self._prior(value) if name == "pose_prior" else value
             value = int(value) if whole and value == int(value) else value
             self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
 
@@ -190,9 +193,18 @@ class FitInputs:
         self._set(focal=now.focal)
 
     def _take_source(self) -> None:
+        prior = None
+        with suppress(tomllib.TOMLDecodeError, RecursionError):  # which `parsed` tells
+            prior = self._prior(tomllib.loads(self._source.value).get("pose_prior"))
         preset, config = parsed(self._source.value, origin=_SOURCE)
+        config = replace(config, pose_prior=prior) if prior is not None else config
         self._set(preset=preset, config=config, problems=())
         self._tab.say("Settings taken over")
+
+    def _prior(self, given: Any) -> Any:
+        """A pose prior as it was entered; one that is no name is a file, which this page must be allowed to name."""
+        known = not isinstance(given, str) or given in (*POSE_PRIORS, self._tab.state.settings.config.pose_prior)
+        return given if known else str(self._tab.files.path(given))
 
     @property
     def _camera(self) -> Any:

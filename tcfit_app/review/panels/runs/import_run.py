@@ -11,6 +11,7 @@ from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tasks import Task, Work
 
 _OWN = "the result's body"
 _SAID = (
@@ -29,6 +30,8 @@ class ImportRun:
 
     def __init__(self, tab: Tab, imported: Callable[[Run], None]) -> None:
         self._tab, self._imported = tab, imported
+        self._reading: Task[Run] | None = None
+        """The import that began last."""
         gui = tab.client.gui
         with gui.add_folder("Import a result", expand_by_default=False):
             Board(tab).show(paragraph(_SAID, "dim"))
@@ -56,11 +59,11 @@ class ImportRun:
         return ImportChoices(first_frame=int(first) if first else None, body_model=body)
 
     def _import_path(self) -> None:
-        given = self._path.value.strip()
-        if not given:
+        if not self._path.value.strip():
             raise InputError("Give the path of a result first; expected a folder of SMPLify-X or an npz.")
         self._tab.refuse_read_only()
-        self._done(self._tab.session.import_run(given, self._choices()))
+        path, choices, session = self._tab.files.path(self._path.value), self._choices(), self._tab.session
+        self._begin(lambda report: session.import_run(path, choices, report))
 
     async def _uploaded(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
@@ -69,7 +72,17 @@ class ImportRun:
 
     def _import_upload(self, file: viser.UploadedFile) -> None:
         self._tab.refuse_read_only()
-        self._done(self._tab.session.import_upload(file.name, file.content, self._choices()))
+        choices, session = self._choices(), self._tab.session
+        self._begin(lambda report: session.import_upload(file.name, file.content, choices, report))
+
+    def _begin(self, work: Work[Run]) -> None:
+        if self._busy:
+            raise InputError("Another result is still being read: wait for it.")
+        self._reading = self._tab.begin("Importing a result", work, self._done)
+
+    @property
+    def _busy(self) -> bool:
+        return self._reading is not None and self._reading.state == "running"
 
     def _done(self, run: Run) -> None:
         self._imported(run)
@@ -77,7 +90,9 @@ class ImportRun:
 
     def draw(self) -> None:
         """Send what changed."""
-        off = self._tab.session.project.read_only
-        if self._tab.sent.differs("import", off):
-            self._buttons.show(row(button("Import", "import.path", disabled=off, kind="main")))
-            self._upload.disabled = off
+        off, busy = self._tab.session.project.read_only, self._busy
+        if self._tab.sent.differs("import", off, busy):
+            self._buttons.show(
+                row(button("Importing …" if busy else "Import", "import.path", disabled=off or busy, kind="main"))
+            )
+            self._upload.disabled = off or busy

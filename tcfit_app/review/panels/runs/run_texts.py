@@ -202,8 +202,8 @@ def _notes(fit: FitResult | None) -> list[Html]:
 
 
 def result_of(session: Session, run: Run) -> FitResult | None:
-    """What a run has found so far; None if nothing, or if it cannot be read."""
+    """What a run has found so far; None if nothing, or nothing yet, or if it cannot be read."""
     try:
-        return session.fits.fit(run) if run.stored or run.state == "running" else None
+        return session.stored.fit(run) if run.stored or run.state == "running" else None
     except InputError:
         return None

@@ -103,6 +103,8 @@ class RunsPanel:
 
     def _use_settings(self, run: Run) -> None:
         tab = self._tab
+        if run.stored and tab.session.stored.reading(run):
+            raise InputError(f"{run.name} is still being read: try again in a moment.")
         fit, clip = result_of(tab.session, run), tab.session.project.clip.camera
         focal = fit.camera.focal[0] if fit is not None and fit.camera.focal != clip.focal else None
         settings = replace(
@@ -129,7 +131,8 @@ class RunsPanel:
             (job.run, job.started, round(100 * job.progress.share) if job.progress else 0)
             for job in session.jobs.values()
         )
-        if not tab.sent.differs("runs", session.fits.changes, session.edits, shown, shares, self._chosen):
+        found = id(result_of(session, self._run)) if session.fits.runs else None
+        if not tab.sent.differs("runs", session.fits.changes, session.edits, shown, shares, self._chosen, found):
             return
         runs = session.fits.runs
         self._draw_choice(runs)

@@ -83,7 +83,7 @@ class RunsShown:
 
     def _phases_of(self, run: Run | None) -> tuple[int, ...]:
         try:
-            return () if run is None else self._tab.session.fits.phases(run)
+            return () if run is None else self._tab.session.stored.phases(run)
         except InputError:  # the status line says what is wrong with its file
             return ()
 

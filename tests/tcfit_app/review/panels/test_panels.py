@@ -26,6 +26,7 @@ from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.samples.media import write_images
 from tests.samples.project_samples import FRAMES
 
 ATTACK = "<img src=x onerror=alert(1)>"
@@ -436,12 +437,10 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     assert tested.field("New place").visible
     told: list[str] = []
     page.tab.notify = lambda notice: told.append(f"{notice.title}: {notice.text}")  # pyright: ignore[reportAttributeAccessIssue]
-    folder = tmp_path / "images"
-    folder.mkdir()
-    for frame in range(FRAMES):
-        (folder / f"{frame:03}.png").write_bytes(b"picture %d" % frame)
+    folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(FRAMES)))
     tested.field("New place")._impl.value = f'"{folder}" '
     tested.press("review.relink")
+    tested.settle()
     assert told == [f"The video is found: {folder}"] and page.tab.session.project.media.problem == ""
 
 
@@ -450,6 +449,7 @@ def test_a_wrong_place_is_told(tested: LonePage):
     tested.page.tab.notify = lambda notice: told.append(notice.kind)  # pyright: ignore[reportAttributeAccessIssue]
     tested.field("New place")._impl.value = "/nowhere/walk.mp4"
     tested.page.tab.do(lambda: tested.press("review.relink"))
+    tested.settle()
     assert told == ["error"]
 
 

@@ -3,11 +3,13 @@
 import csv
 import io
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -20,7 +22,6 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.motion.motion import Progress
 from tcfit_app.analysis.between_runs import peaks
-from tcfit_app.exports.exporting import Exporting
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
 from tcfit_app.fitting.fits import FitChoice
@@ -35,7 +36,6 @@ from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tcfit_app.review.panels.runs.runs_shown import run_names
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
-from tests.samples.project_samples import sample_clip
 from tests.samples.sessions import FRAMES, QUICK
 
 EVIL = "<img src=x onerror=alert(1)>"
@@ -128,6 +128,7 @@ def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(pan
     runs.finish(started.id, replace(fit, phases=(*fit.phases[:-1], patched)))
     session.fits.changed()
     tested.press("runs.choose", str(started.id))
+    tested.until(lambda: "<dt>Phases" in tested.html())
     shown = tested.html()
     assert "<dt>Took</dt>" not in shown
     assert "<dt>Phases</dt><dd>every frame, shape, over time</dd>" in shown
@@ -236,10 +237,10 @@ def downloaded(tested: LonePage, name: str) -> bytes:
     """What the browser gets of an export."""
     tested.press("export.begin", name)
     running = tested.panels[0].running
-    running.join(60)
+    tested.settle()
     assert running.state == "finished", running.reason
     assert "sent to the downloads" in tested.html()
-    return tested.downloads[running.name]
+    return tested.downloads[running.title]
 
 
 def test_files_are_downloaded(panel_of: Opener):
@@ -295,7 +296,7 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
 
     def name(export: str) -> str:
         downloaded(tested, export)
-        return tested.panels[0].running.name.removeprefix(clip)
+        return tested.panels[0].running.title.removeprefix(clip)
 
     assert [name(export) for export in ("npz", "figures", "pose")] == [".smplx.npz", ".figures.csv", ".pose"]
     tested.press("export.side", "A")
@@ -354,25 +355,56 @@ def test_exported_keypoints_are_the_corrected_ones(panel_of: Opener, tmp_path: P
         assert np.allclose(people.frames[3][0, 4, :2], (12.5, 34.25), atol=0.01)
 
 
-def test_an_export_can_be_cancelled_and_can_fail():
-    def endless(source: ExportSource, path: Path, progress: Progress) -> None:
-        path.write_bytes(b"half")
-        while True:
-            progress(0.5)
-            time.sleep(0.001)
+def endless(source: ExportSource, path: Path, progress: Progress) -> None:
+    path.write_bytes(b"half")
+    while True:
+        progress(0.5)
+        time.sleep(0.001)
 
-    def broken(source: ExportSource, path: Path, progress: Progress) -> None:
-        raise InputError("No off-screen OpenGL here.")
 
-    source, got = ExportSource(name="walk", known_clip=sample_clip()), []
+def broken(source: ExportSource, path: Path, progress: Progress) -> None:
+    raise InputError("No off-screen OpenGL here.")
 
-    def take(name: str, content: bytes) -> None:
-        got.append(content)
 
-    one = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=endless), source, "a", take)
-    one.cancel()
-    one.join(10)
-    other = Exporting(Export(title="x", group="Motion", suffix=".x", hint="", write=broken), source, "a", take)
-    other.join(10)
-    assert (one.state, other.state, other.reason) == ("cancelled", "failed", "No off-screen OpenGL here.")
-    assert not got
+def exporting(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, write: Callable[..., None]) -> LonePage:
+    """The panel, with a format that is written so."""
+    export = Export(title="Odd", group="Motion", suffix=".x", hint="", write=write, needs="keypoints")
+    monkeypatch.setitem(EXPORTS, "odd", export)
+    return panel_of(ExportPanel)
+
+
+def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, endless)
+    tested.press("export.begin", "odd")
+    tested.until(lambda: "is being made … 50%" in tested.html())
+    with pytest.raises(InputError, match="is still being made"):
+        tested.press("export.begin", "odd")
+    tested.click("Cancel")
+    tested.settle()
+    assert "cancelled" in tested.html() and not tested.downloads
+
+
+def test_why_an_export_fails_is_told(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, broken)
+    tested.press("export.begin", "odd")
+    tested.settle()
+    assert "No off-screen OpenGL here." in tested.html() and not tested.downloads
+
+
+def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, endless)
+    tested.press("export.begin", "odd")
+    running = tested.panels[0].running
+    tested.page.close()
+    tested.until(lambda: running.state == "cancelled")
+    assert not tested.page.tab.session.tasks.busy
+
+
+def test_files_are_handed_to_viser_on_the_thread_that_draws(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    tested = exporting(panel_of, monkeypatch, lambda source, path, progress: path.write_bytes(b"x") and None)
+    threads: list[threading.Thread] = []
+    client: Any = tested.page.tab.client
+    client.send_file_download = lambda *_, **__: threads.append(threading.current_thread())
+    tested.press("export.begin", "odd")
+    tested.settle()
+    assert threads == [threading.current_thread()]

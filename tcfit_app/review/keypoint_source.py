@@ -1,37 +1,18 @@
-"""Keypoints for a project that was made without: one job at a time, on a thread, for all browsers."""
+"""Keypoints for a project that was made without: one job at a time, for all browsers."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 from fitting_core.errors import InputError
-from tcfit_app.imports.job_thread import JobThread
 from tcfit_app.imports.keypoint_jobs import Detect, Download, FoundKeypoints, ImportFiles, ImportUpload, KeypointJob
 from tcfit_app.project.project import Project
+from tcfit_app.review.tasks import Step, Task, Tasks
 
+Going = Task[FoundKeypoints | None]
+"""A job from its start to its end."""
 PARTS = "detection"
 """The project's folder of what a detection has found so far."""
-_PATIENCE = 10.0
-"""Seconds for which a closing app waits for a job to notice that it was cancelled."""
-
-
-class Going(JobThread):
-    """A job from its start to its end. Begins at once."""
-
-    def __init__(self, job: KeypointJob, project: Project) -> None:
-        super().__init__(job.title)
-        self.job = job
-        self.text, self.share = "", None
-        self.found: FoundKeypoints | None = None
-        self._clip = project.clip
-        self.start()
-
-    def _report(self, text: str, share: float | None) -> None:
-        self._go_on()
-        self.text, self.share = text, share
-
-    def _work(self) -> None:
-        self.found = self.job.run(self._clip, self._report)
-        self._report(self.text, 1.0)
 
 
 class KeypointSource:
@@ -39,21 +20,18 @@ class KeypointSource:
 
     Args:
         project: Open.
+        tasks: Do the jobs.
+        ended: Is called when a job has ended; what it found is in the project then.
     """
 
-    def __init__(self, project: Project) -> None:
-        self._project = project
+    def __init__(self, project: Project, tasks: Tasks, ended: Callable[[Going], None]) -> None:
+        self._project, self._tasks, self._ended = project, tasks, ended
         self.going: Going | None = None
         """The job that began last."""
-        self._taken: Going | None = None
 
-    def import_path(self, path: str) -> None:
+    def import_path(self, path: Path) -> None:
         """Begin to read keypoints of this computer. Raises InputError if that cannot begin."""
-        if not path.strip():
-            raise InputError(
-                "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
-            )
-        self._begin(ImportFiles(path=Path(path.strip()).expanduser()))
+        self._begin(ImportFiles(path=path))
 
     def import_upload(self, name: str, content: bytes) -> None:
         """Begin to read keypoints that a browser has sent. Raises InputError as `import_path`."""
@@ -98,26 +76,13 @@ class KeypointSource:
             raise InputError("This project has its keypoints already. Make a new project for others.")
         if self.busy:
             assert self.going is not None
-            raise InputError(f"{self.going.job.title}: wait for it, or cancel it.")
-        self.going = Going(job, self._project)
+            raise InputError(f"{self.going.title}: wait for it, or cancel it.")
+        self.going = self._tasks.submit(job.title, lambda report: self._found(job, report), then=self._ended)
 
-    def take(self) -> Going | None:
-        """The job that has ended since the last call, once; keypoints that it found are in the project then."""
-        going = self.going
-        if going is None or going.state == "running" or going is self._taken:
-            return None
-        self._taken = going
-        if going.found is not None and going.state == "finished":
-            try:
-                self._project.take_detections(going.found.keypoints, going.found.notes)
-            except InputError as error:
-                going.reason, going.state = str(error), "failed"
-                return going
+    def _found(self, job: KeypointJob, report: Step) -> FoundKeypoints | None:
+        """What a job finds, which is in the project when this returns."""
+        found = job.run(self._project.clip, report)
+        if found is not None:
+            self._project.take_detections(found.keypoints, found.notes)
             shutil.rmtree(self._project.folder / PARTS, ignore_errors=True)
-        return going
-
-    def close(self) -> None:
-        """End the job that is running."""
-        if self.going is not None:
-            self.going.cancel()
-            self.going.join(_PATIENCE)
+        return found

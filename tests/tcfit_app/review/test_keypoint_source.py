@@ -1,6 +1,7 @@
 """Getting keypoints in the review: jobs beside the app, what they leave when they end, and the panel Start."""
 
 import io
+import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -17,10 +18,11 @@ from fitting_core.detect import known_models
 from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.imports import keypoint_source
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, Report
-from tcfit_app.imports.keypoint_source import PARTS
+from tcfit_app.project import project as project_module
 from tcfit_app.project.project import Project
+from tcfit_app.review import keypoint_source
+from tcfit_app.review.keypoint_source import PARTS
 from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
@@ -74,13 +76,13 @@ def ended(session: Session) -> None:
 
 def test_keypoints_of_this_computer(session: Session, files: Path):
     edits = session.edits
-    session.source.import_path(f"  {files} ")
+    session.source.import_path(files)
     ended(session)
     assert session.project.has_detections and session.edits > edits
     assert np.array_equal(session.project.detections.xy, imported_xy())
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="has its keypoints already"):
-        session.source.import_path(str(files))
+        session.source.import_path(files)
 
 
 def test_an_uploaded_archive(session: Session, files: Path):
@@ -151,10 +153,32 @@ def test_another_model_begins_anew(folder: Path, model: Path, tmp_path: Path, mo
         assert session.project.has_detections
 
 
+def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
+    session: Session, files: Path, monkeypatch: pytest.MonkeyPatch
+):
+    gate, writing, write = threading.Event(), threading.Event(), project_module.replace_detections
+
+    def slowly(*args: Any) -> None:
+        writing.set()
+        assert gate.wait(60)
+        write(*args)
+
+    monkeypatch.setattr(project_module, "replace_detections", slowly)
+    session.source.import_path(files)
+    assert writing.wait(60)
+    session.take_news()
+    project = session.project
+    assert not project.has_detections and project.log == () and not project.corrected.bad.any() and project.clip
+    assert not told(session)
+    gate.set()
+    ended(session)
+    assert project.has_detections and told(session)[-1].kind == "done"
+
+
 @pytest.mark.parametrize(
     ("begin", "words"),
     [
-        (lambda source: source.import_path("/no/such/folder"), "there is no such file or folder"),
+        (lambda source: source.import_path(Path("/no/such/folder")), "there is no such file or folder"),
         (lambda source: source.import_upload("a.exe", b"x"), "is no keypoint file by its name"),
         (lambda source: source.detect("/no/model.onnx"), "there is no such model file"),
     ],
@@ -166,7 +190,7 @@ def test_what_fails_is_told_and_another_try_can_begin(
     ended(session)
     assert session.source.going and session.source.going.state == "failed" and words in session.source.going.reason
     assert told(session)[-1].kind == "error" and words in told(session)[-1].text
-    session.source.import_path(str(files))
+    session.source.import_path(files)
     ended(session)
     assert session.project.has_detections
 
@@ -174,15 +198,12 @@ def test_what_fails_is_told_and_another_try_can_begin(
 def test_one_job_at_a_time_and_none_where_nothing_may_be_written(folder: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(keypoint_source, "ImportFiles", lambda path: Waits())
     with session_of(folder, None) as session:
-        for path in ("", "  "):
-            with pytest.raises(InputError, match="No path is given"):
-                session.source.import_path(path)
-        session.source.import_path("x")
+        session.source.import_path(Path("x"))
         with pytest.raises(InputError, match="Waiting: wait for it, or cancel it"):
             session.source.detect("model.onnx")
     assert session.source.going and session.source.going.state == "cancelled", "closing ends it"
     with session_of(folder, None, read_only=True) as reader, pytest.raises(InputError, match="read-only"):
-        reader.source.import_path("x")
+        reader.source.import_path(Path("x"))
 
 
 # --- the panel ---
@@ -206,7 +227,11 @@ def finish(page: LonePage) -> None:
 
 def test_the_panel_imports_a_path_and_offers_the_fit(page: LonePage, files: Path):
     assert "No keypoints yet" in page.html()
-    page.enter("Path", str(files))
+    for path in ("", "  "):
+        page.enter("Path", path)
+        page.click("Import from this path")
+        assert page.notices[-1].text.startswith("No path is given")
+    page.enter("Path", f"  {files} ")
     page.click("Import from this path")
     finish(page)
     assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()

@@ -1,0 +1,52 @@
+"""Fits for the thread that draws, which does not wait for the disk: what is not in memory is read beside it."""
+
+from collections.abc import Hashable
+
+from fitting_core.errors import InputError
+from fitting_core.fit.result import FitResult
+from tcfit_app.fitting.fits import FitChoice, Fits, Shown
+from tcfit_app.project.storage.runs import Run
+from tcfit_app.review.tasks import Tasks
+
+
+class StoredFits:
+    """See `Fits`; all methods raise InputError for what cannot be read.
+
+    Args:
+        fits: Of the project.
+        tasks: Read them.
+    """
+
+    def __init__(self, fits: Fits, tasks: Tasks) -> None:
+        self._fits, self._tasks = fits, tasks
+
+    def here(self, run: Run) -> bool:
+        """Whether a run's fit is in memory; if not, it is being read when this returns."""
+        if self._fits.held(run):
+            return True
+        key: Hashable = ("stored fit", run.id, self._fits.changes)
+        if self._tasks.get(key, lambda: self._fits.fit(run) is not None, lane="disk"):
+            self._tasks.drop(key)  # it may be needed, and read, again
+        if problem := self._tasks.problem(key):
+            raise InputError(problem)
+        return self._fits.held(run)
+
+    def reading(self, run: Run) -> bool:
+        """Whether a run's fit is still being read."""
+        try:
+            return not self.here(run)
+        except InputError:
+            return False
+
+    def show(self, choice: FitChoice) -> Shown | None:
+        """What a choice means now; None if there is nothing, or nothing yet."""
+        run = self._fits.meant(choice)
+        return self._fits.show(choice) if run is not None and self.here(run) else None
+
+    def fit(self, run: Run) -> FitResult | None:
+        """Everything that a run has found; None while it is read."""
+        return self._fits.fit(run) if self.here(run) else None
+
+    def phases(self, run: Run) -> tuple[int, ...]:
+        """Which phases of a run can be shown; none while it is read."""
+        return self._fits.phases(run) if self.here(run) else ()

@@ -1,0 +1,128 @@
+"""Everything typed into a page that is a path: a page that is open elsewhere reads no file of the user's."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import viser
+
+from tcfit_app.project.project import Project
+from tcfit_app.server.page_files import PageFiles
+from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.samples.media import write_video
+from tests.samples.spot_clips import empty_project, spot_video
+
+PRESSED = {
+    "video": ("New place", "review.relink"),
+    "result": ("Path", "import.path"),
+    "reference": ("File", "compare.reference"),
+    "keypoints": ("Path", "start.import"),
+    "points model": ("Model file", "start.detect"),
+    "people model": ("People file", "start.detect"),
+}
+"""By what is named: the field, and the button that takes it."""
+_WITHOUT_KEYPOINTS = ("keypoints", "points model", "people model")
+
+
+@pytest.fixture(params=PRESSED)
+def named(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def page(named: str, panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
+    folder = tmp_path / "new.tcfit"
+    if named in _WITHOUT_KEYPOINTS:
+        empty_project(folder, spot_video(tmp_path / "spots"))
+        opened = Project.open(folder)
+    else:
+        opened = sample_project(folder, "a run")
+    with opened as project, lone_page(panel_server, project) as made:
+        made.draw()
+        yield made
+
+
+def name(page: LonePage, named: str, path: str) -> list[str]:
+    """Type it and press the button; what is told."""
+    field, button = PRESSED[named]
+    if named.endswith("model"):
+        page.enter("Model", "An ONNX file of yours")
+    if named == "people model":
+        page.enter("People", "An ONNX file of yours")
+    page.draw()
+    page.field(field)._impl.value = path
+    page.notices.clear()
+    page.page.tab.do(lambda: page.press(button))
+    page.settle()
+    return [notice.text for notice in page.notices]
+
+
+def untouched(page: LonePage) -> bool:
+    project = page.page.tab.session.project
+    return project.media.path is None or project.media.path.name == "spots"
+
+
+def test_no_path_of_a_page_elsewhere_is_read(page: LonePage, named: str, tmp_path: Path):
+    secret = write_video(tmp_path / "secret.mp4")
+    page.page.tab.files = PageFiles(here=False)
+    for path in (str(secret), "/etc/passwd", "/nowhere", "~"):
+        (told,) = name(page, named, path)
+        assert "Upload the file instead" in told and path not in told.split()
+    assert untouched(page) and not page.page.tab.session.source.busy
+
+
+def test_with_a_folder_for_them_what_lies_elsewhere_is_refused(page: LonePage, named: str, tmp_path: Path):
+    secret = write_video(tmp_path / "secret.mp4")
+    (tmp_path / "clips").mkdir()
+    (tmp_path / "clips" / "link.mp4").symlink_to(secret)
+    page.page.tab.files = PageFiles(here=True, root=tmp_path / "clips")
+    for path in (str(secret), "link.mp4", "../secret.mp4", "/nowhere"):
+        (told,) = name(page, named, path)
+        assert "does not lie in" in told
+    assert untouched(page) and not page.page.tab.session.source.busy
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "a\0b", 5000 * "x", "~nosuchuser/x"])
+def test_what_is_no_file_is_told_as_the_users_mistake(page: LonePage, named: str, path: str):
+    name(page, named, path)
+    assert [notice.title for notice in page.notices] == ["That cannot be done"]
+
+
+@pytest.mark.parametrize("named", ["video"], indirect=True)
+def test_only_a_video_is_taken_for_one(page: LonePage, tmp_path: Path):
+    (tmp_path / "key.txt").write_text("PRIVATE")
+    for path in (tmp_path / "key.txt", tmp_path, page.page.tab.session.project.folder / "project.sqlite"):
+        assert len(name(page, "video", str(path))) == 1 and page.page.tab.session.project.media.path is None
+    name(page, "video", str(write_video(tmp_path / "walk.mp4")))
+    found = page.page.tab.session.project.media.path
+    assert found is not None and found.samefile(tmp_path / "walk.mp4")
+
+
+@pytest.mark.parametrize("named", ["reference"], indirect=True)
+def test_no_camera_of_a_reference_either(page: LonePage, tmp_path: Path):
+    page.page.tab.files = PageFiles(here=True, root=tmp_path / "new.tcfit")
+    page.field("Camera")._impl.value = "/etc/passwd"
+    (told,) = name(page, "reference", "detections.npz")
+    assert "does not lie in" in told
+
+
+@pytest.mark.parametrize("named", ["video"], indirect=True)
+def test_no_pose_prior_by_its_path(page: LonePage, tmp_path: Path):
+    prior = tmp_path / "prior.npz"
+    prior.write_bytes(b"")
+    settings = page.page.tab.state.settings
+    for files in (PageFiles(here=False), PageFiles(here=True, root=tmp_path / "new.tcfit")):
+        page.page.tab.files = files
+        for path in (prior, tmp_path / "nowhere"):
+            page.field("TOML")._impl.value = f'pose_prior = "{path}"'
+            page.notices.clear()
+            page.page.tab.do(lambda: page.press("fit.source"))
+            (notice,) = page.notices
+            assert "does not lie in" in notice.text or "Upload the file" in notice.text
+            page.enter("Pose prior", str(path))
+            assert page.page.tab.state.settings.config == settings.config
+    page.page.tab.files = PageFiles(here=True)
+    page.page.tab.do(lambda: page.press("fit.source"))
+    page.field("TOML")._impl.value = f'pose_prior = "{prior}"'
+    page.press("fit.source")
+    assert page.page.tab.state.settings.config.pose_prior == str(prior)
