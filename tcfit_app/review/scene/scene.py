@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from tcfit_app.review.scene.cameras import STRIP_HEIGHT, Cameras
+from tcfit_app.review.scene.cameras import Cameras
 from tcfit_app.review.scene.lighting import light_scene
 from tcfit_app.review.scene.mesh_dressing import MeshDressing
 from tcfit_app.review.scene.poses import Rectangle
@@ -19,14 +19,14 @@ class SceneView:
     One thread at a time may use it. Make it when the client has connected.
     """
 
-    def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
-        """An empty scene in a tab; something else covers so many CSS pixels at its canvas's bottom."""
+    def __init__(self, client: viser.ClientHandle, *, covered: float = 0.0) -> None:
+        """An empty scene in a tab; something else covers so many CSS pixels of its canvas, at the bottom."""
         self._client = client
         with client.atomic():
             light_scene(client)
             dressing = MeshDressing(client)
             self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
-        self.cameras = Cameras(client, strip_height=strip_height)
+        self.cameras = Cameras(client, covered=covered)
         self._last: Snapshot | None = None
 
     def show(self, snapshot: Snapshot) -> tuple[str, ...]:
@@ -42,13 +42,6 @@ class SceneView:
             self._space.set_visible(isinstance(snapshot, Space))
         self._last = snapshot
         return tuple(problems)
-
-    def clear(self) -> None:
-        """Shows nothing."""
-        with self._client.atomic():
-            self._posters.set_visible(False)
-            self._space.set_visible(False)
-        self._last = None
 
     def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
         """For the draw loop, often: see `Cameras.follow`."""
