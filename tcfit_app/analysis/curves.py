@@ -1,16 +1,13 @@
 """What goes up and down along a clip: the curves of the timeline, asked for by name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
-
-_REACH = 1
-"""Frames on each side that a frame's value may look at."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,23 +40,6 @@ def curve(name: str, fit: PosedFit) -> Curve:
     """
     kind = CURVES[name]
     return Curve(name=name, title=kind.title, unit=kind.unit, values=kind.values(fit))
-
-
-def updated(old: Curve, fit: PosedFit, frames: range) -> Curve:
-    """A curve after some frames of the fit or of the keypoints have changed; only these are evaluated.
-
-    Args:
-        old: The curve before.
-        fit: The clip as it is now.
-        frames: Consecutive frames outside of which nothing has changed.
-    """
-    if not len(frames):
-        return old
-    first, stop = max(0, frames.start - _REACH), min(len(fit), frames.stop + _REACH)
-    inner, outer = max(0, first - _REACH), min(len(fit), stop + _REACH)
-    values = old.values.copy()
-    values[first:stop] = CURVES[old.name].values(fit[inner:outer])[first - inner : stop - inner]
-    return replace(old, values=values)
 
 
 def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "T K"]) -> Float[np.ndarray, "T"]:

@@ -43,19 +43,16 @@ class _Found:
     finding: Finding
 
 
-def review_queue(
-    fit: PosedFit, *, checked: Collection[int] = (), kinds: Collection[str] = tuple(FINDINGS)
-) -> tuple[Suspect, ...]:
+def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> tuple[Suspect, ...]:
     """All suspicious frames, the worst first.
 
     Args:
         fit: A whole clip.
         checked: Frames that a person found to be fine (see `still_checked`).
-        kinds: Which of FINDINGS to look for.
     """
     by_frame: dict[int, list[_Found]] = {}
-    for kind in (kind for kind in FINDINGS if kind in kinds):
-        for finding in FINDINGS[kind](fit):
+    for kind, found_in in FINDINGS.items():
+        for finding in found_in(fit):
             if finding.frame not in checked:
                 by_frame.setdefault(finding.frame, []).append(_Found(kind=kind, finding=finding))
     for found in by_frame.values():

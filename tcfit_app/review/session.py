@@ -140,14 +140,12 @@ class Session:
             self.following.edited(entry, shown)
         return entry
 
-    def mark(
-        self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str, reason: str = ""
-    ) -> None:
+    def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
         """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
         if state is None:
             self.project.marks.clear(frames)
         else:
-            self.project.marks.set(frames, state, reason=reason, author=author)
+            self.project.marks.set(frames, state, author=author)
         self.marked += 1
 
     # --- fits ---

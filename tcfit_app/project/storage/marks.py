@@ -20,7 +20,6 @@ class Mark:
     """One frame's mark."""
 
     state: MarkState
-    reason: str
     time: datetime
     author: str
     last_edit: int
@@ -35,7 +34,7 @@ class Marks:
     def __init__(self, database: Database, length: int) -> None:
         self._database, self._length = database, length
 
-    def set(self, frames: Iterable[int], state: MarkState, *, reason: str = "", author: str = "") -> None:
+    def set(self, frames: Iterable[int], state: MarkState, *, author: str = "") -> None:
         """Mark frames, over what they were marked with before.
 
         Raises:
@@ -46,7 +45,8 @@ class Marks:
         chosen = self._inside(frames)
         with self._database.transaction() as connection:
             order = connection.execute(_ORDER).fetchone()
-            rows = [(frame, state, reason, now, author, *order) for frame in chosen]
+            # The empty text is the column `reason`, which nothing reads.
+            rows = [(frame, state, "", now, author, *order) for frame in chosen]
             connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
 
     def clear(self, frames: Iterable[int]) -> None:
@@ -68,7 +68,6 @@ class Marks:
                 raise InputError(f"{self._database.path}: {problem}") from error
             found[row["frame"]] = Mark(
                 state=state,
-                reason=row["reason"],
                 time=time,
                 author=row["author"],
                 last_edit=last_edit,

@@ -63,7 +63,7 @@ class ViewPanel:
 
     def _jump(self, number: int) -> None:
         self._tab.pause()
-        self._tab.seek(number - self._tab.first_frame)
+        self._tab.seek(int(number) - self._tab.first_frame)
 
     def _switch(self, name: str) -> None:
         self._tab.set(**{name: not getattr(self._tab.state, name)})

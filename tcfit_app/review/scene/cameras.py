@@ -14,9 +14,6 @@ from tcfit_app.server.viser_bridge import place_camera
 Scene = Rectangle | Literal["space"]
 """What there is to look at: posters, told by their extent in the world, or the 3D scene."""
 
-STRIP_HEIGHT = 132.0
-"""Of the timeline that covers the canvas's bottom, CSS pixels."""
-
 _SLACK = 0.1
 """Of the camera's distance: so far from where it should be it stays in 3D, rather than move with every frame."""
 
@@ -39,8 +36,8 @@ class Cameras:
     goes on reporting an old one for seconds.
     """
 
-    def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
-        self._client, self._covered = client, strip_height
+    def __init__(self, client: viser.ClientHandle, *, covered: float = 0.0) -> None:
+        self._client, self._covered = client, covered
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])

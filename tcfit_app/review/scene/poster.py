@@ -78,13 +78,6 @@ def world_of_pixels(
     return (pixels - np.array(size) / 2) / size[1] + np.array([x, 0.0])
 
 
-def pixels_of_world(
-    world: Float[np.ndarray, "*n 2"], size: tuple[int, int], x: float = 0.0
-) -> Float[np.ndarray, "*n 2"]:
-    """The way back."""
-    return (world - np.array([x, 0.0])) * size[1] + np.array(size) / 2
-
-
 def relief(
     bodies: Sequence[Float[np.ndarray, "V 3"]], camera: Camera, own: Sequence[Camera | None] = ()
 ) -> list[Float[np.ndarray, "V 3"]]:

@@ -3,14 +3,23 @@
 import numpy as np
 import viser
 
-from tcfit_app.review.scene.cameras import STRIP_HEIGHT, Cameras
-from tcfit_app.review.scene.lighting import light_scene
+from tcfit_app.review.scene.cameras import Cameras
+from tcfit_app.review.scene.layers import RGB
 from tcfit_app.review.scene.mesh_dressing import MeshDressing
 from tcfit_app.review.scene.poses import Rectangle
 from tcfit_app.review.scene.poster import PosterNodes, Posters, world_of_pixels
 from tcfit_app.review.scene.space import Space, SpaceNodes
 
 Snapshot = Posters | Space
+
+# Directions towards the lights in camera space (x right, y down, z away from the camera), colours, intensities: a key
+# light from the upper left of the camera, a weak fill from its right, and a rim from behind.
+_LIGHTS: tuple[tuple[str, tuple[float, float, float], RGB, float], ...] = (
+    ("key", (-0.5, -0.7, -0.9), (255, 250, 242), 2.5),
+    ("fill", (0.9, -0.1, -0.6), (226, 236, 255), 0.55),
+    ("rim", (0.3, -0.6, 1.0), (255, 255, 255), 0.9),
+)
+_AMBIENT = 0.6
 
 
 class SceneView:
@@ -19,14 +28,14 @@ class SceneView:
     One thread at a time may use it. Make it when the client has connected.
     """
 
-    def __init__(self, client: viser.ClientHandle, *, strip_height: float = STRIP_HEIGHT) -> None:
-        """An empty scene in a tab; something else covers so many CSS pixels at its canvas's bottom."""
+    def __init__(self, client: viser.ClientHandle, *, covered: float = 0.0) -> None:
+        """An empty scene in a tab; something else covers so many CSS pixels of its canvas, at the bottom."""
         self._client = client
         with client.atomic():
-            light_scene(client)
+            _light(client)
             dressing = MeshDressing(client)
             self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
-        self.cameras = Cameras(client, strip_height=strip_height)
+        self.cameras = Cameras(client, covered=covered)
         self._last: Snapshot | None = None
 
     def show(self, snapshot: Snapshot) -> tuple[str, ...]:
@@ -43,13 +52,6 @@ class SceneView:
         self._last = snapshot
         return tuple(problems)
 
-    def clear(self) -> None:
-        """Shows nothing."""
-        with self._client.atomic():
-            self._posters.set_visible(False)
-            self._space.set_visible(False)
-        self._last = None
-
     def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
         """For the draw loop, often: see `Cameras.follow`."""
         self.cameras.follow(canvas, covered)
@@ -65,3 +67,16 @@ class SceneView:
         corners = np.array(pixels, float).reshape(2, 2)
         world = world_of_pixels(corners, self._last.camera.size, self._last.places[poster])
         self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
+
+
+def _light(client: viser.ClientHandle) -> None:
+    """Soft light from the video camera's side, in place of viser's, and y downwards."""
+    scene = client.scene
+    scene.set_up_direction("-y")
+    scene.configure_default_lights(enabled=False, cast_shadow=False)
+    scene.configure_environment_map(None)
+    scene.add_light_ambient("/light/ambient", intensity=_AMBIENT)
+    for name, direction, color, intensity in _LIGHTS:
+        scene.add_light_directional(
+            f"/light/{name}", color=color, intensity=intensity, cast_shadow=False, position=direction
+        )

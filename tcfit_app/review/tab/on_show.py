@@ -1,6 +1,5 @@
 """What is on show in a tab: resolved once for each drawing, from what the tab has set and what the project has now."""
 
-from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -54,11 +53,6 @@ class OnShow:
     def revision(self) -> int | None:
         """Another number whenever a drag has led to another body on show; None without one."""
         return None if self.live is None else self.live.revision
-
-    @property
-    def key(self) -> Hashable:
-        """Stands for both fits."""
-        return tuple(None if fit is None else (fit.run.id, fit.phase, fit.revision) for fit in (self.a, self.b))
 
 
 def on_show(state: TabState, session: Session) -> OnShow:

@@ -2,7 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -17,7 +18,6 @@ from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.playback import Playback
-from tcfit_app.review.tab.sent import Sent
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.review.tasks import Task, Value, Work
 from tcfit_app.server.page_files import PageFiles
@@ -28,6 +28,30 @@ _COLORS: dict[str, Literal["blue", "green", "red"]] = {"info": "blue", "done": "
 _SHORT, _LONG = 4.0, 12.0
 """Seconds for which a message stays."""
 _log = logging.getLogger(__name__)
+
+
+class Sent:
+    """Remembers what was sent to a tab, a key for each thing, so that only what changed is sent again."""
+
+    def __init__(self) -> None:
+        self._keys: dict[str, Hashable] = {}
+
+    def differs(self, name: str, *key: Hashable) -> bool:
+        """Whether a thing's key is another one than the last time; from now on it is this one."""
+        if name in self._keys and self._keys[name] == key:
+            return False
+        self._keys[name] = key
+        return True
+
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Keys that `differs` remembers inside are forgotten again if an exception ends it: nothing was sent then."""
+        before = dict(self._keys)
+        try:
+            yield
+        except BaseException:
+            self._keys = before
+            raise
 
 
 class Tab:

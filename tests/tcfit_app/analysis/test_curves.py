@@ -12,11 +12,11 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.metrics import jitter
-from tcfit_app.analysis.curves import CURVES, curve, updated
+from tcfit_app.analysis.curves import CURVES, curve
 from tcfit_app.analysis.posed_fit import PosedFit
 from tests.samples import scenes
-from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
-from tests.samples.scenes import noisy, random_params
+from tests.samples.posed import displaced, fit_of, keypoints_of, still_params, with_keypoints
+from tests.samples.scenes import random_params
 
 
 def moved(params: BodyParams, frame: int, by: tuple[float, float, float]) -> BodyParams:
@@ -106,29 +106,3 @@ def test_the_volume_is_that_of_trimesh(free_body: BodyModel):
 def test_the_shortest_clips_have_curves(tiny_body: BodyModel, name: str, frames: int):
     found = curve(name, fit_of(tiny_body, still_params(frames)))
     assert found.values.shape == (frames,) and found.title and found.name == name
-
-
-@pytest.mark.parametrize("changed", [range(0, 1), range(4, 7), range(11, 12), range(0, 12), range(3, 3)])
-@pytest.mark.parametrize("name", CURVES)
-def test_after_a_change_a_part_is_as_good_as_all(tiny_body: BodyModel, name: str, changed: range):
-    params, others = random_params(12, seed=1), random_params(12, seed=2)
-    keypoints = noisy(keypoints_of(tiny_body, params), 3)
-    before = fit_of(tiny_body, params, keypoints)
-    inside = slice(changed.start, changed.stop)
-    merged = {n: t.clone() for n, t in vars(params).items()}
-    for n, t in merged.items():
-        t[inside] = getattr(others, n)[inside]
-    xy = keypoints.xy.copy()
-    xy[inside] += 5
-    after = fit_of(tiny_body, BodyParams(**merged), replace(keypoints, xy=xy))
-    found = updated(curve(name, before), after, changed).values
-    np.testing.assert_allclose(found, values(name, after), rtol=1e-6, atol=1e-6)
-
-
-def test_only_what_has_changed_is_evaluated(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
-    fit = still_fit(tiny_body, 40)
-    old = curve("jitter", fit)
-    monkeypatch.setattr(
-        PosedFit, "joints", property(lambda self: np.zeros((len(self), 55, 3)) if len(self) <= 6 else 1 / 0)
-    )
-    assert len(updated(old, fit, range(20, 22)).values) == 40

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.fit.reliability import PAIRED
 from tcfit_app.analysis.findings import FINDINGS, scores
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.suspicion import review_queue, still_checked
+from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.project.edits.edit_log import Action, LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.storage.marks import Mark, MarkState
@@ -27,6 +28,13 @@ def with_confidence(fit: PosedFit, frames: slice, joints: slice | list[int], val
     return with_keypoints(fit, confidence=confidence)
 
 
+def queue_of(fit: PosedFit, *, kinds: list[str], **options: Any) -> tuple[Suspect, ...]:
+    """The review queue of these kinds of findings alone."""
+    chosen = {kind: FINDINGS[kind] for kind in kinds if kind in FINDINGS}
+    with patch("tcfit_app.analysis.suspicion.FINDINGS", chosen):
+        return review_queue(fit, **options)
+
+
 @pytest.fixture(scope="module")
 def fine(tiny_body: BodyModel) -> PosedFit:
     """Forty frames with nothing to see."""
@@ -39,7 +47,7 @@ def test_a_fine_clip_has_an_empty_queue(fine: PosedFit):
 
 def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
     fit = displaced(displaced(fine, 17, "left_wrist", (32.0, 24.0)), 30, "right_knee", (25.0, 0.0))
-    first, second = review_queue(fit, kinds=["reprojection"])
+    first, second = queue_of(fit, kinds=["reprojection"])
     assert (first.frame, first.frames, first.kind) == (17, range(17, 18), "reprojection")
     assert first.joints == (WRIST,) and first.score > second.score > 1
     subject, pixels = first.reason.removesuffix(" px off").rsplit(" ", 1)
@@ -50,7 +58,7 @@ def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
 
 def test_many_keypoints_of_a_hand_are_the_hand(fine: PosedFit):
     hand = list(range(kp.COUNT)[kp.RIGHT_HAND])
-    (entry,) = review_queue(displaced(fine, 8, hand[3:12], (0.0, 30.0)), kinds=["reprojection"])
+    (entry,) = queue_of(displaced(fine, 8, hand[3:12], (0.0, 30.0)), kinds=["reprojection"])
     assert entry.reason.startswith("right hand is up to 3") and set(entry.joints) == set(hand[3:12])
 
 
@@ -59,7 +67,7 @@ def test_consecutive_frames_are_one_entry_with_the_worst(fine: PosedFit):
     for frame, pixels in ((20, 30.0), (21, 60.0), (22, 35.0), (24, 30.0), (29, 30.0)):
         fit = displaced(fit, frame, "left_wrist", (pixels, 0.0))
     fit = displaced(fit, 25, "right_ankle", (30.0, 0.0))
-    found = sorted(review_queue(fit, kinds=["reprojection"]), key=lambda s: s.frames.start)
+    found = sorted(queue_of(fit, kinds=["reprojection"]), key=lambda s: s.frames.start)
     assert [(s.frame, s.frames) for s in found] == [(21, range(20, 25)), (25, range(25, 26)), (29, range(29, 30))]
 
 
@@ -68,13 +76,13 @@ def test_what_is_off_in_every_frame_is_the_detectors_habit(fine: PosedFit):
 
 
 def test_half_of_a_clip_can_be_far_off(fine: PosedFit):
-    found = review_queue(displaced(fine, slice(0, 26), "left_wrist", (90.0, 0.0)), kinds=["reprojection"])
+    found = queue_of(displaced(fine, slice(0, 26), "left_wrist", (90.0, 0.0)), kinds=["reprojection"])
     assert [s.frames for s in found] == [range(0, 26)]
 
 
 def test_keypoints_that_do_not_count_are_not_reported(fine: PosedFit):
     fit = with_confidence(displaced(fine, 17, "left_wrist", (40.0, 0.0)), slice(17, 18), [WRIST], 0.1)
-    assert review_queue(fit, kinds=["reprojection", "detection"]) == ()
+    assert queue_of(fit, kinds=["reprojection", "detection"]) == ()
 
 
 def test_a_detection_that_jumps_is_told_even_if_the_fit_follows(tiny_body: BodyModel):
@@ -82,7 +90,7 @@ def test_a_detection_that_jumps_is_told_even_if_the_fit_follows(tiny_body: BodyM
     pose = params.body_pose.clone()
     pose[12, 3 * (JOINT["left_shoulder"] - 1) + 2] += 0.4
     fit = fit_of(tiny_body, replace(params, body_pose=pose))
-    found = {kind: review_queue(fit, kinds=[kind]) for kind in FINDINGS}
+    found = {kind: queue_of(fit, kinds=[kind]) for kind in FINDINGS}
     assert not found["reprojection"] and not found["swap"] and not found["confidence"]
     (jump,), (detection,) = found["jump"], found["detection"]
     assert jump.frame == detection.frame == 12 and jump.frames == range(11, 14)
@@ -95,7 +103,7 @@ def test_a_body_that_jumps_as_a_whole(tiny_body: BodyModel):
     translation = params.camera_translation.clone()
     translation[12] += torch.tensor([0.0, 0.0, 0.2])
     fit = fit_of(tiny_body, replace(params, camera_translation=translation))
-    (entry,) = review_queue(fit, kinds=["jump"])
+    (entry,) = queue_of(fit, kinds=["jump"])
     assert entry.frame == 12 and entry.reason == "whole body jumps up to 400 mm/frame²"
 
 
@@ -104,15 +112,15 @@ def test_the_same_acceleration_is_no_jump_at_a_higher_frame_rate_only(tiny_body:
     translation = params.camera_translation.clone()
     translation[12] += torch.tensor([0.0, 0.0, 0.015])  # 30 mm/frame^2
     fit = fit_of(tiny_body, replace(params, camera_translation=translation))
-    assert review_queue(fit, kinds=["jump"]) == ()  # 19 m/s^2 at 25 frames per second
+    assert queue_of(fit, kinds=["jump"]) == ()  # 19 m/s^2 at 25 frames per second
     faster = replace(fit, clip=replace(fit.clip, frame_rate=60.0))  # 108 m/s^2
-    assert [s.frame for s in review_queue(faster, kinds=["jump"])] == [12]
+    assert [s.frame for s in queue_of(faster, kinds=["jump"])] == [12]
 
 
 def test_a_region_that_is_lost_for_some_frames(fine: PosedFit):
     fit = with_confidence(fine, slice(20, 23), kp.RIGHT_HAND, 0.12)
     fit = with_confidence(fit, slice(30, 32), kp.FACE, 0.0)
-    found = review_queue(fit, kinds=["confidence"])
+    found = queue_of(fit, kinds=["confidence"])
     assert [(s.frames, s.reason) for s in found] == [
         (range(30, 32), "face not detected"),
         (range(20, 23), "right hand confidence 0.12"),
@@ -123,7 +131,7 @@ def test_a_region_that_is_lost_for_some_frames(fine: PosedFit):
 def test_several_parts_that_are_lost_at_once(fine: PosedFit):
     fit = with_confidence(fine, slice(20, 21), kp.HANDS, 0.0)
     fit = with_confidence(fit, slice(30, 31), slice(None), 0.0)
-    found = {s.frame: s for s in review_queue(fit, kinds=["confidence"])}
+    found = {s.frame: s for s in queue_of(fit, kinds=["confidence"])}
     assert found[20].reason == "left hand not detected (1 more)" and found[30].reason == "nobody detected"
     assert set(found[20].joints) == {joint for joint in range(kp.COUNT)[kp.HANDS] if fit.tracked[joint]}
 
@@ -132,11 +140,11 @@ def test_what_a_person_marked_as_bad_is_not_missed(fine: PosedFit):
     fit = with_confidence(fine, slice(20, 23), kp.RIGHT_HAND, 0.0)
     bad = np.zeros(fit.bad.shape, bool)
     bad[20:22, kp.RIGHT_HAND] = True
-    assert [s.frames for s in review_queue(replace(fit, bad=bad), kinds=["confidence"])] == [range(22, 23)]
+    assert [s.frames for s in queue_of(replace(fit, bad=bad), kinds=["confidence"])] == [range(22, 23)]
 
 
 def test_a_region_that_is_rarely_seen_is_not_missed(fine: PosedFit):
-    assert review_queue(with_confidence(fine, slice(0, 32), kp.HANDS, 0.0), kinds=["confidence"]) == ()
+    assert queue_of(with_confidence(fine, slice(0, 32), kp.HANDS, 0.0), kinds=["confidence"]) == ()
 
 
 @pytest.mark.parametrize("pair", PAIRED)
@@ -156,16 +164,16 @@ def test_a_clip_that_is_swapped_throughout_is_seen_from_the_fit(fine: PosedFit):
     one, other = [*left, *others[0]], [*right, *others[1]]
     xy = fine.clip.keypoints.xy.copy()
     xy[:, one + other] = xy[:, other + one]
-    assert review_queue(with_keypoints(fine, xy=xy), kinds=["swap"])[0].frames == range(len(fine))
+    assert queue_of(with_keypoints(fine, xy=xy), kinds=["swap"])[0].frames == range(len(fine))
 
 
 def test_a_pose_that_costs_more_than_its_errors_explain(fine: PosedFit):
     squared = (np.nan_to_num(fine.errors) * fine.clip.keypoints.confidence) ** 2
     cost = 300 + 3 * squared[:, kp.BODY].sum(1) + 0.5 * squared[:, kp.FACE].sum(1)
     cost += np.random.default_rng(0).normal(0, 5, len(cost))
-    assert review_queue(replace(fine, frame_cost=cost), kinds=["cost"]) == ()
+    assert queue_of(replace(fine, frame_cost=cost), kinds=["cost"]) == ()
     cost[9] += 6 * np.median(cost)
-    (entry,) = review_queue(replace(fine, frame_cost=cost), kinds=["cost"])
+    (entry,) = queue_of(replace(fine, frame_cost=cost), kinds=["cost"])
     assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: costs")
 
 
@@ -180,9 +188,9 @@ def test_frames_that_were_checked_are_left_out(fine: PosedFit):
     fit = fine
     for frame, pixels in ((20, 30.0), (21, 60.0), (22, 35.0)):
         fit = displaced(fit, frame, "left_wrist", (pixels, 0.0))
-    (entry,) = review_queue(fit, kinds=["reprojection"], checked={21})
+    (entry,) = queue_of(fit, kinds=["reprojection"], checked={21})
     assert entry.frame == 22 and entry.frames == range(20, 23)
-    assert review_queue(fit, kinds=["reprojection"], checked={20, 21, 22}) == ()
+    assert queue_of(fit, kinds=["reprojection"], checked={20, 21, 22}) == ()
 
 
 def test_a_check_holds_until_the_frame_changes():
@@ -192,7 +200,7 @@ def test_a_check_holds_until_the_frame_changes():
         return LogEntry(id=number, time=time, author="", action=action)
 
     def mark(state: MarkState) -> Mark:
-        return Mark(state=state, reason="", time=time, author="", last_edit=2, last_moment=5)
+        return Mark(state=state, time=time, author="", last_edit=2, last_moment=5)
 
     marks = {frame: mark("checked") for frame in (1, 2, 3, 4)} | {6: mark("flag")}
     log = [entry(1, MarkBad(frames=(1,), joints=(0,))), entry(2, MarkBad(frames=(2,), joints=(0,)))]

@@ -7,7 +7,8 @@ import torch
 
 from fitting_core.camera import Camera, project
 from tcfit_app.exports.overlay_video import _seen_by
-from tcfit_app.review.scene.poster import pixels_of_world, relief
+from tcfit_app.review.scene.poster import relief
+from tests.samples.posters import pixels_of_world
 
 CLIP = Camera(focal=(900.0, 940.0), center=(410.0, 395.0), size=(800, 780))
 OWN = Camera(focal=(1300.0, 1250.0), center=(400.0, 401.0), size=(800, 780))

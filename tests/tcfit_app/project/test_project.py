@@ -57,7 +57,7 @@ def folder(tmp_path: Path) -> Path:
         project.undo(author="anna")
         run = project.runs.start(CONFIG, body=BODY, edits_seen=project.last_edit)
         project.runs.finish(run.id, sample_fit(1))
-        project.marks.set([3], "flag", reason="hand behind the back", author="anna")
+        project.marks.set([3], "flag", author="anna")
     return tmp_path / "walk.tcfit"
 
 
@@ -141,15 +141,15 @@ def test_the_log_is_only_added_to(folder: Path):
 
 def test_marks(folder: Path):
     with Project.open(folder) as project:
-        assert project.marks.all()[3].reason == "hand behind the back" and project.marks.all()[3].author == "anna"
+        assert project.marks.all()[3].state == "flag" and project.marks.all()[3].author == "anna"
         project.marks.set([5, 3, 4], "checked", author="ben")
         project.marks.clear([4, 0])
         with pytest.raises(InputError, match="no frame 6; the clip has frames 0 to 5"):
             project.marks.set([1, 6], "flag")
     with Project.open(folder, read_only=True) as project:
-        assert [(frame, m.state, m.reason) for frame, m in project.marks.all().items()] == [
-            (3, "checked", ""),
-            (5, "checked", ""),
+        assert [(frame, m.state, m.author) for frame, m in project.marks.all().items()] == [
+            (3, "checked", "ben"),
+            (5, "checked", "ben"),
         ]
 
 

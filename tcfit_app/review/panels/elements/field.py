@@ -1,5 +1,7 @@
 """An input of viser's that shows part of a tab's state."""
 
+import logging
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
@@ -8,6 +10,8 @@ import viser
 from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", str, int, float, Any)
+
+_log = logging.getLogger(__name__)
 
 
 class Field(Generic[Value]):
@@ -25,14 +29,20 @@ class Field(Generic[Value]):
 
     def __init__(self, tab: Tab, handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
         self._tab, self._handle, self._take = tab, handle, take
+        self._like = handle.value
         self._given, self._taken = 0, 0  # one thread counts each
         handle.on_update(self._updated)  # pyright: ignore[reportArgumentType]
 
     async def _updated(self, event: viser.GuiEvent[viser.GuiInputHandle[Value]]) -> None:
         if event.client is None:
             return
-        self._given += 1
         value = event.target.value
+        if not _alike(value, self._like):
+            _log.warning("A value from the page is dropped: %r is none like %r", value, self._like)
+            # viser has it already, and its setter would turn every later value into this one's type.
+            self._handle._impl.value = self._like
+            return
+        self._given += 1
         self._tab.do(lambda: self._set(value))
 
     def _set(self, value: Value) -> None:
@@ -53,6 +63,13 @@ class Field(Generic[Value]):
         """
         if not self.waiting and not wrong and self._handle.value != value:
             self._handle.value = value
+
+
+def _alike(value: object, usual: object) -> bool:
+    """Whether a value is of the kind that an input has: a strange page sends anything, such as a file to a slider."""
+    if isinstance(usual, int | float) and not isinstance(usual, bool):
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return type(value) is type(usual)
 
 
 class Dropdown(Field[str]):

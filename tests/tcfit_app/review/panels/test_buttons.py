@@ -117,3 +117,24 @@ def test_the_video_is_looked_for_elsewhere_only_while_it_is_missing(panel_page: 
     panel_page.enter("New place", str(Path(__file__)))
     panel_page.page.receive(Press("review.relink", ""))
     assert tab.session.project.media.path == linked
+
+
+@pytest.mark.parametrize(
+    ("label", "value"),
+    [
+        ("Opacity", viser.UploadedFile(name="a", content=b"")),
+        ("Opacity", float("nan")),
+        ("Opacity", "1"),
+        ("Frame", None),
+        ("Timeline", 3),
+        ("Keypoint", ["nose"]),
+    ],
+)
+def test_an_input_takes_only_what_it_can_have(panel_page: LonePage, label: str, value: object):
+    before, handle = panel_page.page.tab.state, panel_page.field(label)
+    panel_page.draw()
+    usual = handle.value
+    panel_page.enter(label, value)
+    assert panel_page.page.tab.state is before
+    panel_page.draw()
+    assert handle.value == usual and not panel_page.notices, "it shows the state again"

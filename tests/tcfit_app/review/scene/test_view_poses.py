@@ -112,7 +112,7 @@ def tab() -> Tab:
 @pytest.fixture
 def view(tab: Tab) -> Cameras:
     """With one poster, all settled."""
-    view = Cameras(tab)  # type: ignore[arg-type]
+    view = Cameras(tab, covered=WINDOW.covered)  # type: ignore[arg-type]
     view.show_posters(ONE)
     tab.obey()
     view.follow()

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import BodyLayer, color_index, color_table, drawable
-from tcfit_app.review.scene.poster import GAP, Poster, Posters, pixels_of_world, relief, world_of_pixels
+from tcfit_app.review.scene.poster import GAP, Poster, Posters, relief, world_of_pixels
 from tcfit_app.review.scene.space import Space, extent, frustum
+from tests.samples.posters import pixels_of_world
 
 CAMERA = Camera(focal=(900.0, 950.0), center=(300.0, 410.0), size=(1280, 720))
 FACES = np.array([[0, 1, 2]])
