@@ -18,8 +18,9 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, Iteration, PhaseFinished, PhaseStarted, WindowFinished
-from fitting_core.fit.fitting import fit, fit_events, rerun_events
+from fitting_core.fit.fitting import evaluated, fit, fit_events, patched, rerun_events
 from fitting_core.fit.phases import progress
+from fitting_core.fit.reliability import PAIRED
 from fitting_core.fit.result import FitResult
 from fitting_core.keypoints import Keypoints
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
@@ -294,6 +295,29 @@ def test_any_range_can_be_rerun(free_body: BodyModel, short_clip: Clip, quick: F
 def test_ranges_outside_the_clip_are_refused(free_body: BodyModel, short_clip: Clip, quick: FitResult, frames: range):
     with pytest.raises(InputError, match="frames 0 to 7"):
         next(rerun_events(short_clip, free_body, QUICK, quick.last.params, frames))
+
+
+def mostly_swapped(body: BodyModel) -> Clip:
+    """60 frames whose arms and legs are swapped from 15 to 44, and whose hands are seen in the first frames alone."""
+    seen = hidden(keypoints_of(body, arms_in_motion(60, depth=3.5)), kp.HANDS, frames=slice(5, 60))
+    xy, confidence = seen.xy.copy(), seen.confidence.copy()
+    left, right = ([i for pair in PAIRED.values() for i in pair[side]] for side in (0, 1))
+    for values in (xy, confidence):
+        values[15:45, left + right] = values[15:45, right + left]
+    return clip_of(Keypoints(xy=xy, confidence=confidence))
+
+
+@pytest.mark.parametrize("window", [range(28, 32), range(0, 3), range(12, 20), range(59, 60)])
+def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyModel, window: range):
+    """In the middle of the swapped frames nothing but the whole clip tells that they are, nor that it shows hands."""
+    clip, config = mostly_swapped(tiny_body), replace(PRESETS["tcfit"], pose_prior="relaxed")
+    params = replace(arms_in_motion(60, depth=3.5), left_hand_pose=torch.full((60, 12), 4.0, dtype=torch.float64))
+    whole = evaluated(clip, tiny_body, config, params)
+    before = replace(whole, frame_cost=np.full(60, np.nan))
+    after = patched(before, clip, tiny_body, config, params, [window], sharpness=1.0, note="")
+    changed = slice(window.start, window.stop)
+    np.testing.assert_allclose(after.frame_cost[changed], whole.frame_cost[changed], rtol=1e-9)
+    assert np.isnan(np.delete(after.frame_cost, range(window.start, window.stop))).all()
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3])

@@ -1,14 +1,17 @@
 """Phase 3 on its own: windows, the order of stages, and what a re-run may touch."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.body.points.points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
-from fitting_core.fit.phases.consistency import Consistency, coupled
+from fitting_core.fit.phases.consistency import COUPLED, Consistency, coupled
 from fitting_core.fit.phases.progress import Step
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
@@ -24,11 +27,11 @@ CONFIG = FitConfig(
 )
 
 
-def start_of(body: BodyModel, config: FitConfig) -> tuple[Consistency, State]:
-    stages = stages_of(body, hidden(keypoints_of(body, random_params(FRAMES)), kp.HANDS, kp.FACE), config)
-    state = random_state(stages.parametrisation, FRAMES, 0)
+def start_of(body: BodyModel, config: FitConfig, frames: int = FRAMES) -> tuple[Consistency, State]:
+    stages = stages_of(body, hidden(keypoints_of(body, random_params(frames)), kp.HANDS, kp.FACE), config)
+    state = random_state(stages.parametrisation, frames, 0)
     betas = stages.parametrisation.columns.betas
-    state = state.with_columns(betas, state.vector[:1, betas].expand(FRAMES, 10))
+    state = state.with_columns(betas, state.vector[:1, betas].expand(frames, 10))
     return Consistency(stages, make_solver("lm", config.settings)), state
 
 
@@ -83,6 +86,20 @@ def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size:
     window, together = finished(consistency.sliding_window(state)), finished(consistency.all_at_once(state))
     assert torch.equal(window.vector, together.vector) and torch.equal(window.orient, together.orient)
     assert not torch.equal(window.vector, state.vector)
+
+
+def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """Else the cost of all windows is quadratic in the clip's length."""
+    posed, forward = [], BodyPoints.forward
+
+    def counted(self: BodyPoints, orient: Tensor, *rest: Any) -> Posed:
+        posed.append(len(orient))
+        return forward(self, orient, *rest)
+
+    monkeypatch.setattr(BodyPoints, "forward", counted)
+    consistency, state = start_of(tiny_body, CONFIG, frames=12)
+    finished(consistency.sliding_window(state))
+    assert max(posed) == CONFIG.temporal.window_size + 2 * COUPLED
 
 
 def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):
