@@ -29,7 +29,6 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit
-from fitting_core.fit.phases.search.sharpening import sharp_settings, sharpened_for
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -186,8 +185,7 @@ def from_truth(
     state = parametrisation.neutral(len(stages.keypoints)).put(frames, known)
     objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
     at_truth = objective.cost(known, frames)
-    settings = sharp_settings(stages.config.settings, stages.sharpness)
-    minimisation = make_solver(stages.config.solver, settings).minimise(
+    minimisation = make_solver(stages.config.solver, stages.config.settings).minimise(
         IndependentFrames(objective, frames), known, final=True
     )
     while True:
@@ -227,7 +225,6 @@ def recover(body: BodyModel, poses: Posed, config: FitConfig, *, with_truth: boo
     nothing = np.full(len(poses), np.nan)
     at_truth, cost, best = nothing, nothing, None
     if with_truth:
-        stages = sharpened_for(stages, phase.params)
         at_truth, refined, cost = from_truth(stages, poses.params, frames)
         best = errors_of(body, poses.params, refined)
     return Recovery(

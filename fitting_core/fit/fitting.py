@@ -17,7 +17,6 @@ from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.progress import Step, TermSampling
-from fitting_core.fit.phases.search.sharpening import sharp_settings, sharpened_for
 from fitting_core.fit.phases.shared_shape import fit_shape
 from fitting_core.fit.reliability import SEEN
 from fitting_core.fit.result import FitResult, PhaseResult
@@ -63,8 +62,6 @@ def rerun_events(
     config: FitConfig,
     params: BodyParams,
     frames: range,
-    *,
-    sharpness: float | None = None,
 ) -> Generator[FitEvent, None, BodyParams]:
     """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit.
 
@@ -74,7 +71,6 @@ def rerun_events(
         config: everything else.
         params: a result for this clip, all frames.
         frames: which of them are fitted again, counted from the first of the clip as 0.
-        sharpness: that of the result (`FitResult.sharpness`); None finds it, at a cost that grows with the clip.
     """
     first = clip.first_frame
     asked = f"{first + frames.start} to {first + frames.stop - 1}"
@@ -82,11 +78,9 @@ def rerun_events(
         raise InputError(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
-    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     near = coupled(frames, len(clip))
-    stages = sharpened_for(stages, params, sharpness).within(near)
-    settings = sharp_settings(config.settings, stages.sharpness)
-    consistency = Consistency(stages, make_solver(config.solver, settings))
+    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate).within(near)
+    consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
     moving = range(frames.start - near.start, frames.stop - near.start)
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
@@ -104,7 +98,7 @@ def shape_events(
         clip: keypoints and camera.
         body: the body model.
         config: everything else.
-        start: its first phase and its sharpness are kept.
+        start: its first phase is kept.
 
     Raises:
         InputError: It has no first phase, or no frame of the clip shows a person.
@@ -143,7 +137,6 @@ class _Fit:
         if first is None:
             raise InputError("There is no first phase to find a shape from: run everything.")
         self.phases.append(first)
-        self._sharpen(sharpened_for(self.stages, first.params, start.sharpness))
         self.good = self.stages.usable() & torch.as_tensor(first.frame_cost).isfinite()
         # Poses as they came: a latent prior does not bring them back exactly.
         state = self.stages.parametrisation.from_params(first.params)
@@ -154,17 +147,11 @@ class _Fit:
         yield Finished(result=result)
         return result
 
-    def _sharpen(self, stages: Stages) -> None:
-        self.stages = stages
-        if stages.sharpness > 1:
-            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, stages.sharpness))
-
     def _first(self) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=1, title=TITLES[1])
         start = time.perf_counter()
         fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
         self.good = fits.cost.isfinite()
-        self._sharpen(fits.stages)
         yield self._finish(1, fits.state, start, fits.notes)
         return fits.state
 
@@ -211,7 +198,6 @@ class _Fit:
             camera=self.clip.camera,
             config=self.config,
             observed=self.stages.observed,
-            sharpness=self.stages.sharpness,
             pose_prior=self.stages.parametrisation.prior.title,
             warnings=(
                 *self.clip.notes,
@@ -229,7 +215,6 @@ def evaluated(
     *,
     phase: int = 3,
     seconds: float = 0.0,
-    sharpness: float | None = None,
 ) -> PhaseResult:
     """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
 
@@ -240,10 +225,8 @@ def evaluated(
         params: all frames; they are kept as they are.
         phase: 3 counts E_T too.
         seconds: what making them took.
-        sharpness: as for `rerun_events`.
     """
     stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    stages = sharpened_for(stages, params, sharpness)
     result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
     return replace(result, params=params)
 
@@ -256,7 +239,6 @@ def patched(
     params: BodyParams,
     windows: Iterable[range],
     *,
-    sharpness: float | None,
     note: str,
 ) -> PhaseResult:
     """A phase with other parameters in some windows.
@@ -272,14 +254,13 @@ def patched(
         config: as for `evaluated`.
         params: all frames.
         windows: where they are others than those of `phase`.
-        sharpness: as for `rerun_events`.
         note: for the user.
     """
     cost = phase.frame_cost.copy()
     for window in windows:
         part = slice(max(0, window.start - _CONTEXT), min(len(clip), window.stop + _CONTEXT))
         near = replace(clip, keypoints=clip.keypoints[part])
-        found = evaluated(near, body, config, params[part], sharpness=sharpness)
+        found = evaluated(near, body, config, params[part])
         inner = slice(window.start - part.start, window.stop - part.start)
         cost[window.start : window.stop] = found.frame_cost[inner]
     return replace(phase, params=params, frame_cost=cost, objective={"by frame": float(cost.mean())}, notes=(note,))

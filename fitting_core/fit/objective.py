@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.kinematics import turned_bins
 from fitting_core.fit.terms.terms import Data, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate, View
 from fitting_core.fit.variables.point_jacobian import PointJacobian
@@ -67,20 +66,6 @@ class FrameObjective:
             return None
         other = copy(self)
         other.terms = terms
-        return other
-
-    def trusting(self) -> "FrameObjective":
-        """The same with a data term that takes every keypoint at its word, however far off it is."""
-        other = copy(self)
-        other.terms = [term.trusting() if isinstance(term, Data) else term for term in self.terms]
-        return other
-
-    def with_contour(self, degrees: int) -> "FrameObjective":
-        """The same with the face contour's tables of heads that are turned so much further."""
-        other = copy(self)
-        bins = self.view.contour_bin
-        assert bins is not None, "no contour landmark is looked at"
-        other.view = replace(self.view, contour_bin=turned_bins(bins, degrees))
         return other
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:

@@ -12,7 +12,6 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.phases.consistency import Consistency
-from fitting_core.fit.phases.search.sharpening import sharpened_for
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.keypoints import Keypoints
@@ -53,14 +52,12 @@ def evaluate_objective(
     *,
     stage: int = N_STAGES,
     frame_rate: float | None = None,
-    sharpness: float = 1.0,
 ) -> ObjectiveValues:
     """Evaluates the objective without minimising anything.
 
     >>> result = fit(clip, body, PRESETS["tcfit"])
     >>> values = evaluate_objective(
-    ...     body, result.last.params, clip.camera, clip.keypoints, "tcfit", stage=5, frame_rate=clip.frame_rate,
-    ...     sharpness=result.sharpness,
+    ...     body, result.last.params, clip.camera, clip.keypoints, "tcfit", stage=5, frame_rate=clip.frame_rate
     ... )
     >>> values.frames["data"]            # (T,): where the reprojection is bad
     >>> values.terms                     # {"data": 8123.4, ..., "temporal": 310.2}
@@ -74,7 +71,6 @@ def evaluate_objective(
             every frame that has two neighbours.
         stage: whose weights count, 1 to 5.
         frame_rate: of the clip, frames per second; needed where `temporal.reference_rate` of the configuration is set.
-        sharpness: of the fit (`FitResult.sharpness`), where the configuration has `sharper_keypoints`; 1 otherwise.
 
     Raises:
         InputError: no such preset or stage, parameters that do not fit to the keypoints or the configuration, or no
@@ -85,7 +81,7 @@ def evaluate_objective(
         raise InputError(f"There is no stage {stage}: stages are numbered from 1 to {N_STAGES}.")
     _check(params, keypoints, config)
     rate = _frame_rate(frame_rate, config)
-    stages = sharpened_for(Stages(keypoints, camera, body, config, frame_rate=rate), params, sharpness)
+    stages = Stages(keypoints, camera, body, config, frame_rate=rate)
     state = stages.parametrisation.from_params(params)
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
     consistency = Consistency(stages, make_solver(config.solver, config.settings))

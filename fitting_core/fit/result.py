@@ -35,8 +35,6 @@ class FitResult:
     observed: Bool[np.ndarray, "T 55"]
     """Joints that a confident keypoint hangs on: where False, the joint's rotation comes from prior and neighbours."""
     warnings: tuple[str, ...] = ()
-    sharpness: float | None = None
-    """Factor of the data term (see phases/sharpening.py); None: not noted, to be found from the residual."""
     pose_prior: str = ""
     """Its title; of a latent one with the hash of its weights."""
 

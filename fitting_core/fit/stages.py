@@ -24,16 +24,13 @@ from fitting_core.fit.terms.terms import Data, Quadratic, Term
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
-from fitting_core.priors.loosened import Loosened
-from fitting_core.priors.pose import AxisAnglePrior, make_prior
+from fitting_core.priors.pose import make_prior
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
 DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 N_STAGES = 5
-LOOSENED = 0.05
-"""Radians by which a joint's pose differs from what a latent prior decodes, about each axis."""
 
 _TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
 _HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "left_ear")]
@@ -62,8 +59,6 @@ class Stages:
     def __init__(
         self, keypoints: Keypoints, camera: Camera, body: BodyModel, config: FitConfig, *, frame_rate: float = 25.0
     ) -> None:
-        self.sharpness = 1.0
-        """Factor of the data term; see `sharpened`."""
         self.swaps: dict[str, np.ndarray] = {}
         """Frames in which the sides of a pair of limbs were swapped back, by the limbs' name."""
         if config.unswap_sides:
@@ -92,18 +87,6 @@ class Stages:
         self.all_frames = torch.arange(len(keypoints), device=self.device)
         self.hips_seen = self.seen[:, [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]].all(1)
         self.leg_seen = torch.stack([self.seen[:, list(leg)].all(1) for leg in _LEGS]).any(0)
-
-    def sharpened(self, factor: float) -> "Stages":
-        """The same for keypoints whose noise has a variance smaller by this factor: the data term weighs so much more.
-
-        Next to such keypoints it counts that a latent prior cannot express every pose, so it is loosened.
-        """
-        other = copy(self)
-        other.sharpness = factor
-        prior = self.parametrisation.prior
-        if factor > 1 and not isinstance(prior, AxisAnglePrior | Loosened):
-            other.parametrisation = self.parametrisation.with_prior(Loosened(prior, LOOSENED))
-        return other
 
     def within(self, frames: range) -> "Stages":
         """The same for a part of the clip, which counts as a clip: at a cost that does not grow with the whole.
@@ -140,7 +123,7 @@ class Stages:
         return weights
 
     def _select(self, joint_weights: Float[Tensor, "T 137"]) -> _Selection:
-        weight = self.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1]) * self.sharpness**0.5
+        weight = self.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1])
         used = ((joint_weights > 0).any(0) & self._shown).nonzero()[:, 0]
         return _Selection(used, weight[:, used])
 

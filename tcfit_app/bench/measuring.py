@@ -117,7 +117,6 @@ def live_measures(setup: Setup, moves: int) -> Measured:
         params=result.last.params,
         frame=frame,
         keypoints=(keypoint,),
-        sharpness=result.sharpness,
     )
     origin = clip.keypoints.xy[frame, [keypoint]]
     if clip.keypoints.confidence[frame, keypoint] < CONFIDENT:

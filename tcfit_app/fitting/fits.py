@@ -291,7 +291,7 @@ class Fits:
         for window in windows:
             whole = whole.with_frames(window, params[slice(window.start, window.stop)])
         note = "keypoints were corrected, and the frames around them fitted again"
-        phase = patched(fit.last, clip, body, fit.config, whole, windows, sharpness=fit.sharpness, note=note)
+        phase = patched(fit.last, clip, body, fit.config, whole, windows, note=note)
         config = self._project.runs.get(run).config
         self._store_corrections(base, with_phases(fit, (phase,), config), self.edits_seen(base, windows, seen))
 

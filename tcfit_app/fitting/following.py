@@ -98,7 +98,6 @@ class Following:
                 body=body,
                 config=shown.run.config,
                 params=start.last.params,
-                sharpness=start.sharpness,
                 frame=frame,
                 keypoints=joints,
                 origin=shown.run.id,

@@ -84,7 +84,7 @@ class RerunFrames:
         """See `fitting.rerun_events`; each window is told when it is finished."""
         begin, params = time.perf_counter(), self.start.last.params
         for i, window in enumerate(self.windows):
-            events = rerun_events(self.clip, self.body, self.config, params, window, sharpness=self.start.sharpness)
+            events = rerun_events(self.clip, self.body, self.config, params, window)
             params = yield from _as_part(events, i, len(self.windows))
             yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
         phase = patched(
@@ -94,7 +94,6 @@ class RerunFrames:
             self.config,
             params,
             self.windows,
-            sharpness=self.start.sharpness,
             note=f"{self.title}: window of phase 3, the rest as in the run before",
         )
         return with_phases(self.start, (replace(phase, seconds=time.perf_counter() - begin),), self.config)

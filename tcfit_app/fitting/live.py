@@ -31,7 +31,6 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
 from fitting_core.fit.fitting import rerun_events
 from fitting_core.fit.phases.consistency import coupled
-from fitting_core.fit.phases.search.sharpening import sharpened_for
 from fitting_core.fit.reliability import cut_off
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
@@ -63,8 +62,6 @@ class Correction:
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
     reach: int = REACH
-    sharpness: float | None = None
-    """`FitResult.sharpness` of the present result; None finds it, at a cost that grows with the clip."""
     origin: int | None = None
     """The run that `params` are of, for whoever keeps the correction."""
     edits_seen: int = 0
@@ -128,7 +125,7 @@ class LiveCorrection:
         clip, config = correction.edited(xy), correction.following
         stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
         window, near = correction.frames, coupled(correction.frames, len(clip))
-        self._stages = sharpened_for(stages, correction.params, correction.sharpness).within(near)
+        self._stages = stages.within(near)
         self._frame = correction.frame - near.start
         """That is corrected, in `_stages`, which hold the window and what is coupled to it."""
         self._row = self._stages.keypoints[self._frame : self._frame + 1]
@@ -208,7 +205,7 @@ class LiveCorrection:
         """
         self.correction = c = self.correction.now
         clip = c.edited(self.xy)
-        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, sharpness=c.sharpness))
+        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames))
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:

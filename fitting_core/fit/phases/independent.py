@@ -12,7 +12,6 @@ from fitting_core.fit.initialize import guess_depth, seen_from_side, starting_st
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.progress import Step, reported
 from fitting_core.fit.phases.search.limb_flips import LimbFlips
-from fitting_core.fit.phases.search.sharp_frames import sharpen
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -38,8 +37,6 @@ class FrameFits:
     state: State
     cost: Float[Tensor, "T"]
     notes: tuple[str, ...]
-    stages: Stages
-    """What the state and all further phases belong to: as it was given, or sharpened."""
 
 
 def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
@@ -58,19 +55,15 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
     guess = guess_depth(stages)
     state = starting_state(stages, guess.depth, 0.0)
     if not bool(usable.any()):
-        return FrameFits(
-            state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",), stages
-        )
+        return FrameFits(state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",))
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
     camera = yield from run.camera_step(state, guess.depth)
     state, cost = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
     if _restarts(stages):
         state, cost = yield from run.relay(state, camera)
-    if stages.config.sharper_keypoints:
-        stages, state, cost = yield from sharpen(stages, state, cost, run.frames)
     good = usable & cost.isfinite()
-    notes = (guess.note(), *_notes(usable, cost, first_frame), *_sharpness_note(stages))
-    return FrameFits(filled(state, good), cost, notes, stages)
+    notes = (guess.note(), *_notes(usable, cost, first_frame))
+    return FrameFits(filled(state, good), cost, notes)
 
 
 def _restarts(stages: Stages) -> bool:
@@ -85,11 +78,6 @@ def _notes(usable: Tensor, cost: Tensor, first_frame: int) -> Iterator[str]:
         yield f"frames with fewer than 4 confident body keypoints, filled from their neighbours: {spans(empty)}"
     if failed:
         yield f"frames whose fit failed (no finite cost), filled from their neighbours: {spans(failed)}"
-
-
-def _sharpness_note(stages: Stages) -> Iterator[str]:
-    if stages.sharpness > 1:
-        yield f"the keypoints are sharper than a detector's: the data term weighs {stages.sharpness:.0f} times as much"
 
 
 class _Frames:

@@ -19,9 +19,6 @@ from fitting_core.rotations import hat
 WIDENED = 6.0
 """How much wider the robust function is that Levenberg-Marquardt minimises first from a cold start."""
 
-TRUSTED = 1e4
-"""Pixels: rho that is no robust function any more."""
-
 
 class Term(Protocol):
     """A part of E_o."""
@@ -98,10 +95,6 @@ class Data:
     def widened(self) -> "Data":
         """With a wider robust function, under which points that are far off still pull."""
         return replace(self, rho=WIDENED * self.rho)
-
-    def trusting(self) -> "Data":
-        """With a robust function too wide to matter."""
-        return replace(self, rho=torch.full_like(self.rho, TRUSTED))
 
     def residual(self, e: Estimate) -> Tensor:
         """Robustified, weighted pixels."""

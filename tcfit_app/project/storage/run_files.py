@@ -40,13 +40,14 @@ class _Phase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     notes: tuple[str, ...]
 
 
-class _About(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _About(msgspec.Struct, frozen=True, kw_only=True):
+    # Unknown fields are left aside: runs of earlier versions have a "sharpness" that nothing reads any more.
+
     format: str
     camera: Camera
     phases: tuple[_Phase, ...]
     warnings: tuple[str, ...]
     pose_prior: str
-    sharpness: float | None = None
 
 
 def write_run(path: Path, fit: FitResult) -> None:
@@ -64,7 +65,6 @@ def write_run(path: Path, fit: FitResult) -> None:
         phases=phases,
         warnings=fit.warnings,
         pose_prior=fit.pose_prior,
-        sharpness=fit.sharpness,
     )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
     for p in fit.phases:
@@ -103,7 +103,6 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         observed=observed,
         warnings=about.warnings,
         pose_prior=about.pose_prior,
-        sharpness=about.sharpness,
     )
 
 

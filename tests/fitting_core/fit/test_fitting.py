@@ -314,7 +314,7 @@ def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyMode
     params = replace(arms_in_motion(60, depth=3.5), left_hand_pose=torch.full((60, 12), 4.0, dtype=torch.float64))
     whole = evaluated(clip, tiny_body, config, params)
     before = replace(whole, frame_cost=np.full(60, np.nan))
-    after = patched(before, clip, tiny_body, config, params, [window], sharpness=1.0, note="")
+    after = patched(before, clip, tiny_body, config, params, [window], note="")
     changed = slice(window.start, window.stop)
     np.testing.assert_allclose(after.frame_cost[changed], whole.frame_cost[changed], rtol=1e-9)
     assert np.isnan(np.delete(after.frame_cost, range(window.start, window.stop))).all()

@@ -419,17 +419,6 @@ def test_points_behind_the_camera_cost_infinity(scene: Scene):
     assert objective.normal(state, FRAMES).cost.isinf().tolist() == [False, True, False]
 
 
-def test_a_trusting_data_term_is_plain_least_squares(scene: Scene):
-    """Pixels times the weight, however far off: its slope does not let go."""
-    objective, estimate = scene.objectives["stage 5"], scene.estimate()
-    data = objective.terms[0]
-    assert isinstance(data, Data)
-    plain = (data.weight[estimate.frames][..., None] * data.errors(estimate)).flatten(1)
-    trusted = next(t for t in objective.trusting().terms if isinstance(t, Data))
-    torch.testing.assert_close(trusted.residual(estimate), plain, rtol=1e-2, atol=1e-6)
-    assert (data.residual(estimate).abs() < 0.9 * plain.abs()).any()
-
-
 def test_undetected_keypoints_do_not_count(scene: Scene):
     """Where a detector puts a keypoint that it has not found means nothing."""
     detections = scene.stages.keypoints
