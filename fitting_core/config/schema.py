@@ -122,9 +122,9 @@ class FitConfig:
     hip_weight: float = 0.0
     """Factor of both hip keypoints in the stages; the camera step always uses them."""
     one_sided_cut_off: bool = False
-    """Take detections where the image cuts a person off as "there or farther out" (see reliability.py)."""
+    """Take detections where the image cuts a person off as "there or farther out" (see observations.py)."""
     unswap_sides: bool = False
-    """Undo swaps of left and right limbs that last for some frames (see reliability.py)."""
+    """Undo swaps of left and right limbs that last for some frames (see observations.py)."""
     yaws: Literal["side_view", "four"] = "side_view"
     """Starting orientations of phase 1: turned by 180 degrees when seen from the side, or four quarter turns."""
     relay_rounds: int = 0

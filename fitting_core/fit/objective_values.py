@@ -81,7 +81,7 @@ def evaluate_objective(
         raise InputError(f"There is no stage {stage}: stages are numbered from 1 to {N_STAGES}.")
     _check(params, keypoints, config)
     rate = _frame_rate(frame_rate, config)
-    stages = Stages(keypoints, camera, body, config, frame_rate=rate)
+    stages = Stages.of(keypoints, camera, body, config, frame_rate=rate)
     state = stages.parametrisation.from_params(params)
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
     consistency = Consistency(stages, make_solver(config.solver, config.settings))

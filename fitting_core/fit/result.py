@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.provenance import Provenance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,8 @@ class PhaseResult:
     """E_o of each frame with the last stage's weights."""
     seconds: float
     notes: tuple[str, ...] = ()
+    provenance: Provenance | None = None
+    """Where each frame's fit came from; None for what came from elsewhere, such as files of earlier versions."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -80,7 +80,7 @@ def fit_measures(setup: Setup) -> Measured:
 
 def solver_measures(setup: Setup) -> Measured:
     """The five stages of phase 1, all frames together, from the camera step on."""
-    stages = Stages(
+    stages = Stages.of(
         setup.clip.keypoints, setup.clip.camera, setup.load_body(), setup.config, frame_rate=setup.clip.frame_rate
     )
     solver = make_solver(setup.config.solver, setup.config.settings)

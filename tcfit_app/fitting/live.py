@@ -29,9 +29,9 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
-from fitting_core.fit.fitting import rerun_events
+from fitting_core.fit.fitting import Refit, rerun_events
+from fitting_core.fit.observations import cut_off
 from fitting_core.fit.phases.consistency import coupled
-from fitting_core.fit.reliability import cut_off
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
 from fitting_core.fit.terms.terms import Data
@@ -123,7 +123,7 @@ class LiveCorrection:
     def __init__(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> None:
         self.correction = correction
         clip, config = correction.edited(xy), correction.following
-        stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
+        stages = Stages.of(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
         window, near = correction.frames, coupled(correction.frames, len(clip))
         self._stages = stages.within(near)
         self._frame = correction.frame - near.start
@@ -165,7 +165,7 @@ class LiveCorrection:
         """The data term with this frame's keypoints where they are now."""
         frame, which = self._frame, self._looked_at
         moved, sides = data.xy.clone(), data.side.clone()
-        moved[frame], sides[frame] = self._stages.tensor(row)[0, which], self._stages.tensor(side)[0, which]
+        moved[frame], sides[frame] = (torch.as_tensor(a[0]).to(data.xy)[which] for a in (row, side))
         return replace(data, xy=moved, side=sides)
 
     def resolve(self) -> BodyParams:
@@ -198,7 +198,7 @@ class LiveCorrection:
         """All frames: the result that is corrected, with the window put in."""
         return self.correction.params.to(dtype=torch.float64).with_frames(self.correction.frames, self.window)
 
-    def release(self) -> Generator[FitEvent, None, BodyParams]:
+    def release(self) -> Generator[FitEvent, None, Refit]:
         """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames.
 
         Around it they are those of the result as it is now, and so are all other keypoints.

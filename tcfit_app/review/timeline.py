@@ -4,10 +4,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fitting_core.fit.provenance import Provenance as FrameProvenance
 from tcfit_app.analysis.between_runs import BETWEEN, peaks
 from tcfit_app.analysis.curves import CURVES, Curve
 from tcfit_app.fitting.running_job import RunningJob
-from tcfit_app.review.browser.page_states import ChosenRange, Cursor, Fit, FitSpan, Marks, Timeline, curve_values, spans
+from tcfit_app.review.browser.page_states import (
+    ChosenRange,
+    Cursor,
+    Fit,
+    FitSpan,
+    Marks,
+    Origins,
+    Provenance,
+    Timeline,
+    curve_values,
+    spans,
+)
 from tcfit_app.review.browser.page_states import Curve as Line
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 
@@ -42,6 +54,7 @@ class Strip:
             page.channel.send("range", chosen)
         self._draw_curves()
         self._draw_marks()
+        self._draw_provenance()
         self._draw_fit()
 
     def _draw_curves(self) -> None:
@@ -113,6 +126,15 @@ class Strip:
         found = page.desk.distances(a, b)
         return () if found is None else tuple(peaks(found.values))
 
+    def _draw_provenance(self) -> None:
+        page = self._page
+        fits = (page.fit(page.state.a), page.fit(page.state.b))
+        shown = {(fit.run.id, fit.phase): fit for fit in fits if fit is not None}.values()
+        if page.changes.of("provenance", *((fit.run.id, fit.phase, fit.revision, fit.title) for fit in shown)):
+            told = [(f.title, f.result.provenance) for f in shown if f.result is not None]
+            found = tuple(origins(title, provenance) for title, provenance in told if provenance is not None)
+            page.channel.send("provenance", Provenance(fits=found) if found else None)
+
     def _draw_fit(self) -> None:
         page = self._page
         if page.changes.of("fit", page.session.changes):
@@ -123,6 +145,12 @@ class Strip:
     def _frames_of(self, job: RunningJob) -> range:
         run = self._page.session.fits.run(job.run) if job.run is not None else None
         return run.frames if run is not None and run.frames else range(self._page.length)
+
+
+def origins(label: str, provenance: FrameProvenance) -> Origins:
+    """Where the frames of a fit came from."""
+    texts, which = provenance.sentences()
+    return Origins(label=label, texts=texts, which=tuple(which.tolist()))
 
 
 def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:

@@ -2,9 +2,12 @@
 
 from collections.abc import Generator
 
-from torch import Tensor
+import numpy as np
+import torch
 
+from fitting_core.fit.phases.frame_fits import stopped_of
 from fitting_core.fit.phases.progress import Step, reported
+from fitting_core.fit.provenance import Stopped
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
@@ -26,6 +29,8 @@ class Consistency:
         self.stages, self.solver = stages, solver
         self.notes: list[str] = []
         """What went wrong, for the user."""
+        self.stopped = np.full(len(stages), Stopped.UNKNOWN, np.uint8)
+        """Of each frame why the solver stopped when it last moved it; see `Stopped`."""
         self.joints = JointPositions(
             stages.body, stages.parametrisation, in_camera=stages.config.temporal.space == "camera"
         )
@@ -33,22 +38,26 @@ class Consistency:
     def _run(
         self, state: State, free: range, centres: range, label: str, share: tuple[float, float]
     ) -> Generator[Step, None, State]:
-        """The configured stages over the frames of `free`; every other frame stays."""
-        chosen, held = self.stages.config.temporal.stages, self.joints(state)
+        """The frames of `free` after the configured stages, all others held; only what these touch is looked at."""
+        near = coupled(free, len(state))
+        stages, around = self.stages.within(near), state[near.start : near.stop]
+        free, centres = (range(r.start - near.start, r.stop - near.start) for r in (free, centres))
+        chosen, held = stages.config.temporal.stages, self.joints(around)
+        coupling = Coupling.of(free, centres, len(around), around.vector.device)
         for i, stage in enumerate(chosen):
-            objective = self.stages.objective(stage, state, self.stages.free(stage, betas=False))
-            coupling = Coupling.of(free, centres, len(state), state.vector.device)
-            problem = Sequence(objective, self.joints, held, coupling, self.stages.temporal_weight)
+            objective = stages.objective(stage, around, stages.free(stage, betas=False))
+            problem = Sequence(objective, self.joints, held, coupling, stages.temporal_weight)
             begin, end = share
             part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
-            minimisation = self.solver.minimise(problem, state[coupling.free], final=i == len(chosen) - 1)
+            minimisation = self.solver.minimise(problem, around[coupling.free], final=i == len(chosen) - 1)
             solution = yield from reported(minimisation, f"{label}stage {stage}", part, self.solver.iterations)
             if "failed" in solution.reason:
                 self.notes.append(
                     f"{label}stage {stage} of phase 3 failed (no finite cost): its frames stay as they were"
                 )
-            state = state.put(coupling.free, solution.state)
-        return state
+            around = around.put(coupling.free, solution.state)
+            self.stopped[near.start + free.start : near.start + free.stop] = stopped_of(solution.reason[0])
+        return around[coupling.free]
 
     def all_at_once(self, state: State) -> Generator[Step, None, State]:
         """Every frame free, every residual counted; cost linear in the number of frames."""
@@ -60,21 +69,24 @@ class Consistency:
         frames = len(state)
         size = min(self.stages.config.temporal.window_size, frames)
         last = frames - size
+        state = State(state.orient.clone(), state.vector.clone())  # that each window writes its own frames into
         for first in range(last + 1):
-            window = range(first, first + size)
+            window = slice(first, first + size)
             centres = range(first, first + size - 1)
             share = (first / (last + 1), (first + 1) / (last + 1))
-            state = yield from self._run(state, window, centres, f"window {first + 1} of {last + 1}, ", share)
-            done = range(first, first + 1) if first < last else window
-            yield Step(
-                "window", share[1], 0.0, (done, self.stages.parametrisation.to_params(state[_index(done, state)]))
-            )
+            label = f"window {first + 1} of {last + 1}, "
+            found = yield from self._run(state, range(first, first + size), centres, label, share)
+            state.orient[window], state.vector[window] = found.orient, found.vector
+            done = range(first, first + 1) if first < last else range(first, frames)
+            final = self.stages.parametrisation.to_params(state[done.start : done.stop])
+            yield Step("window", share[1], 0.0, (done, final))
         return state
 
     def rerun(self, state: State, frames: range) -> Generator[Step, None, State]:
         """Only `frames` move; all others are held and coupled, so that no seam appears."""
         centres = range(frames.start - 1, frames.stop + 1)
-        return (yield from self._run(state, frames, centres, "", (0.0, 1.0)))
+        found = yield from self._run(state, frames, centres, "", (0.0, 1.0))
+        return state.put(torch.arange(frames.start, frames.stop, device=state.vector.device), found)
 
     def temporal_cost(self, state: State) -> float:
         """E_T summed over the clip."""
@@ -87,7 +99,3 @@ class Consistency:
 def coupled(frames: range, count: int) -> range:
     """Frames of a clip of `count`, and those that E_T couples to them."""
     return range(max(0, frames.start - COUPLED), min(count, frames.stop + COUPLED))
-
-
-def _index(frames: range, state: State) -> Tensor:
-    return Coupling.of(frames, range(0), len(state), state.vector.device).free

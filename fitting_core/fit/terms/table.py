@@ -21,12 +21,35 @@ from fitting_core.fit.variables.state import Parametrisation
 class Setting(Protocol):
     """What is constant over a fit, as far as terms look at it; `stages.Stages` is one."""
 
-    config: FitConfig
-    body: BodyModel
-    parametrisation: Parametrisation
-    device: torch.device
-    xy: Float[Tensor, "T 137 2"]
-    leg_seen: Bool[Tensor, "T"]
+    @property
+    def config(self) -> FitConfig:
+        """Weights and all other settings."""
+        ...
+
+    @property
+    def body(self) -> BodyModel:
+        """What is fitted."""
+        ...
+
+    @property
+    def parametrisation(self) -> Parametrisation:
+        """How a solver's numbers become the body's pose."""
+        ...
+
+    @property
+    def device(self) -> torch.device:
+        """Where the fit computes."""
+        ...
+
+    @property
+    def xy(self) -> Float[Tensor, "T 137 2"]:
+        """Pixels of the detections."""
+        ...
+
+    @property
+    def leg_seen(self) -> Bool[Tensor, "T"]:
+        """Frames that show a hip and its knee."""
+        ...
 
     def has(self, group: slice) -> bool:
         """Whether the clip shows any keypoint of the group."""

@@ -55,13 +55,19 @@ def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
 
 def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """The paper's: those around all its frames but the last."""
-    asked, of = [], Coupling.of
+    asked, of, near = [], Coupling.of, []
+    within = Stages.within
 
     def noted(free: range, centres: range, frames: int, device: torch.device) -> Coupling:
-        asked.append((free, centres))
+        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (free, centres)))
         return of(free, centres, frames, device)
 
+    def part(stages: Stages, frames: range) -> Stages:
+        near.append(frames.start)
+        return within(stages, frames)
+
     monkeypatch.setattr(Coupling, "of", noted)
+    monkeypatch.setattr(Stages, "within", part)
     consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
     finished(consistency.sliding_window(state))
     windows = [(free, centres) for free, centres in asked if centres]
@@ -96,8 +102,8 @@ def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel,
         posed.append(len(orient))
         return forward(self, orient, *rest)
 
-    monkeypatch.setattr(BodyPoints, "forward", counted)
     consistency, state = start_of(tiny_body, CONFIG, frames=12)
+    monkeypatch.setattr(BodyPoints, "forward", counted)
     finished(consistency.sliding_window(state))
     assert max(posed) == CONFIG.temporal.window_size + 2 * COUPLED
 
@@ -168,7 +174,7 @@ def test_weight_follows_the_frame_rate_where_asked(tiny_body: BodyModel):
     """Twice the frames of one motion: second differences a quarter as long, so w_T four times as large."""
     config = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0, reference_rate=25.0))
     keypoints = hidden(keypoints_of(tiny_body, random_params(2)), kp.HANDS, kp.FACE)
-    built = {rate: Stages(keypoints, CAMERA, tiny_body, config, frame_rate=rate) for rate in (25.0, 50.0)}
+    built = {rate: Stages.of(keypoints, CAMERA, tiny_body, config, frame_rate=rate) for rate in (25.0, 50.0)}
     assert built[25.0].temporal_weight == 80.0 and built[50.0].temporal_weight == 320.0
     plain = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0))
-    assert Stages(keypoints, CAMERA, tiny_body, plain, frame_rate=50.0).temporal_weight == 80.0
+    assert Stages.of(keypoints, CAMERA, tiny_body, plain, frame_rate=50.0).temporal_weight == 80.0

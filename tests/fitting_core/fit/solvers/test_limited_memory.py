@@ -26,7 +26,7 @@ TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iteratio
 @pytest.fixture(scope="module")
 def stages() -> Stages:
     clip = clip_of(motion(FRAMES), noise=1.0)
-    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
+    return Stages.of(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +193,7 @@ def test_levenberg_marquardt_ends_no_higher_on_average_after_five_stages():
     motions = [motion(2, seed=seed) for seed in range(5)]
     params = BodyParams(**{name: torch.cat([getattr(m, name) for m in motions]) for name in vars(motions[0])})
     clip = clip_of(params, noise=3.0, seed=2)
-    stages = Stages(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
+    stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
     truth, neutral = stages.parametrisation.from_params(params), stages.parametrisation.neutral(len(params))
     where = stages.parametrisation.columns.translation
     start = State(truth.orient, neutral.with_columns(where, truth.vector[:, where]).vector)

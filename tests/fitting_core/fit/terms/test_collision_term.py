@@ -46,7 +46,7 @@ def params() -> BodyParams:
 @pytest.fixture(scope="module")
 def stages(params) -> Stages:
     clip = clip_of(params)
-    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
+    return Stages.of(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
 
 def test_float32_sees_the_same(objective, state, stages, params):
     clip = clip_of(params)
-    single = Stages(
+    single = Stages.of(
         clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle", precision="float32")
     )
     start = single.parametrisation.from_params(params)
@@ -194,7 +194,7 @@ def hands_in_thighs() -> tuple[Stages, State, IndependentFrames]:
     """From the very pose that the keypoints come from, with fingertips in the thighs."""
     params = arms_down(1.52)
     clip = clip_of(params)
-    stages = Stages(clip.keypoints, clip.camera, shipped_body(), PRESETS["paper"])
+    stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), PRESETS["paper"])
     start = stages.parametrisation.from_params(params)
     objective = stages.objective(5, start, stages.free(5, betas=True))
     return stages, start, IndependentFrames(objective, stages.all_frames)

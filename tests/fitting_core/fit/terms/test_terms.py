@@ -146,7 +146,7 @@ def rigid_scene(tiny_body: BodyModel) -> Scene:
 
 def keypoint_in_pixels(scene: Scene, b: int, i: int, vertices: np.ndarray, joints: np.ndarray) -> np.ndarray | None:
     """Projection of a keypoint of the posed mesh, its place looked up without BodyPoints."""
-    p = scene.stages.keypoint_points[i]
+    p = scene.stages.fitted.keypoint_points[i]
     if p is None:
         return None
     if isinstance(p, Joint):
@@ -315,7 +315,7 @@ def test_costs_are_the_terms_and_their_sum(scene: Scene):
 def test_camera_step_looks_at_the_torso_and_at_the_head_where_hips_are_hidden(scene: Scene):
     """Weights 1, also of neck and hips, whatever the stages' factors are."""
     data = next(t for t in scene.objectives["camera"].terms if isinstance(t, Data))
-    confidence = scene.stages.confidence * 1000 / 800
+    confidence = scene.stages.observations.confidence * 1000 / 800
     torso = [1, 2, 5, 8, 9, 12]
     used = [i for i in range(25) if i in torso or i in (0, 15, 16, 17, 18)]
     torch.testing.assert_close(data.weight[0].sum(), confidence[0, torso].sum())
