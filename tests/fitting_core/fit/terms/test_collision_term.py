@@ -90,6 +90,26 @@ def test_pairs_found_last_do_not_outlive_their_state(objective, state):
     assert torch.equal(objective.costs(state, frames)["collision"], before)
 
 
+def test_one_frame_in_several_poses_has_the_pairs_of_each(objective, state):
+    """As in the search for other minima, which tries many starts of a frame together."""
+    poses = torch.tensor([1, 0, 2])
+    alone = [objective.normal(state[i : i + 1], torch.tensor([0])) for i in poses]
+    together = objective.normal(state[poses], torch.zeros(3, dtype=torch.long))
+    torch.testing.assert_close(together.cost, torch.cat([n.cost for n in alone]))
+    torch.testing.assert_close(together.gradient, torch.cat([n.gradient for n in alone]))
+    assert together.cost[1] == 0 and min(together.cost[[0, 2]]) > 1
+
+
+def test_pairs_are_searched_once_for_each_pose(objective, state, monkeypatch):
+    """The normal equations at a point come after its cost; the search takes most of a term's time."""
+    searched, find = [], CollidingBody._find
+    monkeypatch.setattr(CollidingBody, "_find", lambda self, vertices: searched.append(1) or find(self, vertices))
+    shifted = state.with_columns(slice(3, 4), state.vector[:, 3:4] + 1e-3)
+    objective.cost(shifted, torch.arange(3))
+    objective.normal(shifted, torch.arange(3))
+    assert len(searched) == 3
+
+
 def gradient_by_autograd(objective: FrameObjective, state: State) -> Tensor:
     move = torch.zeros(len(state), len(objective.index), dtype=torch.float64, requires_grad=True)
     cost = objective.cost(state.moved(objective.step(move)), torch.arange(len(state)))
