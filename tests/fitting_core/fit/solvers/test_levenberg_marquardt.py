@@ -168,6 +168,21 @@ def test_nothing_to_see_at_all():
     assert solution.state.vector.isfinite().all()
 
 
+class Misled(Toy):
+    """Its gradient points uphill, so that no step lowers the cost however short it is."""
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        cost, gradient, matrix = super().normal(state, groups)
+        return cost, -gradient, matrix
+
+
+def test_a_group_that_no_step_lowers_is_not_called_converged():
+    """The damping runs out; a start at the optimum ends the same way and has converged."""
+    solution, _ = minimised(Misled(rosenbrock, STARTS))
+    assert solution.reason == ("stalled", "stalled", "stalled", "converged", "stalled")
+    assert torch.equal(solution.state.vector[:, 3:], STARTS)
+
+
 def test_limit_of_iterations_is_kept_and_told():
     solution, progress = minimised(Toy(rosenbrock, STARTS[:1]), SolverSettings(iterations=3, final_tolerance=1e-14))
     assert len(progress) == 3 and solution.reason == ("iterations",)
