@@ -95,8 +95,9 @@ def _shape(setting: Setting, s: int) -> Term:
     return _quadratic(setting, "shape", setting.parametrisation.columns.betas, setting.config.weights.shape[s])
 
 
-def _bending(setting: Setting, s: int) -> Term:
-    return Bending(setting.config.weights.bending[s])
+def _bending(setting: Setting, s: int) -> Term | None:
+    weight = setting.config.weights.bending[s]
+    return Bending(weight) if weight else None
 
 
 def upright(setting: Setting, lean: float, turn: float) -> Term | None:

@@ -15,7 +15,7 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.pairs import Contour, Joint, Surface
-from fitting_core.config.schema import FitConfig, Weights
+from fitting_core.config.schema import PRESETS, FitConfig, Weights
 from fitting_core.fit.objective import FrameObjective, Normal
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms import terms
@@ -417,6 +417,16 @@ def test_points_behind_the_camera_cost_infinity(scene: Scene):
     objective, state = scene.objectives["stage 5"], State(scene.state.orient, behind)
     assert objective.cost(state, FRAMES).isinf().tolist() == [False, True, False]
     assert objective.normal(state, FRAMES).cost.isinf().tolist() == [False, True, False]
+
+
+def test_a_bending_prior_of_weight_zero_is_no_term(tiny_body: BodyModel):
+    """0 x exp(overflow) is not a number, and would end a minimisation that has no use for the term."""
+    stages = stages_of(tiny_body, keypoints_of(tiny_body, random_params(1, 5)), PRESETS["tcfit"])
+    bent = random_state(stages.parametrisation, 1, 3)
+    bent.vector[:, stages.parametrisation.columns.body] *= 1e4
+    objective = stages.objective(5, bent, Free())
+    assert PRESETS["tcfit"].weights.bending[4] == 0 and bool(objective.cost(bent, torch.tensor([0])).isfinite())
+    assert "bending" not in objective.costs(bent, torch.tensor([0]))
 
 
 def test_undetected_keypoints_do_not_count(scene: Scene):
