@@ -310,8 +310,7 @@ def _phase_result(
     counted = every if sample is None else objective.costs(*sample)
     terms = {name: float(cost.mean()) for name, cost in counted.items()}
     if phase == 3:
-        consistency = Consistency(stages, make_solver(stages.config.solver, stages.config.settings))
-        terms["temporal"] = consistency.temporal_cost(state) / len(state)
+        terms |= {name: cost / len(state) for name, cost in objective.coupled_costs(state).items()}
     terms["total"] = sum(terms.values())
     return PhaseResult(
         phase=phase,

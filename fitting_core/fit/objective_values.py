@@ -11,8 +11,6 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.phases.consistency import Consistency
-from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.keypoints import Keypoints
 
@@ -22,20 +20,20 @@ class ObjectiveValues:
     """What the objective is made of at one point. Every value includes its weight: they add up to the objective."""
 
     frames: dict[str, Float[Tensor, "T"]]
-    """E_o of each frame by term ("data", "body_pose", "hand_pose", "jaw", "expression", "shape", "bending", ...; some
-    only where the weight is not 0: "collision"). Float64, on the CPU."""
-    temporal: float
-    """E_T, summed over the clip."""
+    """E_o of each frame by term ("data", "body_pose", "hand_pose", "jaw", "expression", "shape", ...; some
+    only where the weight is not 0: "bending", "collision"). Float64, on the CPU."""
+    over_time: dict[str, float]
+    """What couples frames by term, summed over the clip: E_T as "temporal"."""
 
     @property
-    def frame_total(self) -> Float[Tensor, "T"]:
-        """E_o of each frame."""
-        return torch.stack(list(self.frames.values())).sum(0)
+    def temporal(self) -> float:
+        """E_T, summed over the clip; 0 where its weight is."""
+        return self.over_time.get("temporal", 0.0)
 
     @property
     def terms(self) -> dict[str, float]:
-        """Every term summed over the clip, E_T under "temporal"."""
-        return {**{name: float(cost.sum()) for name, cost in self.frames.items()}, "temporal": self.temporal}
+        """Every term summed over the clip."""
+        return {**{name: float(cost.sum()) for name, cost in self.frames.items()}, **self.over_time}
 
     @property
     def total(self) -> float:
@@ -84,11 +82,10 @@ def evaluate_objective(
     stages = Stages.of(keypoints, camera, body, config, frame_rate=rate)
     state = stages.parametrisation.from_params(params)
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
-    consistency = Consistency(stages, make_solver(config.solver, config.settings))
     with torch.no_grad():
         costs = objective.costs(state, stages.all_frames)
-        temporal = consistency.temporal_cost(state)
-    return ObjectiveValues(frames={name: cost.double().cpu() for name, cost in costs.items()}, temporal=temporal)
+        over_time = objective.coupled_costs(state)
+    return ObjectiveValues(frames={name: cost.double().cpu() for name, cost in costs.items()}, over_time=over_time)
 
 
 def _config(preset: FitConfig | str) -> FitConfig:

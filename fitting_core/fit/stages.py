@@ -16,16 +16,14 @@ from fitting_core.fit.fitted_body import FittedBody
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.observations import Observations
 from fitting_core.fit.terms.collision.term import CollidingBody
-from fitting_core.fit.terms.table import stage_terms, upright
-from fitting_core.fit.terms.terms import Data, Quadratic, Term
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.table import camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
-DEPTH_WEIGHT = 100.0
-"""Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 N_STAGES = 5
 
 _TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
@@ -216,11 +214,6 @@ class Stages:
         headed[:, _HEAD] = 1
         weights = torch.where(self.observations.hips_seen[:, None], weights, weights + headed)
         selection = self._select(weights)
-        where = self.parametrisation.columns.translation
-        hold = Quadratic(
-            "depth", slice(where.stop - 1, where.stop), self.xy.new_full((1,), DEPTH_WEIGHT), depth[:, None]
-        )
-        terms: list[Term] = [self._data(selection), hold]
-        terms += [term] if (term := upright(self, max(self.config.weights.lean), max(self.config.weights.turn))) else []
+        terms = [self._data(selection), *camera_terms(self, depth)]
         free = Free(body=False, hands=False, face=False, betas=False)
         return FrameObjective(terms, self.view(selection.indices, None), free)

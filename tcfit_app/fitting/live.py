@@ -32,9 +32,9 @@ from fitting_core.fit.events import FitEvent
 from fitting_core.fit.fitting import Refit, rerun_events
 from fitting_core.fit.observations import cut_off
 from fitting_core.fit.phases.consistency import coupled
+from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
-from fitting_core.fit.terms.terms import Data
+from fitting_core.fit.terms.data import Data
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import Keypoints
 
@@ -133,17 +133,14 @@ class LiveCorrection:
         around = self._stages.parametrisation.from_params(correction.params[slice(near.start, near.stop)])
         self._problem = self._coupled(around, range(window.start - near.start, window.stop - near.start))
         self._looked_at = self._stages.data_keypoints(N_STAGES)
-        self._state = around[self._problem.coupling.free]
+        self._state = around[self._problem.frames]
         self.move(xy)
 
     def _coupled(self, around: State, window: range) -> Sequence:
         """The window's problem, held by its surroundings as in a re-run."""
         stages = self._stages
         objective = stages.objective(N_STAGES, around, stages.free(N_STAGES, betas=False))
-        in_camera = stages.config.temporal.space == "camera"
-        joints = JointPositions(stages.body, stages.parametrisation, in_camera=in_camera)
-        coupling = Coupling.of(window, range(window.start - 1, window.stop + 1), len(around), around.vector.device)
-        return Sequence(objective, joints, joints(around), coupling, stages.temporal_weight)
+        return Sequence(objective, around, window)
 
     def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
         """The keypoints are there now; pixels, in the order of the correction's."""
@@ -156,10 +153,9 @@ class LiveCorrection:
         keypoints = replace(self._row, xy=row)
         config, size = self._stages.config, self.correction.clip.camera.size
         side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(row.shape, np.int8)
-        objective = copy(self._problem.objective)
-        objective.terms = [self._aimed(t, row, side) if isinstance(t, Data) else t for t in objective.terms]
+        objective = self._problem.objective
         self._problem = copy(self._problem)
-        self._problem.objective = objective
+        self._problem.objective = objective.with_data(self._aimed(objective.data, row, side))
 
     def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:
         """The data term with this frame's keypoints where they are now."""

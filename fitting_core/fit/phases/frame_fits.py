@@ -8,10 +8,10 @@ from torch import Tensor
 
 from fitting_core import rotations
 from fitting_core.fit.provenance import Provenance, Start, Stopped
-from fitting_core.fit.solvers.solution import Solution
+from fitting_core.fit.solvers.solution import Ending, Solution
 from fitting_core.fit.variables.state import State
 
-_STOPPED = {
+_STOPPED: dict[Ending, Stopped] = {
     "converged": Stopped.CONVERGED,
     "iterations": Stopped.ITERATIONS,
     "stalled": Stopped.STALLED,
@@ -79,7 +79,7 @@ class FrameFits:
         return replace(fits, stopped=fits.stopped.masked_fill(empty, int(Stopped.EMPTY)))
 
 
-def stopped_of(reason: str) -> Stopped:
+def stopped_of(reason: Ending) -> Stopped:
     """Why a minimisation stopped, from `Solution.reason`."""
     return _STOPPED[reason]
 

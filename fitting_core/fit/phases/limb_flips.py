@@ -16,7 +16,7 @@ from fitting_core import rotations
 from fitting_core.body.model import JOINT
 from fitting_core.fit.provenance import Start
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import JointPositions
+from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.state import State
 
 _STRAIGHT = 0.1

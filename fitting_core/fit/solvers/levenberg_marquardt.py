@@ -7,7 +7,7 @@ from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.solvers.problem import Problem
-from fitting_core.fit.solvers.solution import Progress, Reason, Solution
+from fitting_core.fit.solvers.solution import Ending, Progress, Solution
 from fitting_core.fit.variables.state import State
 
 _START, _SMALLEST, _LARGEST = 1e-3, 1e-7, 1e8
@@ -86,7 +86,7 @@ class _Run:
         self.promised = torch.zeros_like(self.cost)
         """What the first step promised that was refused since one was last taken."""
         self.rounding = torch.finfo(self.cost.dtype).eps * self.cost
-        self.reason: list[Reason] = ["iterations" if finite else "failed" for finite in self.cost.isfinite().tolist()]
+        self.reason: list[Ending] = ["iterations" if finite else "failed" for finite in self.cost.isfinite().tolist()]
         self.evaluations = problem.groups
 
     def iterate(self, tolerance: float) -> None:
@@ -111,7 +111,7 @@ class _Run:
         self._end(groups[stuck & ~at_end], "stalled")
         self.active = groups[~(done | stuck)]
 
-    def _end(self, groups: Tensor, reason: Reason) -> None:
+    def _end(self, groups: Tensor, reason: Ending) -> None:
         for group in groups.tolist():
             self.reason[group] = reason
 

@@ -9,8 +9,7 @@ from torch import Tensor
 
 from fitting_core.fit.variables.state import State
 
-
-Reason = Literal["converged", "iterations", "stalled", "failed"]
+Ending = Literal["converged", "iterations", "stalled", "failed"]
 """Why a minimisation ended: it converged, the limit of iterations was reached, no step lowered the cost although the
 slope promised more (a staircase, a wrong derivative), or there was no finite cost to start from."""
 
@@ -33,7 +32,7 @@ class Solution:
 
     state: State
     cost: Float[Tensor, "g"]
-    reason: tuple[Reason, ...]
+    reason: tuple[Ending, ...]
     """Why each group ended."""
     evaluations: int
     """Cost evaluations, summed over groups."""

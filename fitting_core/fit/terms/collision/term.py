@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -15,7 +16,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.chosen_vertices import ChosenVertices, PosedVertices, Pulls
 from fitting_core.fit.terms.collision.detection import body_collision_finder
 from fitting_core.fit.terms.collision.distance_field import SIGMA, pair_vertices, penetration, residuals_with_jacobian
-from fitting_core.fit.terms.terms import Rows
+from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 
@@ -73,7 +74,7 @@ class CollidingBody:
         self.faces = torch.as_tensor(body.faces.astype(np.int64))
         self.finder = body_collision_finder(body)
         # A solver evaluates the cost of a point and then, if it takes it, the normal equations at the same point.
-        # Kept by the pose itself: a frame is evaluated in many poses at once where many starts of it are tried.
+        # Kept by the pose itself and not by the frame, of which a batch may hold several poses.
         self._found: OrderedDict[bytes, Tensor | None] = OrderedDict()
         self._kept = _REMEMBERED
 
@@ -118,7 +119,7 @@ class CollidingBody:
 
 
 @dataclass(frozen=True)
-class Collision:
+class Collision(Term):
     """weight x the conical distance field of colliding triangles at each other's corners (METHOD, E_C).
 
     Costs about 25-40 ms per frame and point on one core (mesh 12, search 10-28), where all other terms take 1 ms.
@@ -131,8 +132,9 @@ class Collision:
     sigma: float = SIGMA
     """Metres, the height of the cones above the surface."""
     name: str = "collision"
+    derivative: ClassVar = Derivative.ROWS
 
-    def softened(self) -> "Collision":
+    def softened(self, *, cold: bool) -> "Collision":
         """With higher cones: at the faithful height a slope of 1e4 per metre at the surface stops every step."""
         return replace(self, sigma=max(self.sigma, SOFT_SIGMA))
 

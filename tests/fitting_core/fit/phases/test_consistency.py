@@ -14,8 +14,8 @@ from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weig
 from fitting_core.fit.phases.consistency import COUPLED, Consistency, coupled
 from fitting_core.fit.phases.progress import Step
 from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers.sequence import Coupling
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import Coupling
 from fitting_core.fit.variables.state import State
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
 
@@ -58,9 +58,11 @@ def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pyte
     asked, of, near = [], Coupling.of, []
     within = Stages.within
 
-    def noted(free: range, centres: range, frames: int, device: torch.device) -> Coupling:
-        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (free, centres)))
-        return of(free, centres, frames, device)
+    def noted(free: range, frames: int, reach: int, *, windowed: bool) -> Coupling:
+        c = of(free, frames, reach, windowed=windowed)
+        centres = range(c.span.start + c.reach, c.span.stop - c.reach)
+        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (c.free, centres)))
+        return c
 
     def part(stages: Stages, frames: range) -> Stages:
         near.append(frames.start)
@@ -70,8 +72,7 @@ def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pyte
     monkeypatch.setattr(Stages, "within", part)
     consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
     finished(consistency.sliding_window(state))
-    windows = [(free, centres) for free, centres in asked if centres]
-    assert windows == [(range(k, k + 3), range(k, k + 2)) for k in range(4)]
+    assert asked == [(range(k, k + 3), range(max(k, 1), k + 2)) for k in range(4)]
 
 
 def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
@@ -126,7 +127,7 @@ def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: Bod
 
     def whole(s: State) -> float:
         objective = stages.objective(5, state, stages.free(5, betas=False))
-        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
 
     assert whole(end) < whole(state)
 
@@ -142,7 +143,7 @@ def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyMod
     objective = stages.objective(5, state, stages.free(5, betas=False))
 
     def whole(s: State) -> float:
-        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
 
     for frames in (range(2, 4), range(0, 1), range(5, 6)):
         assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
@@ -166,7 +167,9 @@ def test_more_weight_makes_smoother(tiny_body: BodyModel):
         temporal = replace(CONFIG.temporal, weight=weight, stages=(5,))
         settings = SolverSettings(iterations=25)
         consistency, state = start_of(tiny_body, replace(CONFIG, temporal=temporal, settings=settings))
-        costs.append(consistency.temporal_cost(finished(consistency.all_at_once(state))) / weight**2)
+        end, stages = finished(consistency.all_at_once(state)), consistency.stages
+        objective = stages.objective(5, end, stages.free(5, betas=False))
+        costs.append(objective.coupled_costs(end)["temporal"] / weight**2)
     assert costs[0] > costs[1] > costs[2]
 
 

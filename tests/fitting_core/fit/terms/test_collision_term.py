@@ -1,6 +1,6 @@
 """The collision term in E_o: its value, its derivatives, and that both solvers free what it sees."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -16,7 +16,8 @@ from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.collision import body_collision_finder, penetration
+from fitting_core.fit.terms.collision.detection import body_collision_finder
+from fitting_core.fit.terms.collision.distance_field import penetration
 from fitting_core.fit.terms.collision.term import SOFT_SIGMA, CollidingBody, Collision
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
@@ -91,7 +92,7 @@ def test_pairs_found_last_do_not_outlive_their_state(objective, state):
 
 
 def test_one_frame_in_several_poses_has_the_pairs_of_each(objective, state):
-    """As in the search for other minima, which tries many starts of a frame together."""
+    """A solver may try several starts of one frame together."""
     poses = torch.tensor([1, 0, 2])
     alone = [objective.normal(state[i : i + 1], torch.tensor([0])) for i in poses]
     together = objective.normal(state[poses], torch.zeros(3, dtype=torch.long))
@@ -253,17 +254,18 @@ def freed(stages: Stages, start: State, problem: IndependentFrames, end: Solutio
     return float(end.cost / sum(before.values()))
 
 
-class Faithful:
-    """A term that cannot be softened."""
+@dataclass(frozen=True)
+class Faithful(Collision):
+    """The term without its softened form."""
 
-    def __init__(self, term: Collision) -> None:
-        self.name, self.residual, self.rows = term.name, term.residual, term.rows
+    def softened(self, *, cold: bool) -> Collision:
+        return self
 
 
 def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs, ends):
     """Levenberg-Marquardt on the faithful term alone stops on its staircase."""
     _, start, problem = hands_in_thighs
-    terms = [Faithful(t) if isinstance(t, Collision) else t for t in problem.objective.terms]
+    terms = [Faithful(t.weight, t.body) if isinstance(t, Collision) else t for t in problem.objective.terms]
     rigid = FrameObjective(terms, problem.objective.view, problem.objective.free)
     stuck = minimised("lm", IndependentFrames(rigid, problem.frames), start)
     assert ends["lm"].cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
@@ -276,8 +278,8 @@ def test_a_softened_end_that_is_worse_is_not_taken(hands_in_thighs, ends):
 
 
 def test_softened_term_has_higher_cones(body):
-    assert Collision(0.7, body).softened() == Collision(0.7, body, SOFT_SIGMA)
-    assert Collision(0.7, body, 0.01).softened().sigma == 0.01
+    assert Collision(0.7, body).softened(cold=False) == Collision(0.7, body, SOFT_SIGMA)
+    assert Collision(0.7, body, 0.01).softened(cold=False).sigma == 0.01
 
 
 def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):
