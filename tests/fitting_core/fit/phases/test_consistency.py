@@ -11,11 +11,12 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
-from fitting_core.fit.phases.consistency import COUPLED, Consistency, coupled
+from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.progress import Step
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.sequence import Coupling
 from fitting_core.fit.stages import Stages
+from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.variables.state import State
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
 
@@ -106,7 +107,7 @@ def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel,
     consistency, state = start_of(tiny_body, CONFIG, frames=12)
     monkeypatch.setattr(BodyPoints, "forward", counted)
     finished(consistency.sliding_window(state))
-    assert max(posed) == CONFIG.temporal.window_size + 2 * COUPLED
+    assert max(posed) == CONFIG.temporal.window_size + REACH  # the frames before it, which its residuals look at
 
 
 def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):
