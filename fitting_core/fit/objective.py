@@ -72,10 +72,12 @@ class FrameObjective:
         return costs_of(self.terms, Estimate(self.view, state, frames))
 
     def coupled_costs(self, state: State) -> dict[str, float]:
-        """Terms over time, each summed over a clip of which `state` holds all frames."""
+        """Terms over time, each summed over a clip of which `state` holds all frames; 0 where it is too short."""
         frames = torch.arange(len(state), device=state.vector.device)
-        costs = costs_of(self.coupling, Estimate(self.view, state, frames))
-        return {name: float(cost.sum()) for name, cost in costs.items()}
+        costs = costs_of(
+            [term for term in self.coupling if len(state) > 2 * term.reach], Estimate(self.view, state, frames)
+        )
+        return {term.name: float(costs[term.name].sum()) if term.name in costs else 0.0 for term in self.coupling}
 
     def shared_costs(self, state: State) -> dict[str, Float[Tensor, "1"]]:
         """Terms that count once, from any one frame."""

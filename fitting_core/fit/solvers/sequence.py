@@ -89,7 +89,7 @@ class _ByStencil:
 
     def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
         """In chunks of frames, which need the Jacobians of the last frames before them as well."""
-        reach = len(self.factors) - 1
+        bandwidth = len(self.factors) - 1
         quantities: list[Tensor] = []
         jacobians: list[Tensor] = []
         before = gradient.new_zeros(0, self.held.shape[1], gradient.shape[1])
@@ -103,7 +103,7 @@ class _ByStencil:
                 bands[k][earlier] += factor[earlier] * (one.transpose(1, 2) @ other)
             quantities.append(quantity)
             jacobians.append(rows)
-            before = known[-reach:]
+            before = known[-bandwidth:]
         residuals = self._residuals(torch.cat(quantities))
         pull = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
         for rows, own, part in zip(jacobians, pull.split(CHUNK), gradient.split(CHUNK), strict=True):
