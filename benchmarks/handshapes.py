@@ -33,6 +33,7 @@ from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free
+from fitting_core.generators import drained
 from fitting_core.keypoints import Keypoints
 from fitting_core.render.renderer import Renderer
 from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger_angles
@@ -175,12 +176,8 @@ def _with_fists(body: BodyModel, params: BodyParams, share: float, components: i
 
 def fit_phase_1(stages: Stages) -> BodyParams:
     """Phase 1 without the relay: neighbouring frames have nothing to do with each other here."""
-    run = fit_frames(stages, make_solver(stages.config.solver, stages.config.settings))
-    while True:
-        try:
-            next(run)
-        except StopIteration as stop:
-            return stages.parametrisation.to_params(stop.value.state)
+    fits = drained(fit_frames(stages, make_solver(stages.config.solver, stages.config.settings)))
+    return stages.parametrisation.to_params(fits.state)
 
 
 def errors(body: BodyModel, at: Scene, fit: BodyParams) -> Errors:
@@ -260,7 +257,7 @@ def run(options: Handshapes) -> None:
     body = options.common.load_body()
     at = scene(body, options)
     config = replace(config_of(options.preset), relay_rounds=0)
-    stages = Stages(at.keypoints, at.camera, body, config)
+    stages = Stages.of(at.keypoints, at.camera, body, config)
     progress(f"{len(at.names)} frames, {options.mode}")
     alone = options.mode == "hands alone"
     fit = fit_hands_alone(body, stages, at.truth, options.starts) if alone else fit_phase_1(stages)

@@ -18,7 +18,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.build_assets.pose_prior.contact import Contact
 from fitting_core.build_assets.pose_prior.dataset import matrices
 from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
-from fitting_core.fit.terms.joint_angles import AngleTable
+from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.synthetic.demo_clip import keypoints_in_space
 
 CONFIDENT = 0.3

@@ -20,14 +20,16 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.points import BodyPoints
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit import objective, temporal
+from fitting_core.fit import objective
 from fitting_core.fit.events import PhaseFinished
 from fitting_core.fit.fitting import fit, fit_events
 from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.solvers import sequence
 from fitting_core.fit.solvers.problem import IndependentFrames, SharedShape
+from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import JointPositions, Sequence
-from fitting_core.fit.terms import terms
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.temporal import Evenness
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.synthetic.excerpts import mirrored
 
@@ -40,15 +42,15 @@ SECTIONS = [
     Section(
         "pose correctives' gradient", ((BodyPoints, "corrective_gradient"), (PointJacobian, "corrective_gradient"))
     ),
-    Section("JtJ of E_o", ((objective, "_add_rows"),)),
+    Section("JtJ of E_o", ((objective, "_add"),)),
     Section("rest of E_o: residuals, priors", ((FrameObjective, "_normal"),)),
-    Section("data term: projection, rows", ((terms.Data, "rows"), (terms.Data, "residual"))),
+    Section("data term: projection, rows", ((Data, "rows"), (Data, "residual"))),
     Section("cost of trial steps", ((FrameObjective, "cost"), (Sequence, "cost"))),
-    Section("E_T: joints' rows", ((JointPositions, "with_jacobian"),)),
-    Section("E_T: blocks of the matrix", ((Sequence, "_temporal_blocks"),)),
+    Section("E_T: joints' rows", ((Evenness, "rows"),)),
+    Section("E_T: blocks of the matrix", ((sequence._ByStencil, "add"),)),
     Section("solve: dense, per frame", ((IndependentFrames, "solve"),)),
     Section("solve: shared shape", ((SharedShape, "solve"),)),
-    Section("solve: block-banded", ((temporal, "solve_block_banded"),)),
+    Section("solve: block-banded", ((sequence, "solve_block_banded"),)),
     Section("set-up of stages", ((Stages, "__init__"), (Stages, "objective"), (Stages, "camera_objective"))),
 ]
 """What the stopwatch hangs around; everything else is "solver and generators"."""

@@ -29,10 +29,10 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit
-from fitting_core.fit.phases.search.sharpening import sharp_settings, sharpened_for
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.generators import drained
 from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import procrustes
 from fitting_core.render.renderer import DEFAULT_COLOR
@@ -186,16 +186,8 @@ def from_truth(
     state = parametrisation.neutral(len(stages.keypoints)).put(frames, known)
     objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
     at_truth = objective.cost(known, frames)
-    settings = sharp_settings(stages.config.settings, stages.sharpness)
-    minimisation = make_solver(stages.config.solver, settings).minimise(
-        IndependentFrames(objective, frames), known, final=True
-    )
-    while True:
-        try:
-            next(minimisation)
-        except StopIteration as stop:
-            solution = stop.value
-            break
+    solver = make_solver(stages.config.solver, stages.config.settings)
+    solution = drained(solver.minimise(IndependentFrames(objective, frames), known, final=True))
     return at_truth.numpy(), parametrisation.to_params(solution.state), solution.cost.numpy()
 
 
@@ -223,11 +215,10 @@ def recover(body: BodyModel, poses: Posed, config: FitConfig, *, with_truth: boo
     frames = torch.arange(0, len(clip), 2)
     phase = fit(clip, body, config).phases[0]
     found = phase.params[frames]
-    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     nothing = np.full(len(poses), np.nan)
     at_truth, cost, best = nothing, nothing, None
     if with_truth:
-        stages = sharpened_for(stages, phase.params)
         at_truth, refined, cost = from_truth(stages, poses.params, frames)
         best = errors_of(body, poses.params, refined)
     return Recovery(

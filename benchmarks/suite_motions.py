@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.fit.terms.joint_angles import AngleTable
+from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.synthetic.studio.studio import vertex_normals
 from fitting_core.synthetic.suite import SEQUENCES, SuiteSequence, subject_body, world_params
 

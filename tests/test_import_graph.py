@@ -16,7 +16,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors keypoints rotations
+        errors generators keypoints rotations
         camera config files body
         clip metrics priors video
         fit

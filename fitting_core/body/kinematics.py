@@ -72,13 +72,4 @@ def contour_bins(world: Float[Tensor, "B 55 3 3"]) -> Tensor:
     """
     head = world[:, JOINT["head"]]
     angle = torch.atan2(-head[:, 2, 0], head[:, 0, 0].hypot(head[:, 1, 0])).rad2deg().clamp(-39, 39).round().long()
-    return _bins(angle)
-
-
-def _bins(angle: Tensor) -> Tensor:
     return torch.where(angle < 0, 39 - angle, angle)
-
-
-def turned_bins(bins: Tensor, degrees: int) -> Tensor:
-    """The contour tables of heads that are turned so much further."""
-    return _bins((torch.where(bins > 39, 39 - bins, bins) + degrees).clamp(-39, 39))

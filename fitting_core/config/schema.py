@@ -122,9 +122,9 @@ class FitConfig:
     hip_weight: float = 0.0
     """Factor of both hip keypoints in the stages; the camera step always uses them."""
     one_sided_cut_off: bool = False
-    """Take detections where the image cuts a person off as "there or farther out" (see reliability.py)."""
+    """Take detections where the image cuts a person off as "there or farther out" (see observations.py)."""
     unswap_sides: bool = False
-    """Undo swaps of left and right limbs that last for some frames (see reliability.py)."""
+    """Undo swaps of left and right limbs that last for some frames (see observations.py)."""
     yaws: Literal["side_view", "four"] = "side_view"
     """Starting orientations of phase 1: turned by 180 degrees when seen from the side, or four quarter turns."""
     relay_rounds: int = 0
@@ -135,8 +135,6 @@ class FitConfig:
     """Phase 1: restart frames with their arms and legs mirrored in depth, one at a time, and keep the best."""
     limb_flips_every: int = 1
     """Of how many frames one has its limbs mirrored; the relay carries what it found to the others."""
-    sharper_keypoints: bool = False
-    """Weigh the data term more where the keypoints turn out to be sharper than a detector's (see phases/sharpening)."""
     camera_frozen: bool = False
     """Phase 1: keep the translation of the camera step, as SMPLify-X does."""
     last_phase: Literal[1, 2, 3] = 3
@@ -182,7 +180,6 @@ PRESETS: dict[str, FitConfig] = {
         limb_flips=True,
         limb_flips_every=8,
         curled_hands=True,
-        sharper_keypoints=True,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
         temporal=Temporal(mode="global", space="camera", stages=(5,), reference_rate=25.0),
     ),

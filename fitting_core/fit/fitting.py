@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Generator, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import BodyModel
@@ -14,22 +16,21 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.fit.observations import SEEN
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.progress import Step, TermSampling
-from fitting_core.fit.phases.search.sharpening import sharp_settings, sharpened_for
 from fitting_core.fit.phases.shared_shape import fit_shape
-from fitting_core.fit.reliability import SEEN
+from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
+from fitting_core.generators import drained, mapped
 from fitting_core.video.frame_names import spans
 
 Outcome = TypeVar("Outcome")
 """What a phase returns."""
-_CONTEXT = 10
-"""Frames around a window whose costs are taken."""
 TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
@@ -49,23 +50,22 @@ def fit_events(clip: Clip, body: BodyModel, config: FitConfig) -> Generator[FitE
 
 def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
     """The result of `fit_events`, without the events."""
-    events = fit_events(clip, body, config)
-    while True:
-        try:
-            next(events)
-        except StopIteration as stop:
-            return stop.value
+    return drained(fit_events(clip, body, config))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refit:
+    """What came of fitting some frames again."""
+
+    params: BodyParams
+    """All frames."""
+    provenance: Provenance
+    """Of all frames; only what it says of those that were fitted again counts."""
 
 
 def rerun_events(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    params: BodyParams,
-    frames: range,
-    *,
-    sharpness: float | None = None,
-) -> Generator[FitEvent, None, BodyParams]:
+    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, frames: range
+) -> Generator[FitEvent, None, Refit]:
     """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit.
 
     Args:
@@ -74,7 +74,6 @@ def rerun_events(
         config: everything else.
         params: a result for this clip, all frames.
         frames: which of them are fitted again, counted from the first of the clip as 0.
-        sharpness: that of the result (`FitResult.sharpness`); None finds it, at a cost that grows with the clip.
     """
     first = clip.first_frame
     asked = f"{first + frames.start} to {first + frames.stop - 1}"
@@ -82,17 +81,20 @@ def rerun_events(
         raise InputError(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
-    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     near = coupled(frames, len(clip))
-    stages = sharpened_for(stages, params, sharpness).within(near)
-    settings = sharp_settings(config.settings, stages.sharpness)
-    consistency = Consistency(stages, make_solver(config.solver, settings))
+    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate).within(near)
+    consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
     moving = range(frames.start - near.start, frames.stop - near.start)
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
     state = yield from _events(consistency.rerun(state, moving), 3)
-    fresh = stages.parametrisation.to_params(state[slice(moving.start, moving.stop)])
-    return params.to(dtype=torch.float64).with_frames(frames, fresh)
+    inner = slice(moving.start, moving.stop)
+    fresh = stages.parametrisation.to_params(state[inner])
+    again = Provenance(np.full(len(frames), Start.AGAIN, np.uint8), consistency.stopped[inner])
+    return Refit(
+        params=params.to(dtype=torch.float64).with_frames(frames, fresh),
+        provenance=Provenance.unknown(len(clip)).with_frames(frames, again),
+    )
 
 
 def shape_events(
@@ -104,7 +106,7 @@ def shape_events(
         clip: keypoints and camera.
         body: the body model.
         config: everything else.
-        start: its first phase and its sharpness are kept.
+        start: its first phase is kept.
 
     Raises:
         InputError: It has no first phase, or no frame of the clip shows a person.
@@ -117,14 +119,16 @@ class _Fit:
 
     def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
         self.clip, self.config = clip, config
-        self.stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-        if not bool(self.stages.usable().any()):
+        self.stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+        if not bool(self.stages.observations.usable.any()):
             raise InputError(
                 f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
                 f"above {SEEN}. Check the keypoint files, or --person."
             )
         self.solver = make_solver(config.solver, config.settings)
         self.phases: list[PhaseResult] = []
+        self.provenance: Provenance | None = None
+        """Of where the frames stand now."""
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """All phases up to the configured last one."""
@@ -143,8 +147,8 @@ class _Fit:
         if first is None:
             raise InputError("There is no first phase to find a shape from: run everything.")
         self.phases.append(first)
-        self._sharpen(sharpened_for(self.stages, first.params, start.sharpness))
-        self.good = self.stages.usable() & torch.as_tensor(first.frame_cost).isfinite()
+        self.provenance = first.provenance
+        self.good = self.stages.observations.usable & torch.as_tensor(first.frame_cost).isfinite()
         # Poses as they came: a latent prior does not bring them back exactly.
         state = self.stages.parametrisation.from_params(first.params)
         state = yield from self._second(state, poses=first.params)
@@ -154,17 +158,11 @@ class _Fit:
         yield Finished(result=result)
         return result
 
-    def _sharpen(self, stages: Stages) -> None:
-        self.stages = stages
-        if stages.sharpness > 1:
-            self.solver = make_solver(self.config.solver, sharp_settings(self.config.settings, stages.sharpness))
-
     def _first(self) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=1, title=TITLES[1])
         start = time.perf_counter()
         fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
-        self.good = fits.cost.isfinite()
-        self._sharpen(fits.stages)
+        self.good, self.provenance = fits.cost.isfinite(), fits.provenance
         yield self._finish(1, fits.state, start, fits.notes)
         return fits.state
 
@@ -182,10 +180,12 @@ class _Fit:
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
         yield PhaseStarted(phase=3, title=TITLES[3])
         start = time.perf_counter()
-        self.consistency = Consistency(self.stages, self.solver)
-        mode = {"global": self.consistency.all_at_once, "sliding_window": self.consistency.sliding_window}
+        consistency = Consistency(self.stages, self.solver)
+        mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
         state = yield from _events(mode[self.config.temporal.mode](state), 3)
-        yield self._finish(3, state, start, tuple(self.consistency.notes))
+        before = self.provenance or Provenance.unknown(len(state))
+        self.provenance = replace(before, stopped=consistency.stopped)
+        yield self._finish(3, state, start, tuple(consistency.notes))
 
     def _finish(
         self,
@@ -202,6 +202,7 @@ class _Fit:
         )
         if poses is not None:
             result = replace(result, params=replace(poses, betas=result.params.betas))
+        result = replace(result, provenance=self.provenance)
         self.phases.append(result)
         return PhaseFinished(phase=phase, result=result, so_far=self._result())
 
@@ -211,7 +212,6 @@ class _Fit:
             camera=self.clip.camera,
             config=self.config,
             observed=self.stages.observed,
-            sharpness=self.stages.sharpness,
             pose_prior=self.stages.parametrisation.prior.title,
             warnings=(
                 *self.clip.notes,
@@ -229,7 +229,6 @@ def evaluated(
     *,
     phase: int = 3,
     seconds: float = 0.0,
-    sharpness: float | None = None,
 ) -> PhaseResult:
     """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
 
@@ -240,10 +239,8 @@ def evaluated(
         params: all frames; they are kept as they are.
         phase: 3 counts E_T too.
         seconds: what making them took.
-        sharpness: as for `rerun_events`.
     """
-    stages = Stages(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    stages = sharpened_for(stages, params, sharpness)
+    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
     return replace(result, params=params)
 
@@ -256,14 +253,13 @@ def patched(
     params: BodyParams,
     windows: Iterable[range],
     *,
-    sharpness: float | None,
+    provenance: Provenance | None = None,
     note: str,
 ) -> PhaseResult:
     """A phase with other parameters in some windows.
 
-    Costs are taken there alone, with some frames around that the data term's swaps are told from: those of a whole clip
-    take 4 ms a frame, for which a drag or a re-run of some frames would wait. So they are known by frame, and not by
-    term.
+    Costs are taken there alone: those of a whole clip take 4 ms a frame, for which a drag or a re-run of some frames
+    would wait. So they are known by frame, and not by term.
 
     Args:
         phase: before.
@@ -272,17 +268,31 @@ def patched(
         config: as for `evaluated`.
         params: all frames.
         windows: where they are others than those of `phase`.
-        sharpness: as for `rerun_events`.
+        provenance: of all frames; None: it is not known where those of the windows came from.
         note: for the user.
     """
-    cost = phase.frame_cost.copy()
+    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
     for window in windows:
-        part = slice(max(0, window.start - _CONTEXT), min(len(clip), window.stop + _CONTEXT))
-        near = replace(clip, keypoints=clip.keypoints[part])
-        found = evaluated(near, body, config, params[part], sharpness=sharpness)
-        inner = slice(window.start - part.start, window.stop - part.start)
-        cost[window.start : window.stop] = found.frame_cost[inner]
-    return replace(phase, params=params, frame_cost=cost, objective={"by frame": float(cost.mean())}, notes=(note,))
+        stages, inside = whole.within(window), slice(window.start, window.stop)
+        state = stages.parametrisation.from_params(params[inside])
+        cost[inside] = _frame_cost(stages, state)
+        known = known.with_frames(window, (provenance or Provenance.unknown(len(params)))[inside])
+    return replace(
+        phase,
+        params=params,
+        frame_cost=cost,
+        objective={"by frame": float(cost.mean())},
+        notes=(note,),
+        provenance=known,
+    )
+
+
+def _frame_cost(stages: Stages, state: State) -> Float[np.ndarray, "T"]:
+    """E_o of each frame with the last stage's weights."""
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
+    costs = objective.costs(state, stages.all_frames)
+    return torch.stack(list(costs.values())).sum(0).double().cpu().numpy()
 
 
 def _phase_result(
@@ -300,8 +310,7 @@ def _phase_result(
     counted = every if sample is None else objective.costs(*sample)
     terms = {name: float(cost.mean()) for name, cost in counted.items()}
     if phase == 3:
-        consistency = Consistency(stages, make_solver(stages.config.solver, stages.config.settings))
-        terms["temporal"] = consistency.temporal_cost(state) / len(state)
+        terms |= {name: cost / len(state) for name, cost in objective.coupled_costs(state).items()}
     terms["total"] = sum(terms.values())
     return PhaseResult(
         phase=phase,
@@ -316,20 +325,18 @@ def _phase_result(
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
     """A phase's steps as events."""
     sampling = TermSampling()
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as stop:
-            return stop.value
+
+    def event(step: Step) -> FitEvent:
         if step.final is not None:
-            yield WindowFinished(frames=step.final[0], params=step.final[1])
-        else:
-            yield Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
+            return WindowFinished(frames=step.final[0], params=step.final[1])
+        return Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
+
+    return (yield from mapped(steps, event))
 
 
 def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
     """What was swapped back, for the user."""
-    swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.swaps.items()}
+    swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.observations.swaps.items()}
     return [
         f"left and right {name} were swapped in the keypoints and were swapped back: frames {numbers}"
         for name, numbers in swapped.items()

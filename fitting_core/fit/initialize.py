@@ -54,12 +54,12 @@ def guess_depth(stages: Stages) -> DepthGuess:
     From the mean of the shoulder-hip edges where both are seen. Else from the shoulder width and the limbs: each
     foreshortened edge looks farther away than it is, so the nearest candidate counts. Else from other frames.
     """
-    rest = _rest_joints(stages)
+    rest = stages.fitted.rest_joints
     focal = sum(stages.camera.focal) / 2
 
     def edge(a: str, b: str) -> tuple[Tensor, Tensor, float]:
         i, j = kp.INDEX[a], kp.INDEX[b]
-        seen = stages.seen[:, i] & stages.seen[:, j]
+        seen = stages.observations.seen[:, i] & stages.observations.seen[:, j]
         return seen, (stages.xy[:, i] - stages.xy[:, j]).norm(dim=1), float((rest[JOINT[a]] - rest[JOINT[b]]).norm())
 
     torso = [edge(a, b) for a, b in _TORSO_EDGES]
@@ -78,10 +78,6 @@ def guess_depth(stages: Stages) -> DepthGuess:
     return DepthGuess(fill_gaps(depth, known, otherwise=4.0), from_torso, from_limbs)
 
 
-def _rest_joints(stages: Stages) -> Float[Tensor, "55 3"]:
-    return stages.tensor(stages.body.joint_regressor @ stages.body.template)
-
-
 def fill_gaps(values: Float[Tensor, "T"], known: Bool[Tensor, "T"], *, otherwise: float) -> Float[Tensor, "T"]:
     """Values where known, linear in time between them and constant beyond; `otherwise` where none is known."""
     if not bool(known.any()):
@@ -97,8 +93,8 @@ def starting_state(stages: Stages, depth: Float[Tensor, "T"], yaw_degrees: float
     facing = torch.diag(depth.new_tensor([1.0, -1.0, -1.0]))
     orient = facing @ rotations.yaw(yaw_degrees, depth)
     where = [kp.INDEX[n] for n in _ANCHORS]
-    rest = (orient @ _rest_joints(stages)[[JOINT[_JOINT_OF.get(n, n)] for n in _ANCHORS]].T).T
-    share = stages.confidence[:, where] * stages.seen[:, where]
+    rest = (orient @ stages.fitted.rest_joints[[JOINT[_JOINT_OF.get(n, n)] for n in _ANCHORS]].T).T
+    share = stages.observations.confidence[:, where] * stages.observations.seen[:, where]
     total = share.sum(1, keepdim=True)
     share = torch.where(total > 0, share / total.clamp_min(1e-9), share)
     pixels = (stages.xy[:, where] * share[..., None]).sum(1)
@@ -122,21 +118,21 @@ def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
     width = (xy[:, left] - xy[:, right]).norm(dim=1)
     hips = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
     length = (xy[:, [left, right]].mean(1) - xy[:, hips].mean(1)).norm(dim=1)
-    known = stages.seen[:, [left, right]].all(1) & stages.hips_seen
+    known = stages.observations.seen[:, [left, right]].all(1) & stages.observations.hips_seen
     return known & (width < SIDE_VIEW * length)
 
 
 def thighs_foreshortened(stages: Stages) -> Bool[Tensor, "T"]:
     """Frames in which a thigh looks much shorter than the body's proportions to the torso say: it points in depth."""
-    rest, xy = _rest_joints(stages), stages.xy
+    rest, xy = stages.fitted.rest_joints, stages.xy
 
     def length(a: str, b: str) -> Tensor:
         return (xy[:, kp.INDEX[a]] - xy[:, kp.INDEX[b]]).norm(dim=1)
 
-    short = torch.zeros_like(stages.hips_seen)
+    short = torch.zeros_like(stages.observations.hips_seen)
     for side in ("left", "right"):
         shoulder, hip, knee = (f"{side}_{n}" for n in ("shoulder", "hip", "knee"))
-        seen = stages.seen[:, [kp.INDEX[n] for n in (shoulder, hip, knee)]].all(1)
+        seen = stages.observations.seen[:, [kp.INDEX[n] for n in (shoulder, hip, knee)]].all(1)
         thigh, torso = (rest[JOINT[hip]] - rest[JOINT[n]] for n in (knee, shoulder))
         short |= seen & (length(hip, knee) < FORESHORTENED * length(shoulder, hip) * thigh.norm() / torso.norm())
     return short

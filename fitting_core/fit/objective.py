@@ -1,15 +1,18 @@
-"""The per-frame objective E_o: terms summed into costs, gradients and Gauss-Newton matrices."""
+"""The objective of a stage: terms summed into costs, gradients and Gauss-Newton matrices of single frames.
 
-from collections.abc import Sequence
+These are E_o. Terms that couple frames, or count once for the clip, wait here for the problems that ask for them.
+"""
+
+from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.kinematics import turned_bins
-from fitting_core.fit.terms.terms import Data, Rows, Term
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate, View
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Free, State
@@ -31,26 +34,61 @@ class FrameObjective:
     """E_o of the frames of a clip, each frame on its own.
 
     Args:
-        terms: what is summed.
+        terms: of a stage.
         view: points and camera.
         free: the groups that may move; the rest of a state's columns stay.
     """
 
     def __init__(self, terms: Sequence[Term], view: View, free: Free) -> None:
-        self.terms, self.view, self.free = list(terms), view, free
+        self.view, self.free = view, free
+        self.terms = [term for term in terms if not term.reach and not term.once]
+        """What is summed in each frame."""
+        self.coupling = [term for term in terms if term.reach]
+        """Terms over time, which count where frames are fitted together."""
+        self.shared = [term for term in terms if term.once]
+        """Terms that count once for all frames."""
+        assert not any(term.reach for term in self.shared), "what counts once has no reach in time"
         p = view.parametrisation
         self.index = free.index(p.columns).to(p.device)
         self.jacobian = PointJacobian(view.points, view.pose_columns, free, p.hand_basis)
         self._pose_index = free.index(view.pose_columns).to(p.device)
 
-    def residuals(self, state: State, frames: Int[Tensor, "B"]) -> dict[str, Float[Tensor, "B n"]]:
-        """Weighted residuals by term."""
-        estimate = Estimate(self.view, state, frames)
-        return {term.name: term.residual(estimate) for term in self.terms}
+    @property
+    def data(self) -> Data:
+        """The data term."""
+        return next(term for term in self.terms if isinstance(term, Data))
+
+    def with_data(self, data: Data) -> "FrameObjective":
+        """The same with other keypoints."""
+        return self._with([data if term is self.data else term for term in self.terms])
+
+    def _with(self, terms: list[Term]) -> "FrameObjective":
+        other = copy(self)
+        other.terms = terms
+        return other
 
     def costs(self, state: State, frames: Int[Tensor, "B"]) -> dict[str, Float[Tensor, "B"]]:
         """E of each frame by term."""
-        return {name: r.square().sum(1) for name, r in self.residuals(state, frames).items()}
+        return costs_of(self.terms, Estimate(self.view, state, frames))
+
+    def coupled_costs(self, state: State) -> dict[str, float]:
+        """Terms over time, each summed over a clip of which `state` holds all frames; 0 where it is too short."""
+        frames = torch.arange(len(state), device=state.vector.device)
+        costs = costs_of(
+            [term for term in self.coupling if len(state) > 2 * term.reach], Estimate(self.view, state, frames)
+        )
+        return {term.name: float(costs[term.name].sum()) if term.name in costs else 0.0 for term in self.coupling}
+
+    def shared_costs(self, state: State) -> dict[str, Float[Tensor, "1"]]:
+        """Terms that count once, from any one frame."""
+        return costs_of(self.shared, self._first(state))
+
+    def shared_normal(self, state: State) -> Normal:
+        """Cost and normal equations of the terms that count once, from any one frame."""
+        return self._normal(self._first(state), self.shared)
+
+    def _first(self, state: State) -> Estimate:
+        return Estimate(self.view, state[:1], torch.zeros(1, dtype=torch.long, device=state.vector.device))
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
         """E of each frame; infinite where a point lies behind the camera."""
@@ -62,26 +100,9 @@ class FrameObjective:
 
     def softened(self, *, cold: bool) -> "FrameObjective | None":
         """The same with gentler terms for staircases and, from a cold start, for robust ones; None without any."""
-        terms = [_gentler(term, cold=cold) for term in self.terms]
-        if all(new is old for new, old in zip(terms, self.terms, strict=True)):
-            return None
-        other = copy(self)
-        other.terms = terms
-        return other
-
-    def trusting(self) -> "FrameObjective":
-        """The same with a data term that takes every keypoint at its word, however far off it is."""
-        other = copy(self)
-        other.terms = [term.trusting() if isinstance(term, Data) else term for term in self.terms]
-        return other
-
-    def with_contour(self, degrees: int) -> "FrameObjective":
-        """The same with the face contour's tables of heads that are turned so much further."""
-        other = copy(self)
-        bins = self.view.contour_bin
-        assert bins is not None, "no contour landmark is looked at"
-        other.view = replace(self.view, contour_bin=turned_bins(bins, degrees))
-        return other
+        terms = [term.softened(cold=cold) for term in self.terms]
+        same = all(new is old for new, old in zip(terms, self.terms, strict=True))
+        return None if same else self._with(terms)
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:
         """A step in the free columns as a step of the whole state."""
@@ -91,42 +112,39 @@ class FrameObjective:
 
     def normal(self, state: State, frames: Int[Tensor, "B"]) -> Normal:
         """Costs and normal equations, in chunks of frames that stay in the cache."""
-        parts = [self._normal(Estimate(self.view, state[i], frames[i])) for i in torch.arange(len(frames)).split(CHUNK)]
+        chunks = torch.arange(len(frames)).split(CHUNK)
+        parts = [self._normal(Estimate(self.view, state[i], frames[i]), self.terms) for i in chunks]
         return Normal(
             torch.cat([p.cost for p in parts]),
             torch.cat([p.gradient for p in parts]),
             torch.cat([p.matrix for p in parts]),
         )
 
-    def _normal(self, e: Estimate) -> Normal:
+    def _normal(self, e: Estimate, terms: list[Term]) -> Normal:
         frames, width = len(e.frames), self.jacobian.width
         cost, gradient = e.body_pose.new_zeros(frames), e.body_pose.new_zeros(frames, width)
         matrix = e.body_pose.new_zeros(frames, width, width)
-        later: list[Term] = []
-        for term in self.terms:
+        for term in terms:
             cost = cost + term.residual(e).square().sum(1)
-            if hasattr(term, "rows"):
-                _add_rows(gradient, matrix, term.rows(e, self.jacobian))  # pyright: ignore
-            elif hasattr(term, "columns") and term.columns(e)[1]:  # pyright: ignore
-                self._add_columns(gradient, matrix, term, e, self._pose_index)
-            else:
-                later.append(term)
+            if add := _IN_POSE_SPACE.get(term.derivative):
+                add(self, gradient, matrix, term, e)
         gradient, matrix = self.to_prior_space(e, gradient, matrix)
-        for term in later:
-            if hasattr(term, "columns"):
-                self._add_columns(gradient, matrix, term, e, self.index)
-            else:
-                _add_rows(gradient, matrix, self._differentiated(term, e))
+        for term in terms:
+            if add := _IN_PRIOR_SPACE.get(term.derivative):
+                add(self, gradient, matrix, term, e)
         return Normal(torch.where(e.valid, cost, torch.inf), gradient, matrix)
 
-    def _add_columns(self, gradient: Tensor, matrix: Tensor, term, e: Estimate, index: Tensor) -> None:
-        columns, _ = term.columns(e)
-        match = columns[:, None] == index
-        used = match.any(1)
-        place = match[used].long().argmax(1)
-        slope = term.slope(e)[:, used]
-        gradient[:, place] += slope * term.residual(e)[:, used]
-        matrix[:, place, place] += slope * slope
+    def _add_rows(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
+        _add(gradient, matrix, term.rows(e, self.jacobian))
+
+    def _add_differentiated(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
+        _add(gradient, matrix, self._differentiated(term, e))
+
+    def _add_columns(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
+        _add_diagonal(gradient, matrix, term, e, self.index)
+
+    def _add_pose_columns(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
+        _add_diagonal(gradient, matrix, term, e, self._pose_index)
 
     def prior_jacobian(self, e: Estimate) -> Float[Tensor, "B 63 size"] | None:
         """d axis-angle / d prior's numbers, where the body is free; None for the identity."""
@@ -138,8 +156,13 @@ class FrameObjective:
         decoder = self.prior_jacobian(e)
         if decoder is None:
             return gradient, matrix
-        chain = chain_matrix(decoder, gradient.shape[1])
+        chain = _chain(decoder, gradient.shape[1])
         return (chain.transpose(1, 2) @ gradient[..., None])[..., 0], chain.transpose(1, 2) @ matrix @ chain
+
+    def rows_in_prior_space(self, e: Estimate, rows: Float[Tensor, "B n width"]) -> Float[Tensor, "B n d"]:
+        """A Jacobian by the columns of the axis-angle pose -> by the prior's own numbers."""
+        decoder = self.prior_jacobian(e)
+        return rows if decoder is None else rows @ _chain(decoder, rows.shape[2])
 
     def _differentiated(self, term: Term, e: Estimate) -> Rows:
         """Rows of a term that gives its residual only, by reverse differentiation."""
@@ -153,7 +176,12 @@ class FrameObjective:
         return Rows(residual.detach(), jacobian.detach())
 
 
-def chain_matrix(decoder: Float[Tensor, "B 63 z"], width: int) -> Float[Tensor, "B w v"]:
+def costs_of(terms: list[Term], e: Estimate) -> dict[str, Float[Tensor, "B"]]:
+    """Sums of squared residuals by term."""
+    return {term.name: term.residual(e).square().sum(1) for term in terms}
+
+
+def _chain(decoder: Float[Tensor, "B 63 z"], width: int) -> Float[Tensor, "B w v"]:
     """blockdiag(I, decoder, I): derivative of the axis-angle columns by the prior's columns."""
     frames, _, size = decoder.shape
     tail = width - 66
@@ -164,7 +192,7 @@ def chain_matrix(decoder: Float[Tensor, "B 63 z"], width: int) -> Float[Tensor, 
     return chain
 
 
-def _add_rows(gradient: Tensor, matrix: Tensor, rows: Rows) -> None:
+def _add(gradient: Tensor, matrix: Tensor, rows: Rows) -> None:
     j = rows.jacobian
     gradient += (j.transpose(1, 2) @ rows.residual[..., None])[..., 0]
     matrix.baddbmm_(j.transpose(1, 2), j)
@@ -172,7 +200,22 @@ def _add_rows(gradient: Tensor, matrix: Tensor, rows: Rows) -> None:
         gradient += rows.extra_gradient
 
 
-def _gentler(term: Term, *, cold: bool) -> Term:
-    if isinstance(term, Data):
-        return term.widened() if cold else term
-    return term.softened() if hasattr(term, "softened") else term  # pyright: ignore
+def _add_diagonal(gradient: Tensor, matrix: Tensor, term: Term, e: Estimate, index: Tensor) -> None:
+    match = term.columns(e)[:, None] == index
+    used = match.any(1)
+    place = match[used].long().argmax(1)
+    slope = term.slope(e)[:, used]
+    gradient[:, place] += slope * term.residual(e)[:, used]
+    matrix[:, place, place] += slope * slope
+
+
+_Adding = Callable[[FrameObjective, Tensor, Tensor, Term, Estimate], None]
+_IN_POSE_SPACE: dict[Derivative, _Adding] = {
+    Derivative.ROWS: FrameObjective._add_rows,
+    Derivative.POSE_COLUMNS: FrameObjective._add_pose_columns,
+}
+_IN_PRIOR_SPACE: dict[Derivative, _Adding] = {
+    Derivative.COLUMNS: FrameObjective._add_columns,
+    Derivative.AUTOMATIC: FrameObjective._add_differentiated,
+}
+"""How a term comes into the normal equations: before these are brought into the pose prior's own space, or after."""

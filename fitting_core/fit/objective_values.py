@@ -11,9 +11,6 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.phases.consistency import Consistency
-from fitting_core.fit.phases.search.sharpening import sharpened_for
-from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.keypoints import Keypoints
 
@@ -23,20 +20,20 @@ class ObjectiveValues:
     """What the objective is made of at one point. Every value includes its weight: they add up to the objective."""
 
     frames: dict[str, Float[Tensor, "T"]]
-    """E_o of each frame by term ("data", "body_pose", "hand_pose", "jaw", "expression", "shape", "bending", ...; some
-    only where the weight is not 0: "collision"). Float64, on the CPU."""
-    temporal: float
-    """E_T, summed over the clip."""
+    """E_o of each frame by term ("data", "body_pose", "hand_pose", "jaw", "expression", "shape", ...; some
+    only where the weight is not 0: "bending", "collision"). Float64, on the CPU."""
+    over_time: dict[str, float]
+    """What couples frames by term, summed over the clip: E_T as "temporal"."""
 
     @property
-    def frame_total(self) -> Float[Tensor, "T"]:
-        """E_o of each frame."""
-        return torch.stack(list(self.frames.values())).sum(0)
+    def temporal(self) -> float:
+        """E_T, summed over the clip; 0 where its weight is."""
+        return self.over_time.get("temporal", 0.0)
 
     @property
     def terms(self) -> dict[str, float]:
-        """Every term summed over the clip, E_T under "temporal"."""
-        return {**{name: float(cost.sum()) for name, cost in self.frames.items()}, "temporal": self.temporal}
+        """Every term summed over the clip."""
+        return {**{name: float(cost.sum()) for name, cost in self.frames.items()}, **self.over_time}
 
     @property
     def total(self) -> float:
@@ -53,14 +50,12 @@ def evaluate_objective(
     *,
     stage: int = N_STAGES,
     frame_rate: float | None = None,
-    sharpness: float = 1.0,
 ) -> ObjectiveValues:
     """Evaluates the objective without minimising anything.
 
     >>> result = fit(clip, body, PRESETS["tcfit"])
     >>> values = evaluate_objective(
-    ...     body, result.last.params, clip.camera, clip.keypoints, "tcfit", stage=5, frame_rate=clip.frame_rate,
-    ...     sharpness=result.sharpness,
+    ...     body, result.last.params, clip.camera, clip.keypoints, "tcfit", stage=5, frame_rate=clip.frame_rate
     ... )
     >>> values.frames["data"]            # (T,): where the reprojection is bad
     >>> values.terms                     # {"data": 8123.4, ..., "temporal": 310.2}
@@ -74,7 +69,6 @@ def evaluate_objective(
             every frame that has two neighbours.
         stage: whose weights count, 1 to 5.
         frame_rate: of the clip, frames per second; needed where `temporal.reference_rate` of the configuration is set.
-        sharpness: of the fit (`FitResult.sharpness`), where the configuration has `sharper_keypoints`; 1 otherwise.
 
     Raises:
         InputError: no such preset or stage, parameters that do not fit to the keypoints or the configuration, or no
@@ -85,14 +79,13 @@ def evaluate_objective(
         raise InputError(f"There is no stage {stage}: stages are numbered from 1 to {N_STAGES}.")
     _check(params, keypoints, config)
     rate = _frame_rate(frame_rate, config)
-    stages = sharpened_for(Stages(keypoints, camera, body, config, frame_rate=rate), params, sharpness)
+    stages = Stages.of(keypoints, camera, body, config, frame_rate=rate)
     state = stages.parametrisation.from_params(params)
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
-    consistency = Consistency(stages, make_solver(config.solver, config.settings))
     with torch.no_grad():
         costs = objective.costs(state, stages.all_frames)
-        temporal = consistency.temporal_cost(state)
-    return ObjectiveValues(frames={name: cost.double().cpu() for name, cost in costs.items()}, temporal=temporal)
+        over_time = objective.coupled_costs(state)
+    return ObjectiveValues(frames={name: cost.double().cpu() for name, cost in costs.items()}, over_time=over_time)
 
 
 def _config(preset: FitConfig | str) -> FitConfig:

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.provenance import Provenance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,8 @@ class PhaseResult:
     """E_o of each frame with the last stage's weights."""
     seconds: float
     notes: tuple[str, ...] = ()
+    provenance: Provenance | None = None
+    """Where each frame's fit came from; None for what came from elsewhere, such as files of earlier versions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +38,6 @@ class FitResult:
     observed: Bool[np.ndarray, "T 55"]
     """Joints that a confident keypoint hangs on: where False, the joint's rotation comes from prior and neighbours."""
     warnings: tuple[str, ...] = ()
-    sharpness: float | None = None
-    """Factor of the data term (see phases/sharpening.py); None: not noted, to be found from the residual."""
     pose_prior: str = ""
     """Its title; of a latent one with the hash of its weights."""
 

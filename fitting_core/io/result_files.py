@@ -14,6 +14,9 @@ camera_translation | (N, ...) | the same as `BodyParams` has it: hands as compon
 | joints | (N, 55, 3) | posed joints |
 | phase1_* | | BodyParams and joints of phase 1, betas (N, 10) |
 | observed | (N, 55) | whether a confident keypoint says how the joint is turned |
+| start, stopped | (N,) | where each frame's fit came from and why its solver stopped, as numbers of the next two; not \
+there where it is not known, as of an imported motion |
+| start_texts, stopped_texts | (k,) | their meaning in English, the text of number i at i |
 | camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
 | body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
@@ -38,6 +41,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
+from fitting_core.fit.provenance import STARTS, STOPS, Provenance
 from fitting_core.fit.result import FitResult
 from fitting_core.io.motion.motion import Motion
 from fitting_core.io.summary import summary
@@ -54,6 +58,7 @@ PHASE1 = "phase1_"
 _NAMES = tuple(f.name for f in fields(BodyParams))
 _WIDTHS = {name: tensor.shape[1] for name, tensor in vars(BodyParams.neutral(0)).items()}
 _HANDS = ("left_hand_pose", "right_hand_pose")
+_TEXTS = {"start_texts": STARTS, "stopped_texts": STOPS}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +72,8 @@ class StoredFit:
     joints: Float[np.ndarray, "T 55 3"]
     """Camera space, metres."""
     observed: Bool[np.ndarray, "T 55"]
+    provenance: Provenance | None
+    """Of the last finished phase; None where the file does not tell, as those of earlier versions."""
     camera: Camera
     frame_rate: float
     first_frame: int
@@ -148,7 +155,15 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
         "complete": complete,
         "format": FORMAT,
     }
+    arrays |= _provenance_arrays(fit.last.provenance)
     return {name: np.asarray(value) for name, value in arrays.items()}
+
+
+def _provenance_arrays(provenance: Provenance | None) -> dict[str, Any]:
+    if provenance is None:
+        return {}
+    texts = {name: [table[i] for i in range(len(table))] for name, table in _TEXTS.items()}
+    return {"start": provenance.start, "stopped": provenance.stopped, **texts}
 
 
 def _smplx_arrays(body: BodyModel, params: BodyParams) -> dict[str, Any]:
@@ -209,6 +224,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         phase1=phase1,
         joints=_shaped(arrays, "joints", (frames, N_JOINTS, 3)),
         observed=_shaped(arrays, "observed", (frames, N_JOINTS)).astype(bool),
+        provenance=_provenance(arrays, frames),
         camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=str(arrays["camera_source"])),
         frame_rate=float(arrays["mocap_frame_rate"]),
         first_frame=int(arrays["first_frame"]),
@@ -216,6 +232,13 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         last_phase=last_phase,
         complete=bool(arrays["complete"]),
     )
+
+
+def _provenance(arrays: dict[str, np.ndarray], frames: int) -> Provenance | None:
+    if "start" not in arrays:
+        return None
+    start, stopped = (_shaped(arrays, name, (frames,)).astype(np.uint8) for name in ("start", "stopped"))
+    return Provenance(start, stopped)
 
 
 def _params(arrays: dict[str, np.ndarray], prefix: str, frames: int) -> BodyParams:

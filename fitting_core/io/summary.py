@@ -14,7 +14,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import project
 from fitting_core.clip import Clip
 from fitting_core.config.toml import as_plain
-from fitting_core.fit.reliability import cut_off
+from fitting_core.fit.observations import cut_off
 from fitting_core.fit.result import FitResult
 from fitting_core.metrics import jitter, reprojection_errors
 
@@ -29,7 +29,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
     """The content of summary.json; numbers that are not finite become null in JSON.
 
     The reprojection error is over keypoints with a confidence above CONFIDENT that the body has, in all groups. Left
-    out, whatever the configuration, are detections of parts that the image cuts off (reliability.cut_off): where such
+    out, whatever the configuration, are detections of parts that the image cuts off (observations.cut_off): where such
     a part really lies is not known. So fits of one clip are always measured on the same keypoints.
     """
     measured = [p for p in fit.phases if p.phase in _MEASURED]

@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.fit.reliability import PAIRED, SEEN, unswapped
+from fitting_core.fit.observations import PAIRED, SEEN, unswapped
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 

@@ -1,9 +1,8 @@
 """A drag of keypoints, timed: its start, every move, its release, and what plain re-runs would have cost instead."""
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -11,6 +10,7 @@ from jaxtyping import Float
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import rerun_events
+from fitting_core.generators import drained
 from tcfit_app.fitting.live import Correction, LiveCorrection
 
 Times = list[tuple[float, float]]
@@ -62,21 +62,13 @@ def dragged(correction: Correction, targets: list[Float[np.ndarray, "n 2"]], *, 
         drag.resolve()
 
     def again(xy: np.ndarray) -> None:
-        ends.append(_finished(rerun_events(c.edited(xy), c.body, c.converging, c.params, c.frames)))
+        ends.append(drained(rerun_events(c.edited(xy), c.body, c.converging, c.params, c.frames)).params)
 
     moves = [timed(lambda xy=xy: follow(xy)) for xy in targets]
     on_the_way = drag.params
-    release = [timed(lambda: ends.append(_finished(drag.release())))]
+    release = [timed(lambda: ends.append(drained(drag.release()).params))]
     followed = targets[:: -max(1, len(targets) // reruns)] if reruns else []
     plain = [timed(lambda xy=xy: again(xy)) for xy in followed]
     times = {"begin": begins, "move": moves, "release": release, "plain re-run": plain}
     rerun = ends[1] if plain else None
     return Drag(times=times, on_the_way=on_the_way, released=ends[0], rerun=rerun)
-
-
-def _finished(events: Generator[Any, None, BodyParams]) -> BodyParams:
-    while True:
-        try:
-            next(events)
-        except StopIteration as stop:
-            return stop.value

@@ -13,6 +13,7 @@ from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
+from fitting_core.generators import drained
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,12 +27,7 @@ class Outcome:
 
 def solved(solver: Solver, problem: IndependentFrames, state: State, *, final: bool) -> Solution:
     """The solution of a minimisation, without its progress."""
-    minimisation = solver.minimise(problem, state, final=final)
-    while True:
-        try:
-            next(minimisation)
-        except StopIteration as stop:
-            return stop.value
+    return drained(solver.minimise(problem, state, final=final))
 
 
 def camera_start(stages: Stages) -> State:

@@ -80,7 +80,7 @@ def fit_measures(setup: Setup) -> Measured:
 
 def solver_measures(setup: Setup) -> Measured:
     """The five stages of phase 1, all frames together, from the camera step on."""
-    stages = Stages(
+    stages = Stages.of(
         setup.clip.keypoints, setup.clip.camera, setup.load_body(), setup.config, frame_rate=setup.clip.frame_rate
     )
     solver = make_solver(setup.config.solver, setup.config.settings)
@@ -117,7 +117,6 @@ def live_measures(setup: Setup, moves: int) -> Measured:
         params=result.last.params,
         frame=frame,
         keypoints=(keypoint,),
-        sharpness=result.sharpness,
     )
     origin = clip.keypoints.xy[frame, [keypoint]]
     if clip.keypoints.confidence[frame, keypoint] < CONFIDENT:

@@ -17,7 +17,8 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.events import PhaseFinished, WindowFinished
-from fitting_core.fit.fitting import patched
+from fitting_core.fit.fitting import Refit, patched
+from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.fitting.jobs import Job, with_phases
 from tcfit_app.fitting.live import Correction
@@ -285,14 +286,14 @@ class Fits:
             before = version.fit.last.params if version.partial is None else version.partial
             self._publish(job.run_id, version.fit, before.with_frames(window.frames, window.params))
 
-    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
+    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], refit: Refit) -> None:
         """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
         assert correction.origin is not None
         # Its own edit is among them: it was on the disk before the drag was released.
         seen = {entry.id for entry in self._project.log if entry.id <= correction.edits_seen}
         clip = correction.edited(xy)
         with self._correcting:
-            self._correct(correction.origin, (correction.frames,), params, clip, correction.body, seen)
+            self._correct(correction.origin, (correction.frames,), refit, clip, correction.body, seen)
 
     def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
         """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
@@ -303,20 +304,22 @@ class Fits:
             self.late.put(Late(run=self._project.runs.get(job.origin), frames=frozenset(late)))
         if windows:
             seen = {entry.id for entry in log if entry.id <= job.edits_seen}
+            provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))
+            refit = Refit(params=fit.last.params, provenance=provenance)
             with self._correcting:
-                self._correct(job.origin, windows, fit.last.params, inner.clip, inner.body, seen)
+                self._correct(job.origin, windows, refit, inner.clip, inner.body, seen)
 
     def _correct(
-        self, run: int, windows: tuple[range, ...], params: BodyParams, clip: Clip, body: BodyModel, seen: set[int]
+        self, run: int, windows: tuple[range, ...], refit: Refit, clip: Clip, body: BodyModel, seen: set[int]
     ) -> None:
         """Put windows of a fit into a run's corrections: that run may have changed since they were begun."""
         base = self.corrections_of(run)
         fit = self.fit(base)
         whole = fit.last.params
         for window in windows:
-            whole = whole.with_frames(window, params[slice(window.start, window.stop)])
+            whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
         note = "keypoints were corrected, and the frames around them fitted again"
-        phase = patched(fit.last, clip, body, fit.config, whole, windows, sharpness=fit.sharpness, note=note)
+        phase = patched(fit.last, clip, body, fit.config, whole, windows, provenance=refit.provenance, note=note)
         config = self._project.runs.get(run).config
         self._store_corrections(base, with_phases(fit, (phase,), config), self.edits_seen(base, windows, seen))
 

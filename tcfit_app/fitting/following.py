@@ -108,7 +108,6 @@ class Following:
                 body=body,
                 config=shown.run.config,
                 params=start.last.params,
-                sharpness=start.sharpness,
                 frame=frame,
                 keypoints=joints,
                 origin=shown.run.id,

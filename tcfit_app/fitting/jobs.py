@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from fitting_core.body.model import BodyModel
-from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, WindowFinished
-from fitting_core.fit.fitting import fit_events, patched, rerun_events, shape_events
+from fitting_core.fit.fitting import Refit, fit_events, patched, rerun_events, shape_events
+from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.generators import mapped
 from tcfit_app.project.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
@@ -83,10 +84,13 @@ class RerunFrames:
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.rerun_events`; each window is told when it is finished."""
         begin, params = time.perf_counter(), self.start.last.params
+        provenance = Provenance.unknown(len(self.clip))
         for i, window in enumerate(self.windows):
-            events = rerun_events(self.clip, self.body, self.config, params, window, sharpness=self.start.sharpness)
-            params = yield from _as_part(events, i, len(self.windows))
-            yield WindowFinished(frames=window, params=params[slice(window.start, window.stop)])
+            events = rerun_events(self.clip, self.body, self.config, params, window)
+            refit = yield from _as_part(events, i, len(self.windows))
+            inside = slice(window.start, window.stop)
+            params, provenance = refit.params, provenance.with_frames(window, refit.provenance[inside])
+            yield WindowFinished(frames=window, params=params[inside])
         phase = patched(
             replace(self.start.last, phase=3),
             self.clip,
@@ -94,7 +98,7 @@ class RerunFrames:
             self.config,
             params,
             self.windows,
-            sharpness=self.start.sharpness,
+            provenance=provenance,
             note=f"{self.title}: window of phase 3, the rest as in the run before",
         )
         return with_phases(self.start, (replace(phase, seconds=time.perf_counter() - begin),), self.config)
@@ -130,15 +134,10 @@ def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConf
     return replace(fit, phases=(*kept, *phases), config=config)
 
 
-def _as_part(
-    events: Generator[FitEvent, None, BodyParams], part: int, parts: int
-) -> Generator[FitEvent, None, BodyParams]:
+def _as_part(events: Generator[FitEvent, None, Refit], part: int, parts: int) -> Generator[FitEvent, None, Refit]:
     """The same events, as one of equal parts of a phase."""
-    while True:
-        try:
-            event = next(events)
-        except StopIteration as stop:
-            return stop.value
-        if isinstance(event, Iteration):
-            event = replace(event, share=(part + event.share) / parts)
-        yield event
+
+    def of_part(event: FitEvent) -> FitEvent:
+        return replace(event, share=(part + event.share) / parts) if isinstance(event, Iteration) else event
+
+    return (yield from mapped(events, of_part))

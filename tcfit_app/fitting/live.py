@@ -29,13 +29,12 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
-from fitting_core.fit.fitting import rerun_events
+from fitting_core.fit.fitting import Refit, rerun_events
+from fitting_core.fit.observations import cut_off
 from fitting_core.fit.phases.consistency import coupled
-from fitting_core.fit.phases.search.sharpening import sharpened_for
-from fitting_core.fit.reliability import cut_off
+from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
-from fitting_core.fit.terms.terms import Data
+from fitting_core.fit.terms.data import Data
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import Keypoints
 
@@ -63,8 +62,6 @@ class Correction:
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
     reach: int = REACH
-    sharpness: float | None = None
-    """`FitResult.sharpness` of the present result; None finds it, at a cost that grows with the clip."""
     origin: int | None = None
     """The run that `params` are of, for whoever keeps the correction."""
     edits_seen: int = 0
@@ -126,9 +123,9 @@ class LiveCorrection:
     def __init__(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> None:
         self.correction = correction
         clip, config = correction.edited(xy), correction.following
-        stages = Stages(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
+        stages = Stages.of(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
         window, near = correction.frames, coupled(correction.frames, len(clip))
-        self._stages = sharpened_for(stages, correction.params, correction.sharpness).within(near)
+        self._stages = stages.within(near)
         self._frame = correction.frame - near.start
         """That is corrected, in `_stages`, which hold the window and what is coupled to it."""
         self._row = self._stages.keypoints[self._frame : self._frame + 1]
@@ -136,17 +133,14 @@ class LiveCorrection:
         around = self._stages.parametrisation.from_params(correction.params[slice(near.start, near.stop)])
         self._problem = self._coupled(around, range(window.start - near.start, window.stop - near.start))
         self._looked_at = self._stages.data_keypoints(N_STAGES)
-        self._state = around[self._problem.coupling.free]
+        self._state = around[self._problem.frames]
         self.move(xy)
 
     def _coupled(self, around: State, window: range) -> Sequence:
         """The window's problem, held by its surroundings as in a re-run."""
         stages = self._stages
         objective = stages.objective(N_STAGES, around, stages.free(N_STAGES, betas=False))
-        in_camera = stages.config.temporal.space == "camera"
-        joints = JointPositions(stages.body, stages.parametrisation, in_camera=in_camera)
-        coupling = Coupling.of(window, range(window.start - 1, window.stop + 1), len(around), around.vector.device)
-        return Sequence(objective, joints, joints(around), coupling, stages.temporal_weight)
+        return Sequence(objective, around, window)
 
     def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
         """The keypoints are there now; pixels, in the order of the correction's."""
@@ -159,16 +153,15 @@ class LiveCorrection:
         keypoints = replace(self._row, xy=row)
         config, size = self._stages.config, self.correction.clip.camera.size
         side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(row.shape, np.int8)
-        objective = copy(self._problem.objective)
-        objective.terms = [self._aimed(t, row, side) if isinstance(t, Data) else t for t in objective.terms]
+        objective = self._problem.objective
         self._problem = copy(self._problem)
-        self._problem.objective = objective
+        self._problem.objective = objective.with_data(self._aimed(objective.data, row, side))
 
     def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:
         """The data term with this frame's keypoints where they are now."""
         frame, which = self._frame, self._looked_at
         moved, sides = data.xy.clone(), data.side.clone()
-        moved[frame], sides[frame] = self._stages.tensor(row)[0, which], self._stages.tensor(side)[0, which]
+        moved[frame], sides[frame] = (torch.as_tensor(a[0]).to(data.xy)[which] for a in (row, side))
         return replace(data, xy=moved, side=sides)
 
     def resolve(self) -> BodyParams:
@@ -201,14 +194,14 @@ class LiveCorrection:
         """All frames: the result that is corrected, with the window put in."""
         return self.correction.params.to(dtype=torch.float64).with_frames(self.correction.frames, self.window)
 
-    def release(self) -> Generator[FitEvent, None, BodyParams]:
+    def release(self) -> Generator[FitEvent, None, Refit]:
         """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames.
 
         Around it they are those of the result as it is now, and so are all other keypoints.
         """
         self.correction = c = self.correction.now
         clip = c.edited(self.xy)
-        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, sharpness=c.sharpness))
+        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames))
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:

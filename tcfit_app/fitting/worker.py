@@ -11,9 +11,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, WindowFinished
+from fitting_core.fit.fitting import Refit
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting.job_clock import JobClock
 from tcfit_app.fitting.jobs import Job
@@ -44,7 +44,7 @@ class Sink(Protocol):
         """Store what a job found. An exception ends it as failed."""
         ...
 
-    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], params: BodyParams) -> None:
+    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], refit: Refit) -> None:
         """Store a released drag: where its keypoints are, and all frames under it. An exception ends it as failed."""
         ...
 
@@ -283,9 +283,9 @@ class Worker:
                 try:
                     next(events)
                 except StopIteration as stop:
-                    params: BodyParams = stop.value
-                    self._sink.keep_correction(live.correction, live.xy, params)
-                    return DragFinished(drag=drag.number, frames=drag.correction.frames, params=params)
+                    refit: Refit = stop.value
+                    self._sink.keep_correction(live.correction, live.xy, refit)
+                    return DragFinished(drag=drag.number, frames=drag.correction.frames, params=refit.params)
         return DragAbandoned(drag=drag.number)
 
 

@@ -28,7 +28,6 @@ QUICK = replace(
     PRESETS["tcfit"],
     relay_rounds=0,
     yaws="side_view",
-    sharper_keypoints=False,
     settings=replace(PRESETS["tcfit"].settings, iterations=8),
 )
 """The default but for what takes long."""

@@ -50,10 +50,10 @@ def motion(frames: int, *, seed: int = 0, amplitude: float = 0.2) -> BodyParams:
 def clip_of(params: BodyParams, *, noise: float = 0.0, groups: tuple[slice, ...] = (kp.BODY,), seed: int = 0) -> Clip:
     """What a detector with this noise (pixels, normal) would see of the motion; only these groups of keypoints."""
     blank = kp.Keypoints(xy=np.zeros((len(params), kp.COUNT, 2)), confidence=np.ones((len(params), kp.COUNT)))
-    stages = Stages(blank, CAMERA, shipped_body(), FitConfig(pose_prior="axis_angle"))  # which holds every pose
+    stages = Stages.of(blank, CAMERA, shipped_body(), FitConfig(pose_prior="axis_angle"))  # which holds every pose
     state = stages.parametrisation.from_params(params)
-    known = torch.tensor([i for i, p in enumerate(stages.keypoint_points) if p is not None])
-    view = stages._view(known, state)
+    known = torch.tensor([i for i, p in enumerate(stages.fitted.keypoint_points) if p is not None])
+    view = stages.view(known, state)
     xy, confidence = blank.xy.copy(), np.zeros_like(blank.confidence)
     xy[:, known] = Estimate(view, state, stages.all_frames).pixels.numpy()
     xy += noise * np.random.default_rng(seed).standard_normal(xy.shape)

@@ -8,6 +8,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
+from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.project.edits.kinds import (
@@ -64,6 +65,7 @@ def sample_phase(phase: int, seed: int, frames: int = FRAMES, components: int = 
         frame_cost=rng.random(frames),
         seconds=phase / 2,
         notes=(f"shape from frames {seed}",),
+        provenance=Provenance(*rng.integers(0, 5, (2, frames), np.uint8)),
     )
 
 
@@ -91,6 +93,9 @@ def assert_same_fit(one: FitResult, other: FitResult) -> None:
         assert_same_params(a.params, b.params)
         assert (a.objective, a.seconds, a.notes) == (b.objective, b.seconds, b.notes)
         assert np.array_equal(a.frame_cost, b.frame_cost)
+        assert (a.provenance is None) == (b.provenance is None)
+        for name, codes in vars(a.provenance).items() if a.provenance else ():
+            assert getattr(b.provenance, name).dtype == np.uint8 and np.array_equal(codes, getattr(b.provenance, name))
     assert np.array_equal(one.observed, other.observed)
     for name in ("camera", "config", "warnings", "pose_prior"):
         assert getattr(one, name) == getattr(other, name), name

@@ -95,7 +95,7 @@ def stages_of(
         if latent:
             small = random_network("silu", size=9, hidden=16, spread=1.0)
             patch.setitem(PRIORS, config.pose_prior, lambda: LatentPrior(small))
-        return Stages(keypoints, camera, body, config)
+        return Stages.of(keypoints, camera, body, config)
 
 
 def random_state(parametrisation: Parametrisation, frames: int, seed: int = 0) -> State:

@@ -12,7 +12,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.build_assets.pose_prior.autoencoder import LATENT, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.contact import Contact
 from fitting_core.build_assets.pose_prior.motion_capture.skeleton import N_POSED, Skeleton
-from fitting_core.fit.terms.joint_angles import AngleTable
+from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.pose import relaxed_pose
 
 _SAMPLES = 128

@@ -2,16 +2,20 @@
 
 from collections.abc import Generator
 
-from torch import Tensor
+import numpy as np
+import torch
 
+from fitting_core.fit.phases.frame_fits import stopped_of
 from fitting_core.fit.phases.progress import Step, reported
+from fitting_core.fit.provenance import Stopped
 from fitting_core.fit.solvers import Solver
+from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
+from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.variables.state import State
 
-COUPLED = 2
-"""Frames on each side that E_T couples to a window."""
+COUPLED = 2 * REACH
+"""Frames on each side that terms over time couple to a window."""
 
 
 class Consistency:
@@ -26,68 +30,59 @@ class Consistency:
         self.stages, self.solver = stages, solver
         self.notes: list[str] = []
         """What went wrong, for the user."""
-        self.joints = JointPositions(
-            stages.body, stages.parametrisation, in_camera=stages.config.temporal.space == "camera"
-        )
+        self.stopped = np.full(len(stages), Stopped.UNKNOWN, np.uint8)
+        """Of each frame why the solver stopped when it last moved it; see `Stopped`."""
 
     def _run(
-        self, state: State, free: range, centres: range, label: str, share: tuple[float, float]
+        self, state: State, free: range, label: str, share: tuple[float, float], *, windowed: bool = False
     ) -> Generator[Step, None, State]:
-        """The configured stages over the frames of `free`; every other frame stays."""
-        chosen, held = self.stages.config.temporal.stages, self.joints(state)
+        """The frames of `free` after the configured stages, all others held; only what these touch is looked at."""
+        near = coupled(free, len(state))
+        stages, around = self.stages.within(near), state[near.start : near.stop]
+        inner = range(free.start - near.start, free.stop - near.start)
+        chosen = stages.config.temporal.stages
         for i, stage in enumerate(chosen):
-            objective = self.stages.objective(stage, state, self.stages.free(stage, betas=False))
-            coupling = Coupling.of(free, centres, len(state), state.vector.device)
-            problem = Sequence(objective, self.joints, held, coupling, self.stages.temporal_weight)
+            objective = stages.objective(stage, around, stages.free(stage, betas=False))
+            problem = Sequence(objective, around, inner, windowed=windowed)
             begin, end = share
             part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
-            minimisation = self.solver.minimise(problem, state[coupling.free], final=i == len(chosen) - 1)
+            minimisation = self.solver.minimise(problem, around[problem.frames], final=i == len(chosen) - 1)
             solution = yield from reported(minimisation, f"{label}stage {stage}", part, self.solver.iterations)
             if "failed" in solution.reason:
                 self.notes.append(
                     f"{label}stage {stage} of phase 3 failed (no finite cost): its frames stay as they were"
                 )
-            state = state.put(coupling.free, solution.state)
-        return state
+            around = around.put(problem.frames, solution.state)
+            self.stopped[free.start : free.stop] = stopped_of(solution.reason[0])
+        return around[inner.start : inner.stop]
 
     def all_at_once(self, state: State) -> Generator[Step, None, State]:
         """Every frame free, every residual counted; cost linear in the number of frames."""
-        everything = range(len(state))
-        return (yield from self._run(state, everything, everything, "", (0.0, 1.0)))
+        return (yield from self._run(state, range(len(state)), "", (0.0, 1.0)))
 
     def sliding_window(self, state: State) -> Generator[Step, None, State]:
         """The paper's windows of n frames, stride 1: no E_T for a window's last frame, the one before it constant."""
         frames = len(state)
         size = min(self.stages.config.temporal.window_size, frames)
         last = frames - size
+        state = State(state.orient.clone(), state.vector.clone())  # that each window writes its own frames into
         for first in range(last + 1):
-            window = range(first, first + size)
-            centres = range(first, first + size - 1)
+            window = slice(first, first + size)
             share = (first / (last + 1), (first + 1) / (last + 1))
-            state = yield from self._run(state, window, centres, f"window {first + 1} of {last + 1}, ", share)
-            done = range(first, first + 1) if first < last else window
-            yield Step(
-                "window", share[1], 0.0, (done, self.stages.parametrisation.to_params(state[_index(done, state)]))
-            )
+            label = f"window {first + 1} of {last + 1}, "
+            found = yield from self._run(state, range(first, first + size), label, share, windowed=True)
+            state.orient[window], state.vector[window] = found.orient, found.vector
+            done = range(first, first + 1) if first < last else range(first, frames)
+            final = self.stages.parametrisation.to_params(state[done.start : done.stop])
+            yield Step("window", share[1], 0.0, (done, final))
         return state
 
     def rerun(self, state: State, frames: range) -> Generator[Step, None, State]:
         """Only `frames` move; all others are held and coupled, so that no seam appears."""
-        centres = range(frames.start - 1, frames.stop + 1)
-        return (yield from self._run(state, frames, centres, "", (0.0, 1.0)))
-
-    def temporal_cost(self, state: State) -> float:
-        """E_T summed over the clip."""
-        free = range(len(state))
-        coupling = Coupling.of(free, free, len(state), state.vector.device)
-        positions = self.joints(state).flatten(1)
-        return float(self.stages.temporal_weight**2 * coupling.residuals(positions).square().sum())
+        found = yield from self._run(state, frames, "", (0.0, 1.0))
+        return state.put(torch.arange(frames.start, frames.stop, device=state.vector.device), found)
 
 
 def coupled(frames: range, count: int) -> range:
-    """Frames of a clip of `count`, and those that E_T couples to them."""
+    """Frames of a clip of `count`, and those that terms over time couple to them."""
     return range(max(0, frames.start - COUPLED), min(count, frames.stop + COUPLED))
-
-
-def _index(frames: range, state: State) -> Tensor:
-    return Coupling.of(frames, range(0), len(state), state.vector.device).free

@@ -1,18 +1,18 @@
 """Phase 1: every frame on its own, as SMPLify-X does it; then, if wanted, the relay."""
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
-from fitting_core import rotations
 from fitting_core.fit.initialize import guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
 from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.phases.frame_fits import FrameFits
+from fitting_core.fit.phases.limb_flips import LimbFlips
 from fitting_core.fit.phases.progress import Step, reported
-from fitting_core.fit.phases.search.limb_flips import LimbFlips
-from fitting_core.fit.phases.search.sharp_frames import sharpen
+from fitting_core.fit.provenance import TURNED, Start
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -31,17 +31,6 @@ _HOPEFUL = 1.5
 there: among 12 trials of each of 91 poses that finds the best one on 97 % (after 4 iterations the best 3: 72 %)."""
 
 
-@dataclass(frozen=True)
-class FrameFits:
-    """Every frame's state and cost; frames that could not be fitted were filled from their neighbours."""
-
-    state: State
-    cost: Float[Tensor, "T"]
-    notes: tuple[str, ...]
-    stages: Stages
-    """What the state and all further phases belong to: as it was given, or sharpened."""
-
-
 def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
     """Camera step, five stages from the neutral pose, relay.
 
@@ -54,23 +43,18 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
         Fits of all frames. Frames with under four confident body keypoints, and frames whose cost is not finite, are
         interpolated from their neighbours and named in the notes.
     """
-    usable = stages.usable()
+    usable = stages.observations.usable
     guess = guess_depth(stages)
-    state = starting_state(stages, guess.depth, 0.0)
     if not bool(usable.any()):
-        return FrameFits(
-            state, torch.full_like(guess.depth, torch.inf), ("no frame shows four body keypoints",), stages
-        )
+        nobody = FrameFits.at(starting_state(stages, guess.depth, 0.0), Start.TURNED_0)
+        return replace(nobody, notes=("no frame shows four body keypoints",))
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
-    camera = yield from run.camera_step(state, guess.depth)
-    state, cost = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
+    camera = yield from run.camera_step(guess.depth)
+    fits = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
     if _restarts(stages):
-        state, cost = yield from run.relay(state, camera)
-    if stages.config.sharper_keypoints:
-        stages, state, cost = yield from sharpen(stages, state, cost, run.frames)
-    good = usable & cost.isfinite()
-    notes = (guess.note(), *_notes(usable, cost, first_frame), *_sharpness_note(stages))
-    return FrameFits(filled(state, good), cost, notes, stages)
+        fits = yield from run.relay(fits, camera.state)
+    notes = (guess.note(), *_notes(usable, fits.cost, first_frame))
+    return replace(fits.filled(usable & fits.cost.isfinite()), notes=notes)
 
 
 def _restarts(stages: Stages) -> bool:
@@ -87,13 +71,8 @@ def _notes(usable: Tensor, cost: Tensor, first_frame: int) -> Iterator[str]:
         yield f"frames whose fit failed (no finite cost), filled from their neighbours: {spans(failed)}"
 
 
-def _sharpness_note(stages: Stages) -> Iterator[str]:
-    if stages.sharpness > 1:
-        yield f"the keypoints are sharper than a detector's: the data term weighs {stages.sharpness:.0f} times as much"
-
-
 class _Frames:
-    """Minimises over a set of frames of a clip, and keeps states of the whole clip."""
+    """Minimises over a set of frames of a clip, and keeps what is known of the whole clip."""
 
     def __init__(self, stages: Stages, solver: Solver, frames: Tensor) -> None:
         self.stages, self.solver, self.frames = stages, solver, frames
@@ -101,62 +80,59 @@ class _Frames:
     def _minimise(
         self,
         objective: FrameObjective,
-        state: State,
+        start: FrameFits,
         label: str,
         share: tuple[float, float],
         *,
         final: bool = False,
         cold: bool = False,
-    ) -> Generator[Step, None, tuple[State, Tensor]]:
-        """State with these frames minimised, and the cost of all frames (infinite for the others)."""
+    ) -> Generator[Step, None, FrameFits]:
+        """These frames minimised, and the others as they came, with an infinite cost."""
         problem = IndependentFrames(objective, self.frames, cold=cold)
-        minimisation = self.solver.minimise(problem, state[self.frames], final=final)
+        minimisation = self.solver.minimise(problem, start.state[self.frames], final=final)
         solution = yield from reported(minimisation, label, share, self.solver.iterations)
-        cost = torch.full((len(state),), torch.inf, dtype=solution.cost.dtype, device=solution.cost.device)
-        cost[self.frames] = solution.cost
-        return state.put(self.frames, solution.state), cost
+        return start.solved(self.frames, solution)
 
-    def camera_step(self, state: State, depth: Tensor) -> Generator[Step, None, State]:
+    def _only(self, frames: Tensor, solver: Solver | None = None) -> "_Frames":
+        """The same for other frames, or by another solver."""
+        return _Frames(self.stages, solver or self.solver, frames)
+
+    def camera_step(self, depth: Tensor) -> Generator[Step, None, FrameFits]:
         """Orientation and translation on the torso, from each starting yaw; the lowest cost stays."""
         objective = self.stages.camera_objective(depth)
-        best, lowest = state, torch.full_like(depth, torch.inf)
+        best = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
         for yaw in YAWS[self.stages.config.yaws]:
-            start = starting_state(self.stages, depth, yaw)
-            trial, cost = yield from self._minimise(objective, start, "camera", (0.0, 0.1), final=True)
-            better = cost < lowest
-            best, lowest = best.put(better, trial[better]), torch.where(better, cost, lowest)
+            start = FrameFits.at(starting_state(self.stages, depth, yaw), TURNED[yaw])
+            trial = yield from self._minimise(objective, start, "camera", (0.0, 0.1), final=True)
+            best, _ = best.lower(trial)
         return best
 
-    def five_stages(self, state: State) -> Generator[Step, None, tuple[State, Tensor]]:
+    def five_stages(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
         """The five stages in a row."""
-        cost = state.vector.new_full((len(state),), torch.inf)
         for stage in range(1, N_STAGES + 1):
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             if stage == N_STAGES and free.hands and self.stages.config.curled_hands:
                 # From open hands curled fingers stop halfway, bent towards the camera: shape error 10.4 -> 6.9 mm on
                 # the fits of benchmarks.handshapes.
-                state = self.stages.parametrisation.with_half_fists(state)
-            objective = self.stages.objective(stage, state, free)
+                fits = replace(fits, state=self.stages.parametrisation.with_half_fists(fits.state))
+            objective = self.stages.objective(stage, fits.state, free)
             share = (0.1 * stage, 0.1 * stage + 0.1)
             last = stage == N_STAGES and not _restarts(self.stages)
             looks_closer = self.stages.looks_closer(stage)
-            state, cost = yield from self._minimise(
-                objective, state, f"stage {stage}", share, final=last, cold=looks_closer
-            )
-        return state, cost
+            fits = yield from self._minimise(objective, fits, f"stage {stage}", share, final=last, cold=looks_closer)
+        return fits
 
-    def both_sides(self, state: State) -> Generator[Step, None, tuple[State, Tensor]]:
+    def both_sides(self, camera: FrameFits) -> Generator[Step, None, FrameFits]:
         """The five stages; frames seen from the side also from the orientation turned by 180 degrees."""
-        found, cost = yield from self.five_stages(state)
-        side = seen_from_side(self.stages)[self.frames]
-        if not bool(side.any()):
-            return found, cost
-        others = _Frames(self.stages, self.solver, self.frames[side])
-        trial, trial_cost = yield from others.five_stages(turned(state))
-        better = trial_cost < cost
-        return found.put(better, trial[better]), torch.where(better, trial_cost, cost)
+        fits = yield from self.five_stages(camera)
+        side = self.frames[seen_from_side(self.stages)[self.frames]]
+        if not len(side):
+            return fits
+        behind = camera.restarted(side, turned(camera.state[side]), Start.TURNED_180)
+        trial = yield from self._only(side).five_stages(behind)
+        return fits.lower(trial)[0]
 
-    def relay(self, state: State, camera: State) -> Generator[Step, None, tuple[State, Tensor]]:
+    def relay(self, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
         """Every frame restarts from its neighbours' solutions and keeps the lower cost, for a few rounds.
 
         Before that, frames with foreshortened thighs start from a seat as well, upright as the camera step found them:
@@ -164,24 +140,33 @@ class _Frames:
         largest single gain on real footage: 164 -> 98, 151 -> 103 mm. After its first round only neighbours that
         changed are tried again.
         """
-        stages, rounds = self.stages, self.stages.config.relay_rounds
+        stages = self.stages
         free = stages.free(N_STAGES, betas=True)
-        objective = stages.objective(N_STAGES, state, free)
-        cost = torch.full_like(state.vector[:, 0], torch.inf)
-        cost[self.frames] = objective.cost(state[self.frames], self.frames)
-        seated = self.frames[thighs_foreshortened(stages)[self.frames]]
-        if len(seated):
-            start = state.put(seated, stages.parametrisation.with_seat(camera[seated]))
-            seat = _Frames(stages, self.solver, seated)
-            trial, trial_cost = yield from seat._minimise(objective, start, "seat", (0.6, 0.6))
-            better = trial_cost < cost * (1 - _LOWER)
-            state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
+        objective = stages.objective(N_STAGES, fits.state, free)
+        cost = torch.full_like(fits.cost, torch.inf)
+        cost[self.frames] = objective.cost(fits.state[self.frames], self.frames)
+        fits = yield from self.seats(objective, replace(fits, cost=cost), camera)
         if stages.config.limb_flips:
-            state, cost = yield from self.flip_limbs(objective, state, cost)
-        fresh = cost.isfinite()
+            fits = yield from self.flip_limbs(objective, fits)
+        fits = yield from self.rounds(objective, fits)
+        last = stages.objective(N_STAGES, fits.state, free)
+        return (yield from self._minimise(last, fits, "polish", (0.9, 1.0), final=True))
+
+    def seats(self, objective: FrameObjective, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
+        """Frames with foreshortened thighs restart from a seat."""
+        seated = self.frames[thighs_foreshortened(self.stages)[self.frames]]
+        if not len(seated):
+            return fits
+        start = fits.restarted(seated, self.stages.parametrisation.with_seat(camera[seated]), Start.SEAT)
+        trial = yield from self._only(seated)._minimise(objective, start, "seat", (0.6, 0.6))
+        return fits.lower(trial, _LOWER)[0]
+
+    def rounds(self, objective: FrameObjective, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+        """Frames restart from their neighbours, forward and backward in turn."""
+        rounds, fresh = self.stages.config.relay_rounds, fits.cost.isfinite()
         for k in range(rounds):
             changed = torch.zeros_like(fresh)
-            for offset in (1, -1):
+            for offset, start in ((1, Start.FRAME_AFTER), (-1, Start.FRAME_BEFORE)):
                 share = (
                     0.6 + 0.3 * (k + 0.5 * (offset < 0)) / rounds,
                     0.6 + 0.3 * (k + 0.5 + 0.5 * (offset < 0)) / rounds,
@@ -189,49 +174,46 @@ class _Frames:
                 target = _with_fresh_neighbour(self.frames, fresh | changed, offset)
                 if not len(target):
                     continue
-                start = state.put(target, state[target + offset])
-                trial, trial_cost = yield from _Frames(stages, self.solver, target)._minimise(
-                    objective, start, f"relay {k + 1}", share
-                )
-                better = trial_cost < cost * (1 - _LOWER)
-                state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
+                begun = fits.restarted(target, fits.state[target + offset], start)
+                trial = yield from self._only(target)._minimise(objective, begun, f"relay {k + 1}", share)
+                fits, better = fits.lower(trial, _LOWER)
                 changed |= better
             fresh = changed
-        return (
-            yield from self._minimise(stages.objective(N_STAGES, state, free), state, "polish", (0.9, 1.0), final=True)
-        )
+        return fits
 
-    def flip_limbs(
-        self, objective: FrameObjective, state: State, cost: Tensor
-    ) -> Generator[Step, None, tuple[State, Tensor]]:
+    def flip_limbs(self, objective: FrameObjective, fits: FrameFits) -> Generator[Step, None, FrameFits]:
         """Frames restart with their limbs mirrored in depth, one at a time, and keep the lowest cost."""
         stages, settings = self.stages, self.stages.config.settings
-        flips = LimbFlips(stages)
+        flips, share = LimbFlips(stages), (0.6, 0.6)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
-        frames, share = self.frames[:: stages.config.limb_flips_every], (0.6, 0.6)
-        frames = frames[cost[frames].isfinite()]
+        frames = self.frames[:: stages.config.limb_flips_every]
+        frames = frames[fits.cost[frames].isfinite()]
         for _ in range(_FLIP_ROUNDS):
             if not len(frames):
                 break
-            tried, costs = [], []
-            for label, start in flips.every(state[frames]):
-                run = _Frames(stages, quick, frames)
-                trial, trial_cost = yield from run._minimise(objective, state.put(frames, start), label, share)
-                tried.append(trial[frames])
-                costs.append(trial_cost[frames])
-            kept = torch.stack(costs).topk(_FLIPS_KEPT, 0, largest=False)
-            everything, before = State.cat(tried), cost
-            for k in range(_FLIPS_KEPT):
-                hopeful = (kept.values[k] < _HOPEFUL * before[frames]).nonzero()[:, 0]
-                if not len(hopeful):
+            tried = []
+            for flip, mirrored in flips.every(fits.state[frames]):
+                start, label = fits.restarted(frames, mirrored, flip), flip.name.lower().replace("_", " ")
+                tried.append((yield from self._only(frames, quick)._minimise(objective, start, label, share)))
+            before = fits.cost
+            kept = torch.stack([trial.cost[frames] for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
+            for costs, which in zip(kept.values, kept.indices, strict=True):
+                hopeful = costs < _HOPEFUL * before[frames]
+                if not bool(hopeful.any()):
                     break
-                target, start = frames[hopeful], everything[kept.indices[k, hopeful] * len(frames) + hopeful]
-                run = _Frames(stages, self.solver, target)
-                trial, trial_cost = yield from run._minimise(objective, state.put(target, start), "limbs", share)
-                better = trial_cost < cost * (1 - _LOWER)
-                state, cost = state.put(better, trial[better]), torch.where(better, trial_cost, cost)
-            frames = frames[(cost < before)[frames]]
-        return state, cost
+                start = _chosen(tried, frames[hopeful], which[hopeful], fits)
+                trial = yield from self._only(frames[hopeful])._minimise(objective, start, "limbs", share)
+                fits, _ = fits.lower(trial, _LOWER)
+            frames = frames[(fits.cost < before)[frames]]
+        return fits
+
+
+def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFits) -> FrameFits:
+    """The fits with some frames as one of the trials has them, each another one."""
+    for k, trial in enumerate(tried):
+        mine = frames[which == k]
+        fits = fits.restarted(mine, trial.state[mine], trial.start[mine])
+    return fits
 
 
 def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int) -> Tensor:
@@ -239,19 +221,3 @@ def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int)
     source = frames + offset
     inside = (source >= 0) & (source < len(fresh))
     return frames[inside & fresh[source.clamp(0, len(fresh) - 1)]]
-
-
-def filled(state: State, good: Bool[Tensor, "T"]) -> State:
-    """States of bad frames interpolated between the good ones around them; nearest good one at the ends."""
-    at = good.nonzero()[:, 0]
-    if not len(at) or bool(good.all()):
-        return state
-    bad = (~good).nonzero()[:, 0]
-    after = torch.searchsorted(at, bad).clamp(max=len(at) - 1)
-    before = (torch.searchsorted(at, bad) - 1).clamp(min=0)
-    a, b = at[before], at[after]
-    t = ((bad - a).to(state.vector) / (b - a).clamp(min=1)).clamp(0, 1)[:, None]
-    t = torch.where((a == b)[:, None], 0.0, t)
-    vector = (1 - t) * state.vector[a] + t * state.vector[b]
-    turn = rotations.log(state.orient[b] @ state.orient[a].transpose(1, 2))
-    return state.put(bad, State(rotations.exp(t * turn) @ state.orient[a], vector))

@@ -8,6 +8,7 @@ import torch
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.generators import mapped
 
 
 @dataclass(frozen=True)
@@ -28,15 +29,14 @@ def reported(
 ) -> Generator[Step, None, Solution]:
     """Passes a minimisation on as steps that lie between two shares of the phase."""
     begin, end = share
-    while True:
-        try:
-            progress = next(minimisation)
-        except StopIteration as stop:
-            return stop.value
+
+    def step(progress: Progress) -> Step:
         done = min(1.0, progress.iteration / iterations)
         finite = progress.cost[progress.cost.isfinite()]
         cost = float(finite.mean()) if len(finite) else float("inf")
-        yield Step(label, begin + (end - begin) * done, cost, terms=progress.terms)
+        return Step(label, begin + (end - begin) * done, cost, terms=progress.terms)
+
+    return (yield from mapped(minimisation, step))
 
 
 TERMS_EVERY = 0.5

@@ -83,8 +83,7 @@ def fit_shape(
     for i, stage in enumerate(chosen):
         whole = state.put(frames, sampled)
         objective = stages.objective(stage, whole, stages.free(stage, betas=True))
-        problem = SharedShape(objective, frames, stages.config.weights.shape[stage - 1])
-        minimisation = solver.minimise(problem, sampled, final=i == len(chosen) - 1)
+        minimisation = solver.minimise(SharedShape(objective, frames), sampled, final=i == len(chosen) - 1)
         share = (i / len(chosen), (i + 1) / len(chosen))
         solution = yield from reported(minimisation, f"stage {stage}", share, solver.iterations)
         sampled = solution.state

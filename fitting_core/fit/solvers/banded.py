@@ -1,9 +1,10 @@
-"""Symmetric positive definite systems of n blocks that couple only with the next two: block-pentadiagonal.
+"""Symmetric positive definite systems of n blocks that couple only with the next few: block-banded.
 
-These are the normal equations of a clip: unknowns of one frame form a block, and the temporal term reaches two frames
-back. Time and memory are linear in n.
+These are the normal equations of a clip: unknowns of one frame form a block, and a term with a reach in time couples
+frames up to twice as far apart. Time and memory are linear in n.
 
-Milliseconds per solve, float64, best of up to five in one script run, 1 thread / 2 threads on a shared 2-core machine:
+Milliseconds per solve with blocks that couple with the next two, float64, best of up to five in one script run, on one
+/ two threads of a shared 2-core machine:
 
     size D, blocks n   this file     blocks in numpy   solveh_banded   dense Cholesky
     63, 7              1.3 / 1.3     0.9 / 0.6         2.0 / 1.5       2.8 / 1.7
@@ -19,59 +20,52 @@ numpy; six of (63, 400) took 93-263, 57-399 and 48-120. A second thread never pa
 of triangular solves) and panels updated in place were no faster on one thread.
 """
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 
 @torch.no_grad()
-def solve_block_banded(
-    diag: Float[Tensor, "n d d"],
-    off1: Float[Tensor, "n-1 d d"],
-    off2: Float[Tensor, "n-2 d d"],
-    g: Float[Tensor, "n d"],
-) -> Float[Tensor, "n d"] | None:
+def solve_block_banded(bands: Sequence[Float[Tensor, "_ d d"]], g: Float[Tensor, "n d"]) -> Float[Tensor, "n d"] | None:
     """Solve H x = g by block Cholesky (Golub and Van Loan, Matrix Computations, 4th ed., 4.2 and 4.3).
 
     Nothing is differentiated through and no argument is changed.
 
     Args:
-        diag: Diagonal blocks H[i, i]; only their lower triangles are read.
-        off1: Blocks H[i + 1, i]; none for n = 1.
-        off2: Blocks H[i + 2, i]; none for n <= 2.
-        g: Right side. All four are of one dtype (float32 or float64) and on one device.
+        bands: Band k has the blocks H[i + k, i], max(n - k, 0) of them. Of the diagonal blocks, band 0, only the lower
+            triangles are read.
+        g: Right side. All are of one dtype (float32 or float64) and on one device.
 
     Returns:
         x, or None where H is not numerically positive definite or the solution is not finite: damp H and try again.
     """
     n, size = g.shape
-    assert diag.shape == (n, size, size), (diag.shape, g.shape)
-    assert off1.shape == (max(n - 1, 0), size, size), (off1.shape, g.shape)
-    assert off2.shape == (max(n - 2, 0), size, size), (off2.shape, g.shape)
+    for k, band in enumerate(bands):
+        assert band.shape == (max(n - k, 0), size, size), (k, band.shape, g.shape)
     if n == 0:
         return torch.zeros_like(g)
-    factor = _factor(diag, off1, off2)
+    factor = _factor(bands)
     if factor is None:
         return None
     x = _back_substitute(*factor, _forward_substitute(*factor, g))
     return x if bool(x.isfinite().all()) else None
 
 
-def _factor(diag: Tensor, off1: Tensor, off2: Tensor) -> tuple[list[Tensor], list[Tensor]] | None:
-    """The Cholesky factor by block columns: L[i, i], (d, d), and L[i + 1, i] over L[i + 2, i], up to (2d, d)."""
-    size = diag.shape[-1]
+def _factor(bands: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor]] | None:
+    """The Cholesky factor by block columns: L[i, i], (d, d), and L[i + 1, i] over L[i + 2, i] and so on, (k d, d)."""
+    diagonal, *below = bands
+    size = diagonal.shape[-1]
     pivots: list[Tensor] = []
     panels: list[Tensor] = []
     infos: list[Tensor] = []
-    for i, pivot in enumerate(diag):
-        panel = torch.cat([off1[i : i + 1], off2[i : i + 1]]).flatten(0, 1)
-        if i > 0:
-            near, far = panels[i - 1][:size], panels[i - 1][size:]
+    for i, pivot in enumerate(diagonal):
+        panel = torch.cat([band[i : i + 1] for band in below] or [pivot[None, :0]]).flatten(0, 1)
+        for k in range(1, min(len(below), i) + 1):
+            near, far = panels[i - k][(k - 1) * size : k * size], panels[i - k][k * size :]
             pivot = torch.addmm(pivot, near, near.mT, alpha=-1)
-            panel[:size] -= far @ near.mT
-        if i > 1:
-            far = panels[i - 2][size:]
-            pivot = torch.addmm(pivot, far, far.mT, alpha=-1)
+            panel[: len(far)] -= far @ near.mT
         lower, info = torch.linalg.cholesky_ex(pivot)
         # A look at info makes a GPU wait, so there it is looked at once, at the end.
         if info.device.type == "cpu" and info:
@@ -85,13 +79,12 @@ def _factor(diag: Tensor, off1: Tensor, off2: Tensor) -> tuple[list[Tensor], lis
 def _forward_substitute(pivots: list[Tensor], panels: list[Tensor], g: Tensor) -> Tensor:
     """y with L y = g, (n, d)."""
     size = g.shape[1]
-    # Two blocks more than needed, so that the last columns need no case of their own.
-    y = torch.cat([g, g.new_zeros(2, size)]).flatten()
+    y = g.flatten().clone()
     for i, (lower, panel) in enumerate(zip(pivots, panels, strict=True)):
         block = y[i * size : (i + 1) * size]
         block.copy_(torch.linalg.solve_triangular(lower, block[:, None], upper=False)[:, 0])
         y[(i + 1) * size : (i + 1) * size + len(panel)] -= panel @ block
-    return y[: g.numel()].view_as(g)
+    return y.view_as(g)
 
 
 def _back_substitute(pivots: list[Tensor], panels: list[Tensor], y: Tensor) -> Tensor:

@@ -49,65 +49,24 @@ class Result:
     """Why each row ended."""
 
 
-def minimise_lbfgs(
-    function: CostFunction,
-    x0: Float[Tensor, "b n"],
-    *,
-    rounds: int = 30,
-    iterations: int = 30,
-    history: int = 100,
-    line_evaluations: int = 25,
-    relative_tolerance: float = 1e-9,
-    gradient_tolerance: float = 1e-9,
-    change_tolerance: float = 1e-12,
-) -> Result:
-    """Minimise the cost of each row; rows share nothing but the calls of the function.
-
-    Every row has its own history, line search and end, and leaves the batch when it ended. Each call of the function
-    evaluates one trial point of every row that goes on, wherever in its line search it is. The schedule is the field's:
-    rounds of iterations, unit first trials but min(1, 1 / |g|_1) without history. A trial with a cost or gradient that
-    is not finite counts as too long a step.
-
-    Args:
-        function: Costs and gradients of some rows. It may build graphs; nothing is differentiated through here.
-        x0: Starts. Dtype and device are kept, the tensor is not changed.
-        rounds: Rounds at the most; the history outlives a round.
-        iterations: Steps of a round at the most.
-        history: Curvature pairs that are remembered.
-        line_evaluations: Evaluations of a line search at the most.
-        relative_tolerance: A row ends when a round lowers its cost by no more than this, relative to the larger of the
-            cost and one.
-        gradient_tolerance: A row ends when no component of its gradient is larger.
-        change_tolerance: A round ends when a step changes the cost, or every variable, by no more than this.
-    """
-    limits = Limits(
-        rounds=rounds,
-        iterations=iterations,
-        history=history,
-        line_evaluations=line_evaluations,
-        relative_tolerance=relative_tolerance,
-        gradient_tolerance=gradient_tolerance,
-        change_tolerance=change_tolerance,
-    )
-    steps = lbfgs_steps(function, x0, limits)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            return stop.value
-
-
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """When a row ends, and what it remembers; each as `minimise_lbfgs` explains."""
+    """When a row ends, and what it remembers."""
 
     rounds: int = 30
+    """At the most; the history outlives a round."""
     iterations: int = 30
+    """Steps of a round at the most."""
     history: int = 100
+    """Curvature pairs that are remembered."""
     line_evaluations: int = 25
+    """Evaluations of a line search at the most."""
     relative_tolerance: float = 1e-9
+    """A row ends when a round lowers its cost by no more than this, relative to the larger of the cost and one."""
     gradient_tolerance: float = 1e-9
+    """A row ends when no component of its gradient is larger."""
     change_tolerance: float = 1e-12
+    """A round ends when a step changes the cost, or every variable, by no more than this."""
 
 
 class Standing(NamedTuple):
@@ -124,7 +83,18 @@ class Standing(NamedTuple):
 
 
 def lbfgs_steps(function: CostFunction, x0: Float[Tensor, "b n"], limits: Limits) -> Generator[Standing, None, Result]:
-    """`minimise_lbfgs` as a generator: it yields after each call of the function, and closing it cancels."""
+    """Minimises the cost of each row, yielding after each call of the function; rows share nothing but these calls.
+
+    Every row has its own history, line search and end, and leaves the batch when it ended. Each call of the function
+    evaluates one trial point of every row that goes on, wherever in its line search it is. The schedule is the field's:
+    rounds of iterations, unit first trials but min(1, 1 / |g|_1) without history. A trial with a cost or gradient that
+    is not finite counts as too long a step.
+
+    Args:
+        function: Costs and gradients of some rows. It may build graphs; nothing is differentiated through here.
+        x0: Starts. Dtype and device are kept, the tensor is not changed.
+        limits: When a row ends.
+    """
     minimiser = _Minimiser(function, x0.detach().clone(), limits)
     minimiser.start()
     while len(rows := minimiser.running()):

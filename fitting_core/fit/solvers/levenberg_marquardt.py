@@ -7,10 +7,12 @@ from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.solvers.problem import Problem
-from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.fit.solvers.solution import Ending, Progress, Solution
 from fitting_core.fit.variables.state import State
 
 _START, _SMALLEST, _LARGEST = 1e-3, 1e-7, 1e8
+_GROWTH = 2.0
+"""Of the damping at the first refused step; it doubles with every further one."""
 
 
 class LevenbergMarquardt:
@@ -43,9 +45,9 @@ class LevenbergMarquardt:
                 evaluations + run.evaluations + other.evaluations,
             )
         run = yield from self._descend(_Run(problem, start), last if final else passing)
-        reason = ["converged" if f else "iterations" for f in run.finished.tolist()]
-        reason = ["failed" if not ok else r for r, ok in zip(reason, run.cost.isfinite().tolist(), strict=True)]
-        return Solution(state=run.state, cost=run.cost, reason=tuple(reason), evaluations=run.evaluations + evaluations)
+        return Solution(
+            state=run.state, cost=run.cost, reason=tuple(run.reason), evaluations=run.evaluations + evaluations
+        )
 
     def _descend(self, run: "_Run", tolerance: float) -> Generator[Progress, None, "_Run"]:
         for iteration in range(self.iterations):
@@ -80,8 +82,11 @@ class _Run:
         self.cost, *self.system = problem.normal(start, everyone)
         self.active = everyone[self.cost.isfinite()]
         self.damping = torch.full_like(self.cost, _START)
-        self.growth = torch.full_like(self.cost, 2.0)
-        self.finished = ~self.cost.isfinite()
+        self.growth = torch.full_like(self.cost, _GROWTH)
+        self.promised = torch.zeros_like(self.cost)
+        """What the first step promised that was refused since one was last taken."""
+        self.rounding = torch.finfo(self.cost.dtype).eps * self.cost
+        self.reason: list[Ending] = ["iterations" if finite else "failed" for finite in self.cost.isfinite().tolist()]
         self.evaluations = problem.groups
 
     def iterate(self, tolerance: float) -> None:
@@ -94,18 +99,27 @@ class _Run:
         self.evaluations += len(groups)
         before = self.cost[groups]
         better = step.solved & cost.isfinite() & (cost < before)
+        refused_first = ~better & (self.growth[groups] == _GROWTH)
+        self.promised[groups[refused_first]] = torch.where(step.solved, step.predicted, torch.inf)[refused_first]
         self._update_damping(groups, better, (before - cost) / step.predicted.clamp_min(1e-300))
         done = better & (before - cost < tolerance * before)
         self._accept(groups[better], groups[better & ~done], rows, trial, cost[better], better)
-        done |= self.damping[groups] > _LARGEST
-        self.finished[groups[done]] = True
-        self.active = groups[~done]
+        stuck = ~done & (self.damping[groups] > _LARGEST)
+        # Where next to nothing was left to gain, to gain nothing is the end of the way and no wall.
+        at_end = self.promised[groups] <= torch.maximum(tolerance * before, self.rounding[groups])
+        self._end(groups[done | (stuck & at_end)], "converged")
+        self._end(groups[stuck & ~at_end], "stalled")
+        self.active = groups[~(done | stuck)]
+
+    def _end(self, groups: Tensor, reason: Ending) -> None:
+        for group in groups.tolist():
+            self.reason[group] = reason
 
     def _update_damping(self, groups: Tensor, better: Tensor, gain: Tensor) -> None:
         growth, damping = self.growth[groups], self.damping[groups]
         shrunk = damping * (1 - (2 * gain.nan_to_num(0.0).clamp(0, 1) - 1) ** 3).clamp_min(0.2)
         self.damping[groups] = torch.where(better, shrunk.clamp_min(_SMALLEST), damping * growth)
-        self.growth[groups] = torch.where(better, 2.0, growth * 2)
+        self.growth[groups] = torch.where(better, _GROWTH, growth * 2)
 
     def _accept(
         self, accepted: Tensor, refreshed: Tensor, rows: Tensor, trial: State, cost: Tensor, better: Tensor

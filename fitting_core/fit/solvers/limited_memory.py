@@ -8,14 +8,14 @@ from torch import Tensor
 from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.solvers.lbfgs import Limits, Reason, lbfgs_steps
 from fitting_core.fit.solvers.problem import Problem
-from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.fit.solvers.solution import Ending, Progress, Solution
 from fitting_core.fit.variables.state import State
 
 _ITERATIONS = 30
 """Steps of a round."""
 _TOGETHER = 32
 """Groups whose graphs exist at once: a frame's takes about a megabyte."""
-_OUTCOME = {Reason.ROUNDS: "iterations", Reason.START_NOT_FINITE: "failed"}
+_OUTCOME: dict[Reason, Ending] = {Reason.ROUNDS: "iterations", Reason.START_NOT_FINITE: "failed"}
 
 
 class LimitedMemory:
@@ -50,7 +50,7 @@ class LimitedMemory:
                 terms=lambda x=standing.x: problem.terms(start.moved(problem.spread(x))),
             )
         state = start.moved(problem.spread(result.x))
-        reason = tuple(_OUTCOME.get(r, "converged") for r in result.reasons)
+        reason: tuple[Ending, ...] = tuple(_OUTCOME.get(r, "converged") for r in result.reasons)
         return Solution(state=state, cost=result.cost, reason=reason, evaluations=int(result.evaluations.sum()))
 
 

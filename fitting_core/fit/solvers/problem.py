@@ -139,7 +139,7 @@ class IndependentFrames(OnFrames):
 
 
 class SharedShape(OnFrames):
-    """Mean of E_o over some frames that share their betas, plus the prior on these: phase 2.
+    """Mean of E_o over some frames that share their betas, plus what counts once for these (E_beta'): phase 2.
 
     The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's
     betas must be free. Its own shape term counts too, so the betas are held twice, as the paper's formula has it read
@@ -149,10 +149,9 @@ class SharedShape(OnFrames):
     groups = 1
     coupled_in_time = False
 
-    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], shape_weight: float) -> None:
+    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
         assert objective.free.betas
-        self.objective, self.frames, self.shape_weight = objective, frames, shape_weight
-        self.betas = objective.view.parametrisation.columns.betas
+        self.objective, self.frames = objective, frames
         self.own = len(objective.index) - N_BETAS
         self.unknowns = len(frames) * self.own + N_BETAS
 
@@ -168,24 +167,24 @@ class SharedShape(OnFrames):
 
     def cost(self, state: State, groups: Tensor) -> Tensor:
         """E_beta' + mean of E_o."""
-        shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
-        return (self.objective.cost(state, self.frames).mean() + shape)[None]
+        mean = self.objective.cost(state, self.frames).mean()[None]
+        return sum(self.objective.shared_costs(state).values(), mean)
 
     def terms(self, state: State) -> dict[str, float]:
-        """Of E_o, and E_beta' as "shared_shape"."""
-        shape = (self.shape_weight * state.vector[0, self.betas]).square().sum()
-        return {**mean_costs(self.objective.costs(state, self.frames)), "shared_shape": float(shape)}
+        """Of E_o, and what counts once."""
+        shared = {name: float(cost) for name, cost in self.objective.shared_costs(state).items()}
+        return {**mean_costs(self.objective.costs(state, self.frames)), **shared}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
-        """Cost, frames' gradients and matrices (with the betas' share), and the betas' own prior."""
+        """Cost, frames' gradients and matrices (with the betas' share), and those of what holds the betas once."""
         n, share = self.objective.normal(state, self.frames), 1 / len(self.frames)
-        prior = self.shape_weight**2 * state.vector[0, self.betas]
-        cost = self.cost(state, groups)
-        return cost, share * n.gradient[None], share * n.matrix[None], prior[None]
+        once = self.objective.shared_normal(state)
+        held, holding = once.gradient[:, self.own :], once.matrix[:, self.own :, self.own :]
+        return self.cost(state, groups), share * n.gradient[None], share * n.matrix[None], held, holding
 
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
         """Eliminates every frame's own columns, solves for the betas, and substitutes back."""
-        _, gradient, matrix, prior = (a[0] for a in normal)
+        _, gradient, matrix, held, holding = (a[0] for a in normal)
         count = len(gradient)
         own = self.own
         extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping.expand(count))
@@ -194,12 +193,12 @@ class SharedShape(OnFrames):
         factor, info = torch.linalg.cholesky_ex(damped[:, :own, :own])
         coupling = damped[:, :own, own:]
         eliminated = torch.cholesky_solve(torch.cat([coupling, gradient[:, :own, None]], 2), factor)
-        schur = damped[:, own:, own:].sum(0) - (coupling.transpose(1, 2) @ eliminated[..., :10]).sum(0)
-        schur.diagonal().add_(self.shape_weight**2)
-        right = gradient[:, own:].sum(0) + prior - (coupling.transpose(1, 2) @ eliminated[..., 10:])[..., 0].sum(0)
+        by_betas, constant = eliminated[..., :N_BETAS], eliminated[..., N_BETAS:]
+        schur = damped[:, own:, own:].sum(0) - (coupling.transpose(1, 2) @ by_betas).sum(0) + holding
+        right = gradient[:, own:].sum(0) + held - (coupling.transpose(1, 2) @ constant)[..., 0].sum(0)
         schur_factor, schur_info = torch.linalg.cholesky_ex(schur)
         betas = -torch.cholesky_solve(right[:, None], schur_factor)[:, 0]
-        move = torch.cat([-eliminated[..., 10] - eliminated[..., :10] @ betas, betas.expand(count, 10)], 1)
-        predicted = -(gradient * move).sum() - (prior * betas).sum() + (extra * move * move).sum()
+        move = torch.cat([-constant[..., 0] - by_betas @ betas, betas.expand(count, N_BETAS)], 1)
+        predicted = -(gradient * move).sum() - (held * betas).sum() + (extra * move * move).sum()
         solved = (info == 0).all() & (schur_info == 0)
         return Step(self.objective.step(move), predicted[None], solved[None])

@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.fit.variables.state import State
+
+Ending = Literal["converged", "iterations", "stalled", "failed"]
+"""Why a minimisation ended: it converged, the limit of iterations was reached, no step lowered the cost although the
+slope promised more (a staircase, a wrong derivative), or there was no finite cost to start from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +32,7 @@ class Solution:
 
     state: State
     cost: Float[Tensor, "g"]
-    reason: tuple[str, ...]
-    """Of each group: "converged", "iterations" (the limit was reached) or "failed" (no finite cost)."""
+    reason: tuple[Ending, ...]
+    """Why each group ended."""
     evaluations: int
     """Cost evaluations, summed over groups."""

@@ -1,6 +1,7 @@
 """The TERMS table: which terms a stage's objective has beside the data term, and how each is made."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -10,23 +11,56 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.joint_ranges import joint_ranges
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import N_BETAS, BodyModel
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.terms.collision.term import CollidingBody, Collision
-from fitting_core.fit.terms.joint_limits import Limits
-from fitting_core.fit.terms.terms import Bending, Quadratic, Rest, Term, Upright
+from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.priors import Bending, Quadratic, Rest, Upright
+from fitting_core.fit.terms.temporal import Evenness, JointPositions
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.state import Parametrisation
+
+DEPTH_WEIGHT = 100.0
+"""Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 
 
 class Setting(Protocol):
     """What is constant over a fit, as far as terms look at it; `stages.Stages` is one."""
 
-    config: FitConfig
-    body: BodyModel
-    parametrisation: Parametrisation
-    device: torch.device
-    xy: Float[Tensor, "T 137 2"]
-    leg_seen: Bool[Tensor, "T"]
+    @property
+    def config(self) -> FitConfig:
+        """Weights and all other settings."""
+        ...
+
+    @property
+    def body(self) -> BodyModel:
+        """What is fitted."""
+        ...
+
+    @property
+    def parametrisation(self) -> Parametrisation:
+        """How a solver's numbers become the body's pose."""
+        ...
+
+    @property
+    def device(self) -> torch.device:
+        """Where the fit computes."""
+        ...
+
+    @property
+    def xy(self) -> Float[Tensor, "T 137 2"]:
+        """Pixels of the detections."""
+        ...
+
+    @property
+    def leg_seen(self) -> Bool[Tensor, "T"]:
+        """Frames that show a hip and its knee."""
+        ...
+
+    @property
+    def temporal_weight(self) -> float:
+        """w_T for this clip."""
+        ...
 
     def has(self, group: slice) -> bool:
         """Whether the clip shows any keypoint of the group."""
@@ -72,11 +106,18 @@ def _shape(setting: Setting, s: int) -> Term:
     return _quadratic(setting, "shape", setting.parametrisation.columns.betas, setting.config.weights.shape[s])
 
 
-def _bending(setting: Setting, s: int) -> Term:
-    return Bending(setting.config.weights.bending[s])
+def _shared_shape(setting: Setting, s: int) -> Term:
+    """E_beta'."""
+    weight = setting.xy.new_full((N_BETAS,), setting.config.weights.shape[s])
+    return Quadratic("shared_shape", setting.parametrisation.columns.betas, weight, once=True)
 
 
-def upright(setting: Setting, lean: float, turn: float) -> Term | None:
+def _bending(setting: Setting, s: int) -> Term | None:
+    weight = setting.config.weights.bending[s]
+    return Bending(weight) if weight else None
+
+
+def _held_upright(setting: Setting, lean: float, turn: float) -> Term | None:
     """Lean and turn of the root on the frames that show no leg, if there are any."""
     if not (lean or turn) or bool(setting.leg_seen.all()):
         return None
@@ -85,7 +126,7 @@ def upright(setting: Setting, lean: float, turn: float) -> Term | None:
 
 
 def _upright(setting: Setting, s: int) -> Term | None:
-    return upright(setting, setting.config.weights.lean[s], setting.config.weights.turn[s])
+    return _held_upright(setting, setting.config.weights.lean[s], setting.config.weights.turn[s])
 
 
 def _limits(setting: Setting, s: int) -> Term | None:
@@ -108,22 +149,51 @@ def _collision(setting: Setting, s: int) -> Term | None:
     return Collision(weight, setting.colliding_body) if weight else None
 
 
-TERMS: dict[str, Callable[[Setting, int], Term | None]] = {
-    "body_pose": _body_pose,
-    "hand_pose": _hand_pose,
-    "jaw": _jaw,
-    "expression": _expression,
-    "shape": _shape,
-    "bending": _bending,
-    "upright": _upright,
-    "limits": _limits,
-    "rest": _rest,
-    "collision": _collision,
+def _temporal(setting: Setting, s: int) -> Term | None:
+    if not setting.temporal_weight:
+        return None
+    in_camera = setting.config.temporal.space == "camera"
+    return Evenness(setting.temporal_weight, JointPositions(setting.body, setting.parametrisation, in_camera=in_camera))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the table."""
+
+    kind: type[Term]
+    make: Callable[[Setting, int], Term | None]
+    """From what is constant over a fit and the index (0 to 4) of a stage; None: not in this stage."""
+
+
+TERMS: dict[str, Entry] = {
+    "body_pose": Entry(Quadratic, _body_pose),
+    "hand_pose": Entry(Quadratic, _hand_pose),
+    "jaw": Entry(Quadratic, _jaw),
+    "expression": Entry(Quadratic, _expression),
+    "shape": Entry(Quadratic, _shape),
+    "shared_shape": Entry(Quadratic, _shared_shape),
+    "bending": Entry(Bending, _bending),
+    "upright": Entry(Upright, _upright),
+    "limits": Entry(Limits, _limits),
+    "rest": Entry(Rest, _rest),
+    "collision": Entry(Collision, _collision),
+    "temporal": Entry(Evenness, _temporal),
 }
-"""How each term is made from what is constant over a fit and the index (0 to 4) of a stage; None: not in this stage."""
+"""By name."""
+REACH = max(entry.kind.reach for entry in TERMS.values())
+"""Frames to either side that any term looks at. Frames up to twice as far apart are coupled."""
 
 
 def stage_terms(setting: Setting, stage: int) -> list[Term]:
     """The terms of a stage (1 to 5) beside the data term."""
-    made = (make(setting, stage - 1) for make in TERMS.values())
+    made = (entry.make(setting, stage - 1) for entry in TERMS.values())
     return [term for term in made if term is not None]
+
+
+def camera_terms(setting: Setting, depth: Float[Tensor, "T"]) -> list[Term]:
+    """The terms of the camera step beside the data term: the depth stays near its guess, the root upright."""
+    where, weights = setting.parametrisation.columns.translation, setting.config.weights
+    weight = setting.xy.new_full((1,), DEPTH_WEIGHT)
+    hold = Quadratic("depth", slice(where.stop - 1, where.stop), weight, depth[:, None])
+    upright = _held_upright(setting, max(weights.lean), max(weights.turn))
+    return [hold] if upright is None else [hold, upright]

@@ -20,7 +20,8 @@ class PointJacobian:
     """
 
     def __init__(self, points: BodyPoints, columns: Columns, free: Free, hand_basis: Float[Tensor, "2 45 K"]) -> None:
-        self.points, self.columns, self.free = points, columns, free
+        self.points, self.columns, self.free, self.hand_basis = points, columns, free, hand_basis
+        self._others: dict[BodyPoints, PointJacobian] = {}
         self.width = len(free.index(columns))
         start = 0
         self.place: dict[int, int] = {}  # first full column of a free group -> its first compact column
@@ -34,6 +35,12 @@ class PointJacobian:
         self._index_direct()
         if free.hands:
             self._index_fingers(hand_basis)
+
+    def on(self, points: BodyPoints) -> "PointJacobian":
+        """The same for other points, made once."""
+        if points not in self._others:
+            self._others[points] = PointJacobian(points, self.columns, self.free, self.hand_basis)
+        return self._others[points]
 
     def _index_direct(self) -> None:
         joint, point = self.points.entry_joint[self.direct], self.points.entry_point[self.direct]

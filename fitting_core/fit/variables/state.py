@@ -1,6 +1,5 @@
 """The solver's variables of some frames, their columns, and the way to and from BodyParams."""
 
-from copy import copy
 from dataclasses import dataclass, replace
 
 import torch
@@ -151,21 +150,6 @@ class Parametrisation:
         self.columns = Columns(prior.size, hand_components)
         like = torch.zeros(0, dtype=dtype, device=device)
         self.hand_basis, self.hand_mean = hand_basis(body, hand_components, like)
-
-    def with_prior(self, prior: PosePrior) -> "Parametrisation":
-        """The same body and hands, with another pose prior."""
-        other = copy(self)
-        other.prior = prior.to(dtype=self.dtype, device=self.device)
-        other.columns = Columns(prior.size, self.columns.hand)
-        return other
-
-    def received(self, state: State) -> State:
-        """A state of the parametrisation that this one came from by `with_prior`: what the prior has beyond is 0."""
-        body = slice(3, state.vector.shape[1] - (self.columns.total - self.columns.body.stop))
-        beyond = self.columns.body.stop - body.stop
-        rest = state.vector[:, body.stop :]
-        vector = [state.vector[:, : body.stop], state.vector.new_zeros(len(state), beyond), rest]
-        return State(state.orient, torch.cat(vector, 1))
 
     def neutral(self, frames: int) -> State:
         """The prior's neutral pose, mean hands and shape, unit orientation, at the origin."""

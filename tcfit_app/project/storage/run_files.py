@@ -5,6 +5,8 @@
 | phase1_betas, phase1_body_pose, ... | (T, ...) | BodyParams of each finished phase |
 | phase1_frame_cost | (T,) | cost of each frame |
 | phase1_objective | (n,) | mean cost by term; their names stand in about |
+| phase1_start, phase1_stopped | (T,) | where each frame's fit came from: numbers of `provenance.Start` and `Stopped`; \
+runs of earlier versions and imported motions have none |
 | observed | (T, 55) | as in FitResult |
 | about | () | JSON: camera, phases, warnings, pose prior, format |
 
@@ -24,6 +26,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
+from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.project.storage.durable import accessing, durable
 
@@ -40,13 +43,14 @@ class _Phase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     notes: tuple[str, ...]
 
 
-class _About(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _About(msgspec.Struct, frozen=True, kw_only=True):
+    # Unknown fields are left aside: runs of earlier versions have a "sharpness" that nothing reads any more.
+
     format: str
     camera: Camera
     phases: tuple[_Phase, ...]
     warnings: tuple[str, ...]
     pose_prior: str
-    sharpness: float | None = None
 
 
 def write_run(path: Path, fit: FitResult) -> None:
@@ -64,13 +68,14 @@ def write_run(path: Path, fit: FitResult) -> None:
         phases=phases,
         warnings=fit.warnings,
         pose_prior=fit.pose_prior,
-        sharpness=fit.sharpness,
     )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
     for p in fit.phases:
         prefix = f"phase{p.phase}_"
         arrays |= {prefix + name: getattr(p.params, name).detach().cpu().numpy() for name in _NAMES}
         arrays |= {f"{prefix}frame_cost": p.frame_cost, f"{prefix}objective": np.array([*p.objective.values()], float)}
+        if p.provenance is not None:
+            arrays |= {f"{prefix}start": p.provenance.start, f"{prefix}stopped": p.provenance.stopped}
     with accessing(path), durable(path) as draft:
         np.savez(draft, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
 
@@ -103,7 +108,6 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         observed=observed,
         warnings=about.warnings,
         pose_prior=about.pose_prior,
-        sharpness=about.sharpness,
     )
 
 
@@ -120,7 +124,16 @@ def _phase(arrays: dict[str, np.ndarray], about: _Phase) -> PhaseResult:
         frame_cost=_shaped(arrays, f"{prefix}frame_cost", (frames,)),
         seconds=about.seconds,
         notes=about.notes,
+        provenance=_provenance(arrays, prefix, frames),
     )
+
+
+def _provenance(arrays: dict[str, np.ndarray], prefix: str, frames: int) -> Provenance | None:
+    names = [f"{prefix}start", f"{prefix}stopped"]
+    if not any(name in arrays for name in names):
+        return None
+    start, stopped = (_shaped(arrays, name, (frames,)).astype(np.uint8) for name in names)
+    return Provenance(start, stopped)
 
 
 def _shaped(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -143,6 +143,23 @@ class Marks(_State, frozen=True, kw_only=True):
     """Where A and B differ most."""
 
 
+class Origins(_State, frozen=True, kw_only=True):
+    """Of one fit, where each frame's came from."""
+
+    label: str
+    """Which fit."""
+    texts: tuple[str, ...]
+    """"started from ..., stopped because ...", each once."""
+    which: tuple[int, ...]
+    """Index of each frame's text."""
+
+
+class Provenance(_State, frozen=True, kw_only=True):
+    """Where the frames of the fits on show came from, for the timeline's tooltip."""
+
+    fits: tuple[Origins, ...] = ()
+
+
 class FitSpan(_State, frozen=True, kw_only=True):
     """Frames of the running fit."""
 
@@ -242,6 +259,7 @@ STATES: dict[str, type[_State]] = {
     "timeline": Timeline,
     "marks": Marks,
     "fit": Fit,
+    "provenance": Provenance,
     "range": ChosenRange,
     "cursor": Cursor,
     "keys": Keys,
@@ -254,7 +272,7 @@ STATES: dict[str, type[_State]] = {
 
 PageState = (
     Layout | Skeleton | Keypoints | Style | Selection | Timeline | Marks | Fit | ChosenRange | Cursor | Keys
-) | (Notice | Chips | Legend | Beat)
+) | (Notice | Chips | Legend | Beat | Provenance)
 
 
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:

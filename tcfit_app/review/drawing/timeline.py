@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fitting_core.fit.provenance import Provenance
 from tcfit_app.analysis.between_runs import BETWEEN, peaks
 from tcfit_app.analysis.curves import CURVES, Curve
 from tcfit_app.fitting.running_job import RunningJob
@@ -38,6 +39,7 @@ class Timeline:
             tab.channel.send("range", chosen)
         self._draw_curves()
         self._draw_marks()
+        self._draw_provenance()
         self._draw_fit()
 
     def _draw_curves(self) -> None:
@@ -109,6 +111,15 @@ class Timeline:
         found = tab.desk.distances(a, b)
         return () if found is None else tuple(peaks(found.values))
 
+    def _draw_provenance(self) -> None:
+        tab = self._tab
+        fits = (tab.shown.a, tab.shown.b)
+        shown = {(fit.run.id, fit.phase): fit for fit in fits if fit is not None}.values()
+        if tab.sent.differs("provenance", *((fit.run.id, fit.phase, fit.revision, fit.title) for fit in shown)):
+            told = [(f.title, f.result.provenance) for f in shown if f.result is not None]
+            found = tuple(origins(title, provenance) for title, provenance in told if provenance is not None)
+            tab.channel.send("provenance", states.Provenance(fits=found) if found else None)
+
     def _draw_fit(self) -> None:
         tab = self._tab
         if tab.sent.differs("fit", tab.session.changes):
@@ -119,6 +130,12 @@ class Timeline:
     def _frames_of(self, job: RunningJob) -> range:
         run = self._tab.session.fits.run(job.run) if job.run is not None else None
         return run.frames if run is not None and run.frames else range(self._tab.length)
+
+
+def origins(label: str, provenance: Provenance) -> states.Origins:
+    """Where the frames of a fit came from."""
+    texts, which = provenance.sentences()
+    return states.Origins(label=label, texts=texts, which=tuple(which.tolist()))
 
 
 def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:

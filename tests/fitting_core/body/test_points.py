@@ -9,7 +9,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core import rotations
-from fitting_core.body.kinematics import contour_bins, turned_bins
+from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, N_JOINTS, SURFACE_KEYPOINTS, BodyModel, KeypointOffset
 from fitting_core.body.params import BodyParams, full_pose
@@ -216,15 +216,6 @@ def test_contour_table_follows_the_turn_of_the_head(yaw: float, roll: float):
     world[0, JOINT["head"]] = rolled @ facing @ rotations.yaw(-yaw, facing)
     to_right = round(min(max(yaw, -39), 39))
     assert contour_bins(world).tolist() == [to_right if to_right >= 0 else 39 - to_right]
-
-
-@pytest.mark.parametrize(
-    ("yaw", "further", "expected"), [(0, 1, 1), (0, -1, -1), (-1, 1, 0), (38, 3, 39), (-38, -3, -39)]
-)
-def test_contour_tables_beside_another(yaw: int, further: int, expected: int):
-    """Degrees to the right, in the numbering of the tables."""
-    table, other = (torch.tensor([a if a >= 0 else 39 - a]) for a in (yaw, expected))
-    assert turned_bins(table, further).tolist() == other.tolist()
 
 
 def test_contour_tables_are_those_of_the_cheek_that_is_seen(free_body: BodyModel):

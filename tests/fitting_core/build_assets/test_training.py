@@ -21,7 +21,7 @@ from fitting_core.build_assets.pose_prior.motion_capture.retarget import MotionC
 from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
 from fitting_core.build_assets.pose_prior.training import Schedule, Training
 from fitting_core.errors import InputError
-from fitting_core.fit.terms.joint_angles import AngleTable
+from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.files.network_file import read_network
 from fitting_core.priors.latent import LatentPrior
 from tests.fitting_core.build_assets.captured import cmu_channels, write_cmu

@@ -18,8 +18,10 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, Iteration, PhaseFinished, PhaseStarted, WindowFinished
-from fitting_core.fit.fitting import fit, fit_events, rerun_events
+from fitting_core.fit.fitting import evaluated, fit, fit_events, patched, rerun_events
+from fitting_core.fit.observations import PAIRED
 from fitting_core.fit.phases import progress
+from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.result import FitResult
 from fitting_core.keypoints import Keypoints
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
@@ -166,6 +168,30 @@ def test_phase_2_gives_phase_1_one_shape_and_phase_3_keeps_it(quick: FitResult):
     assert torch.equal(first.body_pose, second.body_pose) and not torch.equal(second.body_pose, third.body_pose)
 
 
+def test_every_phase_tells_where_its_frames_came_from(quick: FitResult):
+    """The start is phase 1's; why a frame's solver stopped is the phase's own."""
+    first, second, third = (p.provenance for p in quick.phases)
+    assert first is not None and second is not None and third is not None
+    assert set(first.start.tolist()) <= {Start.TURNED_0, Start.TURNED_180} and len(first) == 8
+    assert set(first.stopped.tolist()) <= {Stopped.CONVERGED, Stopped.ITERATIONS}
+    for later in (second, third):
+        assert later.start.tolist() == first.start.tolist()
+    assert second.stopped.tolist() == first.stopped.tolist()
+    assert len(set(third.stopped.tolist())) == 1 and third.stopped[0] != Stopped.UNKNOWN
+
+
+def test_frames_that_are_fitted_again_come_from_the_result_before(
+    free_body: BodyModel, short_clip: Clip, quick: FitResult
+):
+    refit = finished(rerun_events(short_clip, free_body, QUICK, quick.last.params, range(2, 5)))
+    again = patched(quick.last, short_clip, free_body, QUICK, refit.params, [range(2, 5)],
+                    provenance=refit.provenance, note="")  # fmt: skip
+    assert again.provenance is not None and quick.last.provenance is not None
+    before = quick.last.provenance.start.tolist()
+    assert again.provenance.start.tolist() == [*before[:2], *[Start.AGAIN] * 3, *before[5:]]
+    assert Stopped.UNKNOWN not in again.provenance.stopped
+
+
 def test_cancelling_after_phase_1_keeps_it(free_body: BodyModel, short_clip: Clip, quick: FitResult):
     events = fit_events(short_clip, free_body, QUICK)
     kept = next(e for e in events if isinstance(e, PhaseFinished))
@@ -208,6 +234,9 @@ def test_empty_frames_are_filled_and_reported(free_body: BodyModel, short_clip: 
         assert float((translation[3] - middle).norm()) < 0.1
     first = result.phases[0].params
     assert torch.equal(first.body_pose[0], first.body_pose[1])
+    came_from = result.phases[0].provenance
+    assert came_from is not None and (came_from.start == Start.FILLED).nonzero()[0].tolist() == [0, 3, 4]
+    assert (came_from.stopped == Stopped.EMPTY).nonzero()[0].tolist() == [0, 3, 4]
     torch.testing.assert_close(first.body_pose[3], (2 * first.body_pose[2] + first.body_pose[5]) / 3)
 
 
@@ -266,7 +295,7 @@ def test_a_rerun_leaves_other_frames_alone_and_makes_no_seam(free_body: BodyMode
     config = replace(QUICK, settings=SolverSettings(iterations=120, final_tolerance=1e-8, sequence_tolerance=1e-8))
     best = fit(short_clip, free_body, config).last.params
     start = disturbed(best, slice(3, 6))
-    again = finished(rerun_events(short_clip, free_body, config, start, range(3, 6)))
+    again = finished(rerun_events(short_clip, free_body, config, start, range(3, 6))).params
     outside = [0, 1, 2, 6, 7]
     assert same(again[outside], best[outside])
     mesh = Mesh(free_body, dtype=torch.float64)
@@ -284,7 +313,7 @@ def test_a_rerun_leaves_other_frames_alone_and_makes_no_seam(free_body: BodyMode
 @pytest.mark.parametrize("frames", [range(0, 1), range(7, 8), range(0, 8), range(6, 8)])
 def test_any_range_can_be_rerun(free_body: BodyModel, short_clip: Clip, quick: FitResult, frames: range):
     best = quick.last.params
-    again = finished(rerun_events(short_clip, free_body, QUICK, best, frames))
+    again = finished(rerun_events(short_clip, free_body, QUICK, best, frames)).params
     outside = [i for i in range(8) if i not in frames]
     assert same(again[outside], best[outside])
     assert bool(again.body_pose.isfinite().all())
@@ -294,6 +323,29 @@ def test_any_range_can_be_rerun(free_body: BodyModel, short_clip: Clip, quick: F
 def test_ranges_outside_the_clip_are_refused(free_body: BodyModel, short_clip: Clip, quick: FitResult, frames: range):
     with pytest.raises(InputError, match="frames 0 to 7"):
         next(rerun_events(short_clip, free_body, QUICK, quick.last.params, frames))
+
+
+def mostly_swapped(body: BodyModel) -> Clip:
+    """60 frames whose arms and legs are swapped from 15 to 44, and whose hands are seen in the first frames alone."""
+    seen = hidden(keypoints_of(body, arms_in_motion(60, depth=3.5)), kp.HANDS, frames=slice(5, 60))
+    xy, confidence = seen.xy.copy(), seen.confidence.copy()
+    left, right = ([i for pair in PAIRED.values() for i in pair[side]] for side in (0, 1))
+    for values in (xy, confidence):
+        values[15:45, left + right] = values[15:45, right + left]
+    return clip_of(Keypoints(xy=xy, confidence=confidence))
+
+
+@pytest.mark.parametrize("window", [range(28, 32), range(0, 3), range(12, 20), range(59, 60)])
+def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyModel, window: range):
+    """In the middle of the swapped frames nothing but the whole clip tells that they are, nor that it shows hands."""
+    clip, config = mostly_swapped(tiny_body), replace(PRESETS["tcfit"], pose_prior="relaxed")
+    params = replace(arms_in_motion(60, depth=3.5), left_hand_pose=torch.full((60, 12), 4.0, dtype=torch.float64))
+    whole = evaluated(clip, tiny_body, config, params)
+    before = replace(whole, frame_cost=np.full(60, np.nan))
+    after = patched(before, clip, tiny_body, config, params, [window], note="")
+    changed = slice(window.start, window.stop)
+    np.testing.assert_allclose(after.frame_cost[changed], whole.frame_cost[changed], rtol=1e-9)
+    assert np.isnan(np.delete(after.frame_cost, range(window.start, window.stop))).all()
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3])

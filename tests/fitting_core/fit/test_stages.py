@@ -10,7 +10,8 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.terms import Bending, Data, Quadratic
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.priors import Bending, Quadratic
 from fitting_core.fit.variables.state import Free
 from fitting_core.keypoints import Keypoints
 from tests.samples.scenes import hidden, keypoints_of, random_params, stages_of
@@ -47,7 +48,7 @@ def weights_of(stages: Stages, stage: int) -> tuple[dict, np.ndarray]:
         if isinstance(term, Quadratic):
             found[term.name] = term.weight.tolist()
         elif isinstance(term, Data):
-            used = ((stages._joint_weights(stage) > 0) & stages._known).nonzero()[:, 0].numpy()
+            used = ((stages._joint_weights(stage) > 0) & stages.fitted.known).nonzero()[:, 0].numpy()
             keypoints[used] = (term.weight[0] / 0.5 / (1000 / 800)).numpy()
         else:
             found[term.name] = term.weight if isinstance(term, Bending) else getattr(term, "weight", None)
@@ -158,7 +159,7 @@ def test_usable_frames_show_four_body_keypoints(tiny_body: BodyModel, detections
     part = hidden(detections, slice(3, 25), frames=slice(0, 1))
     part.confidence[0, 3], part.xy[0, 3] = 0.19, detections.xy[0, 3]  # not quite seen
     part.confidence[1, 4:25] = 0
-    assert stages_of(tiny_body, part, FitConfig()).usable().tolist() == [False, True]
+    assert stages_of(tiny_body, part, FitConfig()).observations.usable.tolist() == [False, True]
 
 
 def test_a_part_of_a_clip_looks_at_what_the_whole_clip_decides(tiny_body: BodyModel, detections: Keypoints):

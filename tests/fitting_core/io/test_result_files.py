@@ -19,6 +19,7 @@ from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
+from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io import result_files
 from fitting_core.io.result_files import fit_arrays, is_result, read_fit, write_result
@@ -94,7 +95,7 @@ def test_round_trip(tmp_path: Path, result: Callable[..., Result], last_phase: i
     assert (stored.camera, stored.frame_rate, stored.first_frame) == (CAMERA, 29.97, 7)
     assert (stored.gender, stored.body_kind, stored.body_hash) == ("female", "smplx", body.hash)
     assert (stored.last_phase, stored.complete) == (last_phase, last_phase == 3)
-    assert (stored.observed == fit.observed).all()
+    assert (stored.observed == fit.observed).all() and stored.provenance is None
     assert np.allclose(stored.joints, Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy(), atol=1e-9)
 
 
@@ -123,6 +124,19 @@ def test_every_array_reads_without_pickle(tmp_path: Path, result: Callable[..., 
     assert all(array.dtype.kind in "fiubU" for array in arrays.values())
     assert all(f"phase1_{name}" in arrays for name in [*NAMES, "joints"])
     assert arrays["phase1_betas"].shape == (FRAMES, 10)
+
+
+def test_where_frames_came_from_is_told_in_numbers_and_in_english(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result()
+    provenance = Provenance(np.array([1, 5, 6, 1, 14], np.uint8), np.array([1, 1, 2, 3, 5], np.uint8))
+    last = replace(fit.last, provenance=provenance)
+    write_result(tmp_path, replace(fit, phases=(*fit.phases[:-1], last)), clip, body)
+    stored = read_fit(tmp_path).provenance
+    assert stored is not None
+    assert (stored.start == provenance.start).all() and (stored.stopped == provenance.stopped).all()
+    with np.load(tmp_path / "fit.npz", allow_pickle=False) as file:
+        assert file["start_texts"][file["start"]][1] == "a sitting pose"
+        assert file["stopped_texts"][file["stopped"]][2] == "the limit of iterations was reached"
 
 
 def test_mean_shape_stands_in_where_only_phase_1_has_run(result: Callable[..., Result]):

@@ -17,7 +17,7 @@ from fitting_core.build_assets.pose_prior.dataset import matrices
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
 from fitting_core.config.schema import PRESETS
-from fitting_core.fit.terms.joint_angles import AngleTable
+from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.files.network_file import read_network
 from fitting_core.priors.files.registry import SHIPPED
 from fitting_core.priors.latent import LatentPrior

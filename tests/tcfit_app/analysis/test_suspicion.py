@@ -10,7 +10,7 @@ import torch
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.fit.reliability import PAIRED
+from fitting_core.fit.observations import PAIRED
 from tcfit_app.analysis.findings import FINDINGS, scores
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked

@@ -21,7 +21,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import SolverSettings, Temporal
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
-from fitting_core.fit.fitting import fit, rerun_events
+from fitting_core.fit.fitting import Refit, fit, rerun_events
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import worker as worker_module
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
@@ -69,8 +69,8 @@ class Kept:
             raise self.error
         self.results.append((job, result))
 
-    def keep_correction(self, correction: Correction, xy: Any, params: BodyParams) -> None:
-        self.keep(correction, params)
+    def keep_correction(self, correction: Correction, xy: Any, refit: Refit) -> None:
+        self.keep(correction, refit.params)
 
 
 @dataclass
@@ -207,8 +207,8 @@ def test_a_rerun_of_windows_is_one_after_the_other(
     start = before.last.params
     worker.submit(RerunFrames(clip=clip, body=tiny_body, config=QUICK, start=before, windows=windows))
     (end,) = reader.wait(*ENDS)
-    once = finished(rerun_events(clip, tiny_body, QUICK, start, windows[0]))
-    twice = finished(rerun_events(clip, tiny_body, QUICK, once, windows[1]))
+    once = finished(rerun_events(clip, tiny_body, QUICK, start, windows[0])).params
+    twice = finished(rerun_events(clip, tiny_body, QUICK, once, windows[1])).params
     assert isinstance(end, JobFinished) and same(end.outcome.last.params, twice)
     assert [p.phase for p in end.outcome.phases] == [1, 2, 3] and end.outcome.phases[:2] == result.phases[:2]
     assert end.outcome.last.notes == ("Re-run frames 0–1, 4–5: window of phase 3, the rest as in the run before",)
@@ -326,7 +326,7 @@ def test_a_long_job_waits_for_a_drag_and_goes_on(
     drag.release()
     (end,) = reader.wait(DragFinished)
     assert end.frames == range(2, 5) and kept.results == [(c, end.params)]
-    plain = finished(rerun_events(c.edited(start + 38.0), tiny_body, c.converging, c.params, c.frames))
+    plain = finished(rerun_events(c.edited(start + 38.0), tiny_body, c.converging, c.params, c.frames)).params
     assert not same(plain, c.params) and torch.allclose(end.params.body_pose, plain.body_pose, atol=0.02)
     until(lambda: job.done > held)
     assert {m.drag for m in reader.moved} == {drag.number} and not reader.of(*ENDS)
@@ -365,7 +365,7 @@ def test_only_the_newest_move_counts(
     job.gate.set()
     (end,) = reader.wait(DragFinished)
     target = c.edited(clip.keypoints.xy[3, [WRIST]] + 0.1 * 299)
-    plain = finished(rerun_events(target, tiny_body, c.converging, c.params, c.frames))
+    plain = finished(rerun_events(target, tiny_body, c.converging, c.params, c.frames)).params
     assert torch.allclose(end.params.body_pose, plain.body_pose, atol=1e-6) and not reader.moved
 
 

@@ -69,6 +69,28 @@ def test_every_phase_comes_back_to_the_last_bit(last_phase: int, dtype: torch.dt
     assert [p.name for p in tmp_path.iterdir()] == ["1.npz"]
 
 
+def test_a_run_of_an_earlier_version_opens(tmp_path: Path):
+    """It tells nothing of where its frames came from, and has a number that nothing reads any more."""
+    fit = sample_fit(1)
+    before = replace(fit, phases=tuple(replace(p, provenance=None) for p in fit.phases))
+    write_run(tmp_path / "1.npz", before)
+    arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
+    assert not [name for name in arrays if name.endswith(("start", "stopped"))]
+    arrays["about"] = np.array(str(arrays["about"])[:-1] + ',"sharpness":1.0}')
+    np.savez(tmp_path / "2.npz", allow_pickle=False, **arrays)
+    assert_same_fit(read_run(tmp_path / "2.npz", CONFIG), before)
+
+
+def test_a_run_that_tells_of_too_few_frames_is_refused(tmp_path: Path):
+    fit = sample_fit(1)
+    write_run(tmp_path / "1.npz", fit)
+    arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
+    arrays["phase3_start"] = arrays["phase3_start"][1:]
+    np.savez(tmp_path / "2.npz", allow_pickle=False, **arrays)
+    with pytest.raises(InputError, match="phase3_start has the shape"):
+        read_run(tmp_path / "2.npz", CONFIG)
+
+
 def test_phases_are_kept_while_a_run_goes_on(project: Project):
     run = started(project)
     for last in (1, 2):

@@ -114,24 +114,3 @@ def body_collision_finder(model: BodyModel) -> CollisionFinder:
     ignored = neighbouring_parts(model.parents, parts, model.faces)
     finder = collision_finder(model.template, model.faces, parts=parts, ignored=ignored)
     return finder.without_resting(model.template)
-
-
-def find_collisions(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    *,
-    parts: Int[np.ndarray, "F"] | None = None,
-    ignored: Bool[np.ndarray, "Q Q"] | None = None,
-) -> Int[np.ndarray, "P 2"]:
-    """Pairs of intersecting triangles of one mesh; for many poses of it, keep a `collision_finder`.
-
-    Args:
-        vertices: Metres; finite.
-        faces: Corners of every triangle.
-        parts: Part of each triangle, 0 or more; None makes the whole mesh one part.
-        ignored: Symmetric: pairs of parts whose triangles may intersect; None ignores none.
-
-    Returns:
-        As `CollisionFinder.find`.
-    """
-    return collision_finder(vertices, faces, parts=parts, ignored=ignored).find(vertices)

@@ -18,7 +18,6 @@ corners, and what moves them is the slope of Phi across the cone as much as the 
 field that begins sigma above the surface.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -34,17 +33,6 @@ its depth held by a prior only, weight 1, two starts: at 1e-4 L-BFGS freed it tw
 both freed it twice. From a third start, sunk in to the middle of the limb, none did at any sigma from 1e-4 to 1e-2. Two
 balls 1-5 cm into each other, eight starts: Levenberg-Marquardt parted them six times at 1e-4, five times at 1e-3.
 """
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class VertexGradient:
-    """A penalty and its gradient with respect to the few vertices that it depends on."""
-
-    cost: Float[Tensor, ""]
-    vertices: Int[Tensor, "K"]
-    """Vertex numbers, ascending, every one once."""
-    gradient: Float[Tensor, "K 3"]
-    """Per metre."""
 
 
 class _Cones(NamedTuple):
@@ -120,25 +108,6 @@ def residuals_with_jacobian(
         jacobian[:, own, other] = by_corner
         torch.diagonal(jacobian[:, own, own], dim1=1, dim2=2).copy_(by_point.transpose(1, 2))
     return torch.cat(residuals, dim=1), jacobian
-
-
-def cost_and_gradient(
-    vertices: Float[Tensor, "V 3"], faces: Int[Tensor, "F 3"], pairs: Int[Tensor, "P 2"], *, sigma: float = SIGMA
-) -> VertexGradient:
-    """The intrusion penalty of these pairs of triangles, and its gradient.
-
-    Args:
-        vertices: Metres.
-        faces: Corners of every triangle.
-        pairs: Colliding triangles.
-        sigma: Metres, in (0, 0.5].
-    """
-    residuals, jacobian = residuals_with_jacobian(vertices, faces, pairs, sigma=sigma)
-    involved, corner = torch.unique(pair_vertices(faces, pairs), return_inverse=True)
-    by_corner = 2 * torch.einsum("pr,prcx->pcx", residuals, jacobian)
-    gradient = by_corner.new_zeros(len(involved), 3)
-    gradient.index_add_(0, corner.reshape(-1), by_corner.reshape(-1, 3))
-    return VertexGradient(cost=residuals.square().sum(), vertices=involved, gradient=gradient)
 
 
 def pair_vertices(faces: Int[Tensor, "F 3"], pairs: Int[Tensor, "P 2"]) -> Int[Tensor, "P 6"]:

@@ -1,7 +1,9 @@
 """The collision term of E_o: the intrusion penalty of the body's triangles that collide with each other."""
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -14,7 +16,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.chosen_vertices import ChosenVertices, PosedVertices, Pulls
 from fitting_core.fit.terms.collision.detection import body_collision_finder
 from fitting_core.fit.terms.collision.distance_field import SIGMA, pair_vertices, penetration, residuals_with_jacobian
-from fitting_core.fit.terms.terms import Rows
+from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 
@@ -27,7 +29,9 @@ Mean objective of phase 1 on 10 frames of real footage, three of them with an ar
 ankles: 316 without, 276 with 1e-2, 224 with 3e-3, 199 with 1e-3, where all are free. L-BFGS on the faithful term: 213.
 """
 _CHUNK = 8
-"""Frames whose vertices are evaluated together: the gathered correctives of 300 vertices are 3.5 MB."""
+"""Poses whose vertices are evaluated together: the gathered correctives of 300 vertices are 3.5 MB."""
+_REMEMBERED = 1024
+"""Poses whose pairs are kept at least; as many as were asked for at once, if that is more."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Contacts:
 
 
 class CollidingBody:
-    """What is constant over a fit: mesh and search trees; and the pairs found last in each frame.
+    """What is constant over a fit: mesh and search trees; and the pairs of the poses seen last.
 
     Args:
         body: the model.
@@ -70,18 +74,25 @@ class CollidingBody:
         self.faces = torch.as_tensor(body.faces.astype(np.int64))
         self.finder = body_collision_finder(body)
         # A solver evaluates the cost of a point and then, if it takes it, the normal equations at the same point.
-        self._found: dict[int, tuple[Tensor, Tensor | None]] = {}
+        # Kept by the pose itself and not by the frame, of which a batch may hold several poses.
+        self._found: OrderedDict[bytes, Tensor | None] = OrderedDict()
+        self._kept = _REMEMBERED
 
     def pairs(self, e: Estimate) -> list[Int[Tensor, "P 2"] | None]:
         """Colliding triangles of each frame; None where the vertices are not finite or too far apart."""
-        keys = torch.cat([e.state.orient.detach().flatten(1), e.state.vector.detach()], 1)
-        frames = e.frames.tolist()
-        unknown = [i for i, f in enumerate(frames) if f not in self._found or not self._found[f][0].equal(keys[i])]
+        poses = torch.cat([e.state.orient.detach().flatten(1), e.state.vector.detach()], 1).cpu().numpy()
+        keys = [pose.tobytes() for pose in poses]
+        self._kept = max(self._kept, len(keys))
+        unknown = list({key: i for i, key in enumerate(keys) if key not in self._found}.values())
         for start in range(0, len(unknown), _CHUNK):
             part = unknown[start : start + _CHUNK]
             for i, vertices in zip(part, self._vertices(e, part), strict=True):
-                self._found[frames[i]] = (keys[i].clone(), self._find(vertices))
-        return [self._found[f][1] for f in frames]
+                self._found[keys[i]] = self._find(vertices)
+        for key in keys:
+            self._found.move_to_end(key)
+        while len(self._found) > self._kept:
+            self._found.popitem(last=False)
+        return [self._found[key] for key in keys]
 
     @torch.no_grad()
     def _vertices(self, e: Estimate, rows: list[int]) -> Float[np.ndarray, "n V 3"]:
@@ -108,7 +119,7 @@ class CollidingBody:
 
 
 @dataclass(frozen=True)
-class Collision:
+class Collision(Term):
     """weight x the conical distance field of colliding triangles at each other's corners (METHOD, E_C).
 
     Costs about 25-40 ms per frame and point on one core (mesh 12, search 10-28), where all other terms take 1 ms.
@@ -121,8 +132,9 @@ class Collision:
     sigma: float = SIGMA
     """Metres, the height of the cones above the surface."""
     name: str = "collision"
+    derivative: ClassVar = Derivative.ROWS
 
-    def softened(self) -> "Collision":
+    def softened(self, *, cold: bool) -> "Collision":
         """With higher cones: at the faithful height a slope of 1e4 per metre at the surface stops every step."""
         return replace(self, sigma=max(self.sigma, SOFT_SIGMA))
 

@@ -74,6 +74,16 @@ export interface Marks {
   apart: [number, number][];
 }
 
+export interface Origins {
+  label: string;
+  texts: string[];
+  which: number[];
+}
+
+export interface Provenance {
+  fits: Origins[];
+}
+
 export interface FitSpan {
   first: number;
   last: number;
@@ -214,6 +224,7 @@ export interface States {
   timeline: Timeline;
   marks: Marks;
   fit: Fit;
+  provenance: Provenance;
   range: ChosenRange;
   cursor: Cursor;
   keys: Keys;

@@ -1,18 +1,22 @@
 """Phase 3 on its own: windows, the order of stages, and what a re-run may touch."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.body.points.points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.progress import Step
 from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers.sequence import Coupling
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import Coupling
+from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.variables.state import State
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
 
@@ -24,11 +28,11 @@ CONFIG = FitConfig(
 )
 
 
-def start_of(body: BodyModel, config: FitConfig) -> tuple[Consistency, State]:
-    stages = stages_of(body, hidden(keypoints_of(body, random_params(FRAMES)), kp.HANDS, kp.FACE), config)
-    state = random_state(stages.parametrisation, FRAMES, 0)
+def start_of(body: BodyModel, config: FitConfig, frames: int = FRAMES) -> tuple[Consistency, State]:
+    stages = stages_of(body, hidden(keypoints_of(body, random_params(frames)), kp.HANDS, kp.FACE), config)
+    state = random_state(stages.parametrisation, frames, 0)
     betas = stages.parametrisation.columns.betas
-    state = state.with_columns(betas, state.vector[:1, betas].expand(FRAMES, 10))
+    state = state.with_columns(betas, state.vector[:1, betas].expand(frames, 10))
     return Consistency(stages, make_solver("lm", config.settings)), state
 
 
@@ -52,17 +56,24 @@ def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
 
 def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """The paper's: those around all its frames but the last."""
-    asked, of = [], Coupling.of
+    asked, of, near = [], Coupling.of, []
+    within = Stages.within
 
-    def noted(free: range, centres: range, frames: int, device: torch.device) -> Coupling:
-        asked.append((free, centres))
-        return of(free, centres, frames, device)
+    def noted(free: range, frames: int, reach: int, *, windowed: bool) -> Coupling:
+        c = of(free, frames, reach, windowed=windowed)
+        centres = range(c.span.start + c.reach, c.span.stop - c.reach)
+        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (c.free, centres)))
+        return c
+
+    def part(stages: Stages, frames: range) -> Stages:
+        near.append(frames.start)
+        return within(stages, frames)
 
     monkeypatch.setattr(Coupling, "of", noted)
+    monkeypatch.setattr(Stages, "within", part)
     consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
     finished(consistency.sliding_window(state))
-    windows = [(free, centres) for free, centres in asked if centres]
-    assert windows == [(range(k, k + 3), range(k, k + 2)) for k in range(4)]
+    assert asked == [(range(k, k + 3), range(max(k, 1), k + 2)) for k in range(4)]
 
 
 def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
@@ -85,6 +96,20 @@ def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size:
     assert not torch.equal(window.vector, state.vector)
 
 
+def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """Else the cost of all windows is quadratic in the clip's length."""
+    posed, forward = [], BodyPoints.forward
+
+    def counted(self: BodyPoints, orient: Tensor, *rest: Any) -> Posed:
+        posed.append(len(orient))
+        return forward(self, orient, *rest)
+
+    consistency, state = start_of(tiny_body, CONFIG, frames=12)
+    monkeypatch.setattr(BodyPoints, "forward", counted)
+    finished(consistency.sliding_window(state))
+    assert max(posed) == CONFIG.temporal.window_size + REACH  # the frames before it, which its residuals look at
+
+
 def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):
     consistency, state = start_of(tiny_body, CONFIG)
     end, c = finished(consistency.all_at_once(state)), consistency.stages.parametrisation.columns
@@ -103,7 +128,7 @@ def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: Bod
 
     def whole(s: State) -> float:
         objective = stages.objective(5, state, stages.free(5, betas=False))
-        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
 
     assert whole(end) < whole(state)
 
@@ -119,7 +144,7 @@ def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyMod
     objective = stages.objective(5, state, stages.free(5, betas=False))
 
     def whole(s: State) -> float:
-        return float(objective.cost(s, stages.all_frames).sum()) + consistency.temporal_cost(s)
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
 
     for frames in (range(2, 4), range(0, 1), range(5, 6)):
         assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
@@ -143,7 +168,9 @@ def test_more_weight_makes_smoother(tiny_body: BodyModel):
         temporal = replace(CONFIG.temporal, weight=weight, stages=(5,))
         settings = SolverSettings(iterations=25)
         consistency, state = start_of(tiny_body, replace(CONFIG, temporal=temporal, settings=settings))
-        costs.append(consistency.temporal_cost(finished(consistency.all_at_once(state))) / weight**2)
+        end, stages = finished(consistency.all_at_once(state)), consistency.stages
+        objective = stages.objective(5, end, stages.free(5, betas=False))
+        costs.append(objective.coupled_costs(end)["temporal"] / weight**2)
     assert costs[0] > costs[1] > costs[2]
 
 
@@ -151,7 +178,7 @@ def test_weight_follows_the_frame_rate_where_asked(tiny_body: BodyModel):
     """Twice the frames of one motion: second differences a quarter as long, so w_T four times as large."""
     config = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0, reference_rate=25.0))
     keypoints = hidden(keypoints_of(tiny_body, random_params(2)), kp.HANDS, kp.FACE)
-    built = {rate: Stages(keypoints, CAMERA, tiny_body, config, frame_rate=rate) for rate in (25.0, 50.0)}
+    built = {rate: Stages.of(keypoints, CAMERA, tiny_body, config, frame_rate=rate) for rate in (25.0, 50.0)}
     assert built[25.0].temporal_weight == 80.0 and built[50.0].temporal_weight == 320.0
     plain = replace(CONFIG, temporal=replace(CONFIG.temporal, weight=80.0))
-    assert Stages(keypoints, CAMERA, tiny_body, plain, frame_rate=50.0).temporal_weight == 80.0
+    assert Stages.of(keypoints, CAMERA, tiny_body, plain, frame_rate=50.0).temporal_weight == 80.0

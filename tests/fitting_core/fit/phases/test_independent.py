@@ -15,7 +15,9 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.initialize import turned
-from fitting_core.fit.phases.independent import _Frames, _with_fresh_neighbour, filled, fit_frames
+from fitting_core.fit.phases.frame_fits import FrameFits, filled
+from fitting_core.fit.phases.independent import _Frames, _with_fresh_neighbour, fit_frames
+from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
@@ -95,11 +97,13 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     run = _Frames(stages, solver_of(stages), torch.arange(5))
     objective = stages.objective(N_STAGES, stuck, stages.free(N_STAGES, betas=True))
     before = objective.cost(stuck, torch.arange(5))
-    state, cost = finished(run.relay(stuck, alone.state))
+    fits = finished(run.relay(FrameFits.at(stuck, Start.UNKNOWN), alone.state))
+    state, cost = fits.state, fits.cost
     assert (cost <= before).all()
     torch.testing.assert_close(cost, objective.cost(state, torch.arange(5)), rtol=1e-9, atol=0)
     assert float(before[2]) > 100 * float(alone.cost[2])
     assert float(cost[2]) < 1.2 * float(alone.cost[2])
+    assert fits.start[2] in (Start.FRAME_BEFORE, Start.FRAME_AFTER), "what freed it is told"
 
 
 def test_frames_are_independent_without_relay(free_body: BodyModel, clip: Keypoints):
@@ -131,10 +135,12 @@ def test_side_views_take_the_better_of_both_orientations(free_body: BodyModel):
     place = stages.parametrisation.columns.translation
     right = State(turn, truth.with_columns(place, torch.tensor([[0.05, 0.2, 3.5]]).double()).vector)
     wrong = turned(right)
-    _, high = finished(run.five_stages(wrong))
-    state, cost = finished(run.both_sides(wrong))
-    assert (cost <= high).all() and float(cost.sum()) < 0.5 * float(high.sum())
-    assert heading(state)[0] > 0.5 and heading(state)[1] < -0.5
+    start = FrameFits.at(wrong, Start.TURNED_0)
+    high = finished(run.five_stages(start)).cost
+    fits = finished(run.both_sides(start))
+    assert (fits.cost <= high).all() and float(fits.cost.sum()) < 0.5 * float(high.sum())
+    assert heading(fits.state)[0] > 0.5 and heading(fits.state)[1] < -0.5
+    assert fits.start.tolist() == [Start.TURNED_180, Start.TURNED_180]
 
 
 def test_frozen_camera_keeps_the_translation_of_the_camera_step(free_body: BodyModel, clip: Keypoints):
@@ -142,13 +148,12 @@ def test_frozen_camera_keeps_the_translation_of_the_camera_step(free_body: BodyM
     stages = stages_of(free_body, clip, replace(QUICK, camera_frozen=True))
     run = _Frames(stages, solver_of(stages), torch.arange(5))
     start = stages.parametrisation.from_params(arms_in_motion(5, depth=3.6))
-    state, _ = finished(run.five_stages(start))
+    begun = FrameFits.at(start, Start.UNKNOWN)
+    state = finished(run.five_stages(begun)).state
     place = stages.parametrisation.columns.translation
     assert torch.equal(state.vector[:, place], start.vector[:, place])
-    free, _ = finished(
-        _Frames(stages_of(free_body, clip, QUICK), solver_of(stages), torch.arange(5)).five_stages(start)
-    )
-    assert float((free.vector[:, place] - start.vector[:, place]).norm()) > 0.01
+    free = finished(_Frames(stages_of(free_body, clip, QUICK), solver_of(stages), torch.arange(5)).five_stages(begun))
+    assert float((free.state.vector[:, place] - start.vector[:, place]).norm()) > 0.01
 
 
 def test_a_frame_that_fails_is_filled_and_told(free_body: BodyModel, clip: Keypoints):
@@ -161,6 +166,8 @@ def test_a_frame_that_fails_is_filled_and_told(free_body: BodyModel, clip: Keypo
     assert any("fit failed" in note and note.endswith(": 2") for note in fits.notes)
     between = (fits.state.vector[1] + fits.state.vector[3]) / 2
     torch.testing.assert_close(fits.state.vector[2], between, rtol=0, atol=1e-12)
+    assert fits.start.tolist() == [Start.TURNED_0, Start.TURNED_0, Start.FILLED, Start.TURNED_0, Start.TURNED_0]
+    assert fits.stopped[2] == Stopped.FAILED and not set(fits.stopped.tolist()) & {Stopped.UNKNOWN, Stopped.EMPTY}
 
 
 def test_nobody_at_all(tiny_body: BodyModel):

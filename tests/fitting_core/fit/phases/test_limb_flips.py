@@ -10,8 +10,10 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames
-from fitting_core.fit.phases.search.limb_flips import FLIPS, LIMBS, LimbFlips
+from fitting_core.fit.phases.limb_flips import FLIPS, LIMBS, LimbFlips
+from fitting_core.fit.provenance import Start
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
@@ -89,25 +91,27 @@ def test_flipping_twice_changes_nothing(scene: tuple[Stages, State], limb: str):
     np.testing.assert_allclose(flips.positions(twice)[:, chain], flips.positions(truth)[:, chain], atol=1e-9)
 
 
-def stuck_of(stages: Stages, truth: State) -> tuple[State, Tensor, Tensor]:
-    """Fits whose left forearm points away, though the cost is lower where it points to the camera; it and theirs."""
+def stuck_of(stages: Stages, truth: State) -> tuple[FrameFits, Tensor]:
+    """Fits whose left forearm points away, and the lower cost where it points to the camera."""
     run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
     objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
-    right, lowest = finished(run._minimise(objective, truth, "", (0, 1)))
-    mirrored = LimbFlips(stages).flipped(right, LIMBS["left_arm"], upper=False, lower=True)
-    stuck, cost = finished(run._minimise(objective, mirrored, "", (0, 1)))
-    assert (cost > 1.05 * lowest).all()  # else the descent alone finds back, and these tests show nothing
-    return stuck, cost, lowest
+    right = finished(run._minimise(objective, FrameFits.at(truth, Start.UNKNOWN), "", (0, 1)))
+    mirrored = LimbFlips(stages).flipped(right.state, LIMBS["left_arm"], upper=False, lower=True)
+    stuck = finished(run._minimise(objective, FrameFits.at(mirrored, Start.TURNED_0), "", (0, 1)))
+    assert (stuck.cost > 1.05 * right.cost).all()  # else the descent alone finds back, and these tests show nothing
+    return stuck, right.cost
 
 
 def test_a_mirrored_limb_is_turned_back(scene: tuple[Stages, State]):
     stages, truth = scene
-    stuck, cost, lowest = stuck_of(stages, truth)
+    stuck, lowest = stuck_of(stages, truth)
     run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
     objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
-    state, freed = finished(run.flip_limbs(objective, stuck, cost))
-    assert (freed <= cost).all() and (freed < 1.02 * lowest).all()
-    torch.testing.assert_close(objective.cost(state, FRAMES), freed, rtol=1e-9, atol=0)
+    freed = finished(run.flip_limbs(objective, stuck))
+    assert (freed.cost <= stuck.cost).all() and (freed.cost < 1.02 * lowest).all()
+    torch.testing.assert_close(objective.cost(freed.state, FRAMES), freed.cost, rtol=1e-9, atol=0)
+    mirrored = {start for limb in LIMBS.values() for start in (limb.start, limb.mirrored_hand) if start is not None}
+    assert set(freed.start.tolist()) <= mirrored and Start.LEFT_ARM in freed.start
 
 
 @pytest.mark.parametrize("every", [1, 3, 0])
@@ -115,17 +119,17 @@ def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, Stat
     """Of three frames only the first has its limbs mirrored, and all three are freed; without any they stay."""
     stages, truth = scene
     config = replace(CONFIG, relay_rounds=2, limb_flips=every > 0, limb_flips_every=max(every, 1))
-    stuck, cost, lowest = stuck_of(stages, truth)
-    stages = Stages(stages.keypoints, stages.camera, stages.body, config)
+    stuck, lowest = stuck_of(stages, truth)
+    stages = Stages.of(stages.keypoints, stages.camera, stages.body, config)
     run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
-    _, freed = finished(run.relay(stuck, stuck))
-    assert (freed < 1.02 * lowest).all() if every else (freed > 0.99 * cost).any()
+    freed = finished(run.relay(stuck, stuck.state)).cost
+    assert (freed < 1.02 * lowest).all() if every else (freed > 0.99 * stuck.cost).any()
 
 
 def test_frames_that_failed_are_left_alone(scene: tuple[Stages, State]):
     stages, truth = scene
     run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
     objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
-    nothing = torch.full((3,), torch.inf, dtype=torch.float64)
-    state, cost = finished(run.flip_limbs(objective, truth, nothing))
-    assert torch.equal(state.vector, truth.vector) and torch.equal(cost, nothing)
+    failed = FrameFits.at(truth, Start.UNKNOWN)
+    left = finished(run.flip_limbs(objective, failed))
+    assert torch.equal(left.state.vector, truth.vector) and torch.equal(left.cost, failed.cost)

@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from fitting_core.fit.solvers.curvature import CurvatureHistory
-from fitting_core.fit.solvers.lbfgs import CostFunction, Reason, minimise_lbfgs
+from fitting_core.fit.solvers.lbfgs import CostFunction, Limits, Reason, Result, lbfgs_steps
 from fitting_core.fit.solvers.line_search import CURVATURE, SUFFICIENT_DECREASE, LineSearches
+from tests.samples.scenes import finished
 
 Cost = Callable[[Tensor, Tensor], Tensor]
+
+
+def minimise_lbfgs(function: CostFunction, x0: Tensor, **limits: float) -> Result:
+    """Where the steps end."""
+    return finished(lbfgs_steps(function, x0, Limits(**limits)))  # pyright: ignore[reportArgumentType]
 
 
 def with_gradient(cost: Cost) -> CostFunction:

@@ -9,9 +9,11 @@ from torch import Tensor
 
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, SolverSettings
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting_core.fit.solvers.problem import DIAGONAL_FLOOR, IndependentFrames, SharedShape, Step, damping_diagonal
 from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.fit.terms.priors import Quadratic
 from fitting_core.fit.variables.state import Free, State
 from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
 
@@ -168,6 +170,21 @@ def test_nothing_to_see_at_all():
     assert solution.state.vector.isfinite().all()
 
 
+class Misled(Toy):
+    """Its gradient points uphill, so that no step lowers the cost however short it is."""
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        cost, gradient, matrix = super().normal(state, groups)
+        return cost, -gradient, matrix
+
+
+def test_a_group_that_no_step_lowers_is_not_called_converged():
+    """The damping runs out; a start at the optimum ends the same way and has converged."""
+    solution, _ = minimised(Misled(rosenbrock, STARTS))
+    assert solution.reason == ("stalled", "stalled", "stalled", "converged", "stalled")
+    assert torch.equal(solution.state.vector[:, 3:], STARTS)
+
+
 def test_limit_of_iterations_is_kept_and_told():
     solution, progress = minimised(Toy(rosenbrock, STARTS[:1]), SolverSettings(iterations=3, final_tolerance=1e-14))
     assert len(progress) == 3 and solution.reason == ("iterations",)
@@ -180,6 +197,13 @@ def objective(tiny_body: BodyModel):
     stages = stages_of(tiny_body, detections, FitConfig())
     state = random_state(stages.parametrisation, 5, 1)
     return stages.objective(3, state, Free()), state
+
+
+def holding(objective: FrameObjective, weight: float) -> FrameObjective:
+    """The same with the shared betas held at 0."""
+    betas = objective.view.parametrisation.columns.betas
+    held = Quadratic("held", betas, torch.full((10,), weight, dtype=torch.float64), once=True)
+    return FrameObjective([*objective.terms, held], objective.view, objective.free)
 
 
 def test_step_of_independent_frames_is_the_dense_one(objective):
@@ -206,7 +230,7 @@ def test_step_of_shared_shape_is_the_dense_one(objective):
     betas = e.view.parametrisation.columns.betas
     state = state[frames]
     state = state.with_columns(betas, state.vector[:, betas].mean(0).expand(3, -1))
-    problem = SharedShape(e, frames, weight)
+    problem = SharedShape(holding(e, weight), frames)
     normal = problem.normal(state, torch.tensor([0]))
     n = e.normal(state, frames)
     d = len(e.index)
@@ -239,7 +263,7 @@ def test_shared_shape_stays_shared(objective):
     e, state = objective
     betas = e.view.parametrisation.columns.betas
     start = state.with_columns(betas, state.vector[:, betas].mean(0).expand(5, -1))
-    problem = SharedShape(e, torch.arange(5), 3.0)
+    problem = SharedShape(holding(e, 3.0), torch.arange(5))
     solution = finished(LevenbergMarquardt(SolverSettings(iterations=8)).minimise(problem, start, final=True))
     found = solution.state.vector[:, betas]
     assert torch.equal(found, found[:1].expand(5, -1))
@@ -263,7 +287,7 @@ def test_bodies_behind_the_camera_are_returned_as_they_came(objective, structure
     where = e.view.parametrisation.columns.translation
     behind = state.with_columns(where, -state.vector[:, where])
     frames = torch.arange(5)
-    problem = IndependentFrames(e, frames) if structure == "independent" else SharedShape(e, frames, 3.0)
+    problem = IndependentFrames(e, frames) if structure == "independent" else SharedShape(holding(e, 3.0), frames)
     solution = finished(LevenbergMarquardt(SolverSettings()).minimise(problem, behind, final=True))
     assert set(solution.reason) == {"failed"} and bool(solution.cost.isinf().all())
     assert torch.equal(solution.state.vector, behind.vector) and torch.equal(solution.state.orient, behind.orient)

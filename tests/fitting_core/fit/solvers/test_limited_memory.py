@@ -9,11 +9,14 @@ from torch import Tensor
 
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers import SOLVERS, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames, Problem, SharedShape
+from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import Coupling, JointPositions, Sequence
+from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.temporal import Evenness, JointPositions
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 
@@ -26,7 +29,7 @@ TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iteratio
 @pytest.fixture(scope="module")
 def stages() -> Stages:
     clip = clip_of(motion(FRAMES), noise=1.0)
-    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
+    return Stages.of(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +48,15 @@ def every_frame(stages: Stages, state: State) -> Problem:
 
 def one_shape(stages: Stages, state: State) -> Problem:
     objective = stages.objective(2, state, stages.free(2, betas=True))
-    objective.terms = [t for t in objective.terms if t.name != "shape"]
-    return SharedShape(objective, stages.all_frames, 50.0)
+    terms = [t for t in objective.terms if t.name != "shape"]
+    held = Quadratic("held", stages.parametrisation.columns.betas, stages.xy.new_full((10,), 50.0), once=True)
+    return SharedShape(FrameObjective([*terms, held], objective.view, objective.free), stages.all_frames)
 
 
 def sequence(stages: Stages, state: State) -> Problem:
     objective = stages.objective(2, state, stages.free(2, betas=False))
-    joints = JointPositions(stages.body, stages.parametrisation, in_camera=True)
-    coupling = Coupling.of(range(FRAMES), range(FRAMES), FRAMES)
-    return Sequence(objective, joints, joints(state), coupling, 100.0)
+    evenness = Evenness(100.0, JointPositions(stages.body, stages.parametrisation, in_camera=True))
+    return Sequence(FrameObjective([*objective.terms, evenness], objective.view, objective.free), state, range(FRAMES))
 
 
 PROBLEMS = [every_frame, one_shape, sequence]
@@ -193,7 +196,7 @@ def test_levenberg_marquardt_ends_no_higher_on_average_after_five_stages():
     motions = [motion(2, seed=seed) for seed in range(5)]
     params = BodyParams(**{name: torch.cat([getattr(m, name) for m in motions]) for name in vars(motions[0])})
     clip = clip_of(params, noise=3.0, seed=2)
-    stages = Stages(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
+    stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
     truth, neutral = stages.parametrisation.from_params(params), stages.parametrisation.neutral(len(params))
     where = stages.parametrisation.columns.translation
     start = State(truth.orient, neutral.with_columns(where, truth.vector[:, where]).vector)

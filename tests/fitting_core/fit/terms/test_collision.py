@@ -13,10 +13,10 @@ from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, BodyModel
-from fitting_core.fit.terms.collision import body_collision_finder, body_parts, collision_finder, find_collisions
 from fitting_core.fit.terms.collision.broad_phase import build_tree, overlapping_triangles
+from fitting_core.fit.terms.collision.detection import body_collision_finder, collision_finder
 from fitting_core.fit.terms.collision.intersection import orientation, triangles_intersect
-from fitting_core.fit.terms.collision.parts import neighbouring_parts, parts_of_faces
+from fitting_core.fit.terms.collision.parts import body_parts, neighbouring_parts, parts_of_faces
 
 BODY = Path(__file__).parents[4] / "assets" / "bodies" / "SMPLX_NEUTRAL.npz"
 
@@ -124,7 +124,7 @@ def test_broad_phase_finds_what_all_pairs_find(seed, count, size, n_groups):
 def test_collisions_of_a_soup(seed, size):
     vertices, faces = soup(seed, 15, size)
     faces[::5, 0] = faces[1::5, 1]  # some triangles share a vertex
-    assert list(map(tuple, find_collisions(vertices, faces))) == all_intersecting_pairs(vertices, faces)
+    assert list(map(tuple, collision_finder(vertices, faces).find(vertices))) == all_intersecting_pairs(vertices, faces)
 
 
 def test_closed_surfaces_collide_only_while_they_overlap():
@@ -132,7 +132,7 @@ def test_closed_surfaces_collide_only_while_they_overlap():
     faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)])
     for distance, collide in [(0.0, True), (0.15, True), (0.21, False)]:
         vertices = np.concatenate([ball.vertices, ball.vertices + np.array([distance, 0.003, 0.001])])
-        pairs = find_collisions(vertices, faces)
+        pairs = collision_finder(vertices, faces).find(vertices)
         assert (len(pairs) > 0) == collide
         assert (pairs[:, 0] < len(ball.faces)).all() and (pairs[:, 1] >= len(ball.faces)).all()
 
@@ -142,10 +142,12 @@ def test_ignored_parts_do_not_count():
     parts = np.arange(200) % 3 * 5
     ignored = np.eye(11, dtype=bool)
     ignored[0, 5] = ignored[5, 0] = True
-    pairs = find_collisions(vertices, faces)
+    pairs = collision_finder(vertices, faces).find(vertices)
     kept = ~ignored[parts[pairs[:, 0]], parts[pairs[:, 1]]]
     assert 0 < kept.sum() < len(pairs)
-    np.testing.assert_array_equal(find_collisions(vertices, faces, parts=parts, ignored=ignored), pairs[kept])
+    np.testing.assert_array_equal(
+        collision_finder(vertices, faces, parts=parts, ignored=ignored).find(vertices), pairs[kept]
+    )
 
 
 def test_finder_refuses_vertices_that_are_not_finite():
@@ -212,7 +214,8 @@ def tubes():
 def test_triangles_that_intersect_at_rest_never_count(tubes):
     parts = body_parts(tubes)
     ignored = neighbouring_parts(tubes.parents, parts, tubes.faces)
-    assert len(find_collisions(tubes.template, tubes.faces, parts=parts, ignored=ignored)) > 0
+    every = collision_finder(tubes.template, tubes.faces, parts=parts, ignored=ignored)
+    assert len(every.find(tubes.template)) > 0
     assert len(body_collision_finder(tubes).find(tubes.template)) == 0
 
 

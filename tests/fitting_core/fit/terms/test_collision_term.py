@@ -1,6 +1,6 @@
 """The collision term in E_o: its value, its derivatives, and that both solvers free what it sees."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -16,7 +16,8 @@ from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.collision import body_collision_finder, penetration
+from fitting_core.fit.terms.collision.detection import body_collision_finder
+from fitting_core.fit.terms.collision.distance_field import penetration
 from fitting_core.fit.terms.collision.term import SOFT_SIGMA, CollidingBody, Collision
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
@@ -46,7 +47,7 @@ def params() -> BodyParams:
 @pytest.fixture(scope="module")
 def stages(params) -> Stages:
     clip = clip_of(params)
-    return Stages(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
+    return Stages.of(clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle"))
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +89,26 @@ def test_pairs_found_last_do_not_outlive_their_state(objective, state):
     rested = state.with_columns(objective.view.parametrisation.columns.body, torch.zeros(63, dtype=torch.float64))
     assert (objective.costs(rested, frames)["collision"] == 0).all()
     assert torch.equal(objective.costs(state, frames)["collision"], before)
+
+
+def test_one_frame_in_several_poses_has_the_pairs_of_each(objective, state):
+    """A solver may try several starts of one frame together."""
+    poses = torch.tensor([1, 0, 2])
+    alone = [objective.normal(state[i : i + 1], torch.tensor([0])) for i in poses]
+    together = objective.normal(state[poses], torch.zeros(3, dtype=torch.long))
+    torch.testing.assert_close(together.cost, torch.cat([n.cost for n in alone]))
+    torch.testing.assert_close(together.gradient, torch.cat([n.gradient for n in alone]))
+    assert together.cost[1] == 0 and min(together.cost[[0, 2]]) > 1
+
+
+def test_pairs_are_searched_once_for_each_pose(objective, state, monkeypatch):
+    """The normal equations at a point come after its cost; the search takes most of a term's time."""
+    searched, find = [], CollidingBody._find
+    monkeypatch.setattr(CollidingBody, "_find", lambda self, vertices: searched.append(1) or find(self, vertices))
+    shifted = state.with_columns(slice(3, 4), state.vector[:, 3:4] + 1e-3)
+    objective.cost(shifted, torch.arange(3))
+    objective.normal(shifted, torch.arange(3))
+    assert len(searched) == 3
 
 
 def gradient_by_autograd(objective: FrameObjective, state: State) -> Tensor:
@@ -167,7 +188,7 @@ def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
 
 def test_float32_sees_the_same(objective, state, stages, params):
     clip = clip_of(params)
-    single = Stages(
+    single = Stages.of(
         clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle", precision="float32")
     )
     start = single.parametrisation.from_params(params)
@@ -194,7 +215,7 @@ def hands_in_thighs() -> tuple[Stages, State, IndependentFrames]:
     """From the very pose that the keypoints come from, with fingertips in the thighs."""
     params = arms_down(1.52)
     clip = clip_of(params)
-    stages = Stages(clip.keypoints, clip.camera, shipped_body(), PRESETS["paper"])
+    stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), PRESETS["paper"])
     start = stages.parametrisation.from_params(params)
     objective = stages.objective(5, start, stages.free(5, betas=True))
     return stages, start, IndependentFrames(objective, stages.all_frames)
@@ -233,17 +254,18 @@ def freed(stages: Stages, start: State, problem: IndependentFrames, end: Solutio
     return float(end.cost / sum(before.values()))
 
 
-class Faithful:
-    """A term that cannot be softened."""
+@dataclass(frozen=True)
+class Faithful(Collision):
+    """The term without its softened form."""
 
-    def __init__(self, term: Collision) -> None:
-        self.name, self.residual, self.rows = term.name, term.residual, term.rows
+    def softened(self, *, cold: bool) -> Collision:
+        return self
 
 
 def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs, ends):
     """Levenberg-Marquardt on the faithful term alone stops on its staircase."""
     _, start, problem = hands_in_thighs
-    terms = [Faithful(t) if isinstance(t, Collision) else t for t in problem.objective.terms]
+    terms = [Faithful(t.weight, t.body) if isinstance(t, Collision) else t for t in problem.objective.terms]
     rigid = FrameObjective(terms, problem.objective.view, problem.objective.free)
     stuck = minimised("lm", IndependentFrames(rigid, problem.frames), start)
     assert ends["lm"].cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
@@ -256,8 +278,8 @@ def test_a_softened_end_that_is_worse_is_not_taken(hands_in_thighs, ends):
 
 
 def test_softened_term_has_higher_cones(body):
-    assert Collision(0.7, body).softened() == Collision(0.7, body, SOFT_SIGMA)
-    assert Collision(0.7, body, 0.01).softened().sigma == 0.01
+    assert Collision(0.7, body).softened(cold=False) == Collision(0.7, body, SOFT_SIGMA)
+    assert Collision(0.7, body, 0.01).softened(cold=False).sigma == 0.01
 
 
 def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):

@@ -16,8 +16,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, Weights
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.joint_angles import AngleTable
-from fitting_core.fit.terms.joint_limits import Limits
+from fitting_core.fit.terms.limits import AngleTable, Limits
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.priors.pose import relaxed_pose
@@ -292,7 +291,9 @@ def test_fingers_that_no_image_shows_are_left_out(tiny_body: BodyModel):
     setting = stages(tiny_body, fingers=False)
     state = wild(setting)
     objective = only(setting, state, setting.free(5, betas=False))
-    assert objective.residuals(state, torch.arange(3))["limits"].shape == (3, 3 * 21)
+    estimate = Estimate(objective.view, state, torch.arange(3))
+    (limits,) = (term for term in objective.terms if term.name == "limits")
+    assert limits.residual(estimate).shape == (3, 3 * 21)
 
 
 @pytest.mark.parametrize("preset", ["paper", "smplifyx"])

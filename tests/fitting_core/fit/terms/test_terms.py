@@ -1,6 +1,5 @@
 """Every term of E_o: its value written out by hand, its derivatives by automatic differentiation, all in float64."""
 
-import inspect
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,11 +14,16 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.pairs import Contour, Joint, Surface
-from fitting_core.config.schema import FitConfig, Weights
+from fitting_core.config.schema import PRESETS, FitConfig, Weights
 from fitting_core.fit.objective import FrameObjective, Normal
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms import terms
-from fitting_core.fit.terms.terms import Data, Term
+from fitting_core.fit.terms.collision.term import Collision
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.table import TERMS
+from fitting_core.fit.terms.temporal import Evenness
+from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from tests.samples.scenes import (
@@ -54,7 +58,7 @@ LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("h
 LEFT_ARM = [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"], kp.LEFT_HAND]
 
 
-class Huddle:
+class Huddle(Term):
     """A user's own term, of which nothing is known but its residual: pixels in one place, pose and root at rest."""
 
     name = "huddle"
@@ -79,14 +83,15 @@ class Scene:
     def term(self, name: str) -> Term:
         if name == Huddle.name:
             return Huddle()
-        objective = "camera" if name == "depth" else "stage 5"
-        return next(t for t in self.objectives[objective].terms if t.name == name)
+        objective = self.objectives["camera" if name == "depth" else "stage 5"]
+        return next(t for t in (*objective.terms, *objective.shared) if t.name == name)
 
     def estimate(self, state: State | None = None) -> Estimate:
         return Estimate(self.objectives["stage 5"].view, state or self.state, FRAMES)
 
     def alone(self, term: Term, free: Free) -> FrameObjective:
-        """An objective of one term."""
+        """An objective of one term, which counts in every frame."""
+        term = replace(term, once=False) if isinstance(term, Quadratic) else term
         return FrameObjective([term], self.objectives["stage 5"].view, free)
 
     def _everything(self, state: State) -> dict[str, Tensor]:
@@ -146,7 +151,7 @@ def rigid_scene(tiny_body: BodyModel) -> Scene:
 
 def keypoint_in_pixels(scene: Scene, b: int, i: int, vertices: np.ndarray, joints: np.ndarray) -> np.ndarray | None:
     """Projection of a keypoint of the posed mesh, its place looked up without BodyPoints."""
-    p = scene.stages.keypoint_points[i]
+    p = scene.stages.fitted.keypoint_points[i]
     if p is None:
         return None
     if isinstance(p, Joint):
@@ -275,6 +280,7 @@ BY_HAND = {
     "body_pose": body_pose_by_hand,
     "hand_pose": lambda s: squares(torch.cat([s.params.left_hand_pose, s.params.right_hand_pose], 1), 5.0),
     "shape": lambda s: squares(s.params.betas, 7.0),
+    "shared_shape": lambda s: squares(s.params.betas, 7.0),
     "expression": lambda s: squares(s.params.expression, 11.0),
     "jaw": jaw_by_hand,
     "bending": bending_by_hand,
@@ -286,10 +292,40 @@ BY_HAND = {
 
 
 def test_every_term_is_written_out_by_hand(scene: Scene):
-    tested = {type(scene.term(name)) for name in BY_HAND}
-    classes = {c for _, c in inspect.getmembers(terms, inspect.isclass) if c.__module__ == terms.__name__}
-    assert tested == {c for c in classes if "residual" in vars(c) and not getattr(c, "_is_protocol", False)}
-    assert {t.name for o in scene.objectives.values() for t in o.terms} == set(BY_HAND)
+    tested, elsewhere = {type(scene.term(name)) for name in BY_HAND}, {Limits, Collision, Evenness}
+    assert tested == {Data, *(entry.kind for entry in TERMS.values())} - elsewhere
+    assert {t.name for o in scene.objectives.values() for t in (*o.terms, *o.shared)} == set(BY_HAND)
+
+
+NEEDED = {
+    Derivative.AUTOMATIC: (),
+    Derivative.COLUMNS: ("columns", "slope"),
+    Derivative.POSE_COLUMNS: ("columns", "slope"),
+    Derivative.ROWS: ("rows",),
+    Derivative.STENCIL: ("quantity", "rows", "stencil"),
+}
+"""What a term must have that declares how its derivatives are found."""
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_terms_are_what_the_table_says_and_have_what_they_declare(free_body: BodyModel, name: str):
+    weights = replace(CONFIG.weights, limits=(37.0,) * 5, collision=(1.0,) * 5)
+    detections = hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS)
+    stages = stages_of(free_body, detections, replace(CONFIG, weights=weights))
+    term = TERMS[name].make(stages, 4)
+    assert type(term) is TERMS[name].kind and term.name == name
+    own = {method for kind in type(term).mro() if kind is not Term for method in vars(kind)}
+    closed = {method for methods in NEEDED.values() for method in methods}
+    assert own & closed == set(NEEDED[term.derivative])
+    assert (term.reach > 0) == (term.derivative is Derivative.STENCIL)
+
+
+@pytest.mark.parametrize("name", ["temporal", "bending", "upright", "limits", "rest", "collision"])
+def test_terms_of_weight_zero_are_not_made(tiny_body: BodyModel, name: str):
+    zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision"), (0.0,) * 5)
+    config = replace(CONFIG, weights=replace(CONFIG.weights, **zero), temporal=replace(CONFIG.temporal, weight=0.0))
+    stages = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(2, 5)), *LEGS), config)
+    assert TERMS[name].make(stages, 4) is None
 
 
 @pytest.mark.parametrize("name", BY_HAND)
@@ -304,7 +340,7 @@ def test_value_by_hand(name: str, which: str, request: pytest.FixtureRequest):
 def test_costs_are_the_terms_and_their_sum(scene: Scene):
     objective = scene.objectives["stage 5"]
     costs = objective.costs(scene.state, FRAMES)
-    assert set(costs) == set(BY_HAND) - {"depth"}
+    assert set(costs) == set(BY_HAND) - {"depth", "shared_shape"}
     for name, cost in costs.items():
         np.testing.assert_allclose(cost, BY_HAND[name](scene), rtol=1e-9)
     total = torch.stack(list(costs.values())).sum(0)
@@ -315,7 +351,7 @@ def test_costs_are_the_terms_and_their_sum(scene: Scene):
 def test_camera_step_looks_at_the_torso_and_at_the_head_where_hips_are_hidden(scene: Scene):
     """Weights 1, also of neck and hips, whatever the stages' factors are."""
     data = next(t for t in scene.objectives["camera"].terms if isinstance(t, Data))
-    confidence = scene.stages.confidence * 1000 / 800
+    confidence = scene.stages.observations.confidence * 1000 / 800
     torso = [1, 2, 5, 8, 9, 12]
     used = [i for i in range(25) if i in torso or i in (0, 15, 16, 17, 18)]
     torch.testing.assert_close(data.weight[0].sum(), confidence[0, torso].sum())
@@ -411,6 +447,18 @@ def test_chunks_change_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch):
         torch.testing.assert_close(getattr(parts, name), expected, rtol=1e-11, atol=1e-10 * float(expected.abs().max()))
 
 
+def test_what_counts_once_is_apart_from_what_counts_in_every_frame(scene: Scene):
+    """E_beta' has the normal equations of E_beta, of one frame."""
+    objective = scene.objectives["stage 5"]
+    once = objective.shared_normal(scene.state)
+    alone = scene.alone(scene.term("shape"), Free()).normal(scene.state[:1], FRAMES[:1])
+    for name in ("cost", "gradient", "matrix"):
+        torch.testing.assert_close(getattr(once, name), getattr(alone, name))
+    assert {name: float(cost) for name, cost in objective.shared_costs(scene.state).items()} == pytest.approx(
+        {"shared_shape": float(alone.cost)}
+    )
+
+
 def test_points_behind_the_camera_cost_infinity(scene: Scene):
     behind = scene.state.vector.clone()
     behind[1, scene.stages.parametrisation.columns.translation] = torch.tensor([0.0, 0.0, -3.0], dtype=torch.float64)
@@ -419,15 +467,14 @@ def test_points_behind_the_camera_cost_infinity(scene: Scene):
     assert objective.normal(state, FRAMES).cost.isinf().tolist() == [False, True, False]
 
 
-def test_a_trusting_data_term_is_plain_least_squares(scene: Scene):
-    """Pixels times the weight, however far off: its slope does not let go."""
-    objective, estimate = scene.objectives["stage 5"], scene.estimate()
-    data = objective.terms[0]
-    assert isinstance(data, Data)
-    plain = (data.weight[estimate.frames][..., None] * data.errors(estimate)).flatten(1)
-    trusted = next(t for t in objective.trusting().terms if isinstance(t, Data))
-    torch.testing.assert_close(trusted.residual(estimate), plain, rtol=1e-2, atol=1e-6)
-    assert (data.residual(estimate).abs() < 0.9 * plain.abs()).any()
+def test_a_bending_prior_of_weight_zero_is_no_term(tiny_body: BodyModel):
+    """0 x exp(overflow) is not a number, and would end a minimisation that has no use for the term."""
+    stages = stages_of(tiny_body, keypoints_of(tiny_body, random_params(1, 5)), PRESETS["tcfit"])
+    bent = random_state(stages.parametrisation, 1, 3)
+    bent.vector[:, stages.parametrisation.columns.body] *= 1e4
+    objective = stages.objective(5, bent, Free())
+    assert PRESETS["tcfit"].weights.bending[4] == 0 and bool(objective.cost(bent, torch.tensor([0])).isfinite())
+    assert "bending" not in objective.costs(bent, torch.tensor([0]))
 
 
 def test_undetected_keypoints_do_not_count(scene: Scene):

@@ -64,7 +64,7 @@ def opened(server: ReviewServer, browser: "Browser") -> Tab:
 @pytest.fixture
 def tab(opened: Tab) -> Iterator[Tab]:
     """The page with its states as at the start."""
-    for name in ("notice", "chips", "legend", "marks", "fit", "range"):
+    for name in ("notice", "chips", "legend", "marks", "fit", "provenance", "range"):
         opened.send(name, None)
     opened.send("skeleton", states.Skeleton())
     opened.send("style", states.Style(bones=False))
@@ -362,9 +362,12 @@ def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
 
 def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
     tab.send("marks", states.Marks(bad=((40, 60),), flagged=((50, 50),)))
+    came_from = states.Origins(label="run A", texts=("started from a seat", "elsewhere"), which=(0,) * LENGTH)
+    tab.send("provenance", states.Provenance(fits=(came_from,)))
     tab.page.mouse.move(*strip_place(tab, 50))
     tab.settle()
-    assert tab.text(".tcfit-strip .tcfit-tooltip") == "Frame 50  0:01.67\nrun A  51 px\nbad, flagged"
+    expected = ("Frame 50  0:01.67", "run A  51 px", "run A  started from a seat", "bad, flagged")
+    assert tab.text(".tcfit-strip .tcfit-tooltip") == "\n".join(expected)
 
 
 def test_the_legend_lies_above_the_curves_highest_values(tab: Tab) -> None:

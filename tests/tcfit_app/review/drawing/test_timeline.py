@@ -1,7 +1,10 @@
 """How far a job is, in the timeline."""
 
+import numpy as np
+
+from fitting_core.fit.provenance import Provenance
 from tcfit_app.fitting.running_job import RunningJob
-from tcfit_app.review.drawing.timeline import PLOTTED, fit_spans
+from tcfit_app.review.drawing.timeline import PLOTTED, fit_spans, origins
 from tcfit_app.review.tab.state import TabState
 
 
@@ -25,6 +28,15 @@ def test_frames_that_are_fitted_again_are_all_that_is_drawn():
     frames = range(10, 70)
     assert spans(job(3), frames) == [(10, 69, "phase2")]
     assert spans(job(3, range(10, 30)), frames) == [(10, 29, "done"), (30, 69, "phase2")]
+
+
+def test_where_frames_came_from_is_told_once_for_all_alike():
+    provenance = Provenance(np.array([1, 6, 1, 1], np.uint8), np.array([1, 1, 1, 2], np.uint8))
+    found = origins("Fit 1", provenance)
+    told = [found.texts[i] for i in found.which]
+    assert found.label == "Fit 1" and len(found.texts) == 3
+    assert told[1] == "started from the fit of the frame before, stopped because the cost fell no further"
+    assert told[0] == told[2] != told[3]
 
 
 def test_the_curve_of_a_new_page_can_be_plotted():

@@ -244,6 +244,8 @@ function frameLines(frame) {
     const value = values[frame] ?? null;
     if (value !== null) lines.push(`${label}  ${Number(value.toPrecision(3))} ${unit}`);
   }
+  for (const { label, texts, which } of states.provenance?.fits ?? [])
+    if (which[frame] !== undefined) lines.push(`${label}  ${texts[which[frame]]}`);
   const marked = MARK_ROWS.map(({ name }) => name).filter((name) =>
     (states.marks?.[name] ?? []).some(([first, last]) => first <= frame && frame <= last),
   );

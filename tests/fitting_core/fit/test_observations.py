@@ -1,15 +1,56 @@
 """Which detections are taken at their word: parts that the image cuts off, and swapped sides."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import pytest
+import torch
 
 from fitting_core import keypoints as kp
-from fitting_core.fit.reliability import cut_off, unswapped
+from fitting_core.config.schema import PRESETS
+from fitting_core.fit.observations import _OF_CLIP, Observations, cut_off, unswapped
 from fitting_core.keypoints import Keypoints
 
 SIZE = (640, 480)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MoreObservations(Observations):
+    """With an array of later days, and a number of the whole clip that is as long as the clip."""
+
+    weight: np.ndarray
+    table: np.ndarray = field(metadata=_OF_CLIP)
+
+
+def test_a_part_slices_every_field_by_itself():
+    """Whatever is added, unless it is declared as the whole clip's."""
+    clip = Observations.of(standing(), SIZE, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
+    more = MoreObservations(**vars(clip), weight=np.arange(20.0), table=np.arange(20))
+    part = more[3:7]
+    assert type(part) is MoreObservations and len(part) == 4 and part.keypoints.xy.shape[0] == 4
+    for f in fields(more):
+        whole, sliced = getattr(more, f.name), getattr(part, f.name)
+        if f.name in ("shown", "table"):
+            assert sliced is whole
+        elif f.name != "keypoints":
+            assert np.array_equal(np.asarray(sliced), np.asarray(whole)[3:7]), f.name
+
+
+def test_a_field_of_another_length_is_no_field_of_frames():
+    clip = Observations.of(standing(), SIZE, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
+    with pytest.raises(AssertionError, match="weight"):
+        MoreObservations(**vars(clip), weight=np.arange(19.0), table=np.arange(20))
+
+
+def test_frames_that_were_swapped_back_are_those_of_the_part():
+    crossed = standing()
+    for side, other in (("left", "right"), ("right", "left")):
+        for part in ("elbow", "wrist"):
+            crossed.xy[8:12, kp.INDEX[f"{side}_{part}"]] = standing().xy[8:12, kp.INDEX[f"{other}_{part}"]]
+    clip = Observations.of(crossed, SIZE, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
+    assert {name: frames.tolist() for name, frames in clip.swaps.items()} == {"arms": [8, 9, 10, 11]}
+    assert {name: frames.tolist() for name, frames in clip[10:20].swaps.items()} == {"arms": [0, 1]}
+    assert not clip[12:20].swaps
 
 
 def standing(frames: int = 20) -> Keypoints:

@@ -1,9 +1,15 @@
-"""Which detections to take at their word: what detectors make up at the image's border, and sides that they swap."""
+"""Which detections count, and how much: what an image's border makes up, swapped sides, and what is seen at all."""
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Int
+from torch import Tensor
 
 from fitting_core import keypoints as kp
+from fitting_core.config.schema import FitConfig
 from fitting_core.keypoints import Keypoints
 
 BORDER = 0.015
@@ -12,6 +18,108 @@ LONE_HIP = 0.5
 """Confidence that a hip needs where its knee is not seen."""
 SEEN = 0.2
 """Confidence from which a keypoint counts as seen, where a yes or no is needed."""
+USABLE = 4
+"""Body keypoints that a frame must show to say where the person is."""
+
+_HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
+_LEGS = [[kp.INDEX[f"{side}_hip"], kp.INDEX[f"{side}_knee"]] for side in ("left", "right")]
+_OF_CLIP = {"of the whole clip": True}
+"""Marks a field that the whole clip decides: its parts keep it as it is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations:
+    """What a fit takes from the detections of a clip.
+
+    `observations[frames]` is the same for some consecutive frames. Every field has a row for each frame and is sliced,
+    unless it is declared as one that the whole clip decides.
+    """
+
+    keypoints: Keypoints
+    """The detections, with swapped sides swapped back."""
+    swapped: Bool[np.ndarray, "T pairs"]
+    """Whether the sides of a pair of limbs were swapped back; pairs in the order of PAIRED."""
+    xy: Float[Tensor, "T 137 2"]
+    """Pixels."""
+    confidence: Float[Tensor, "T 137"]
+    side: Float[Tensor, "T 137 2"]
+    """See `cut_off`; 0 everywhere if the configuration takes detections at the border at their word."""
+    seen: Bool[Tensor, "T 137"]
+    """Keypoints of which the image says where they are."""
+    hips_seen: Bool[Tensor, "T"]
+    """Whether both hips are."""
+    leg_seen: Bool[Tensor, "T"]
+    """Whether hip and knee of one side are."""
+    shown: Bool[Tensor, "137"] = field(metadata=_OF_CLIP)
+    """Keypoints that any frame of the clip shows."""
+
+    def __post_init__(self) -> None:
+        rows = {name: len(value) for name, value in self._by_frame().items()}
+        assert set(rows.values()) == {len(self.keypoints)}, f"fields of a row for each frame differ in length: {rows}"
+
+    @staticmethod
+    def of(
+        keypoints: Keypoints, size: tuple[int, int], config: FitConfig, *, dtype: torch.dtype, device: torch.device
+    ) -> "Observations":
+        """The observations of a whole clip.
+
+        Args:
+            keypoints: the detections.
+            size: image width and height in pixels.
+            config: whether swapped sides are swapped back, and whether the image's border tells less.
+            dtype: of the tensors.
+            device: of the tensors.
+        """
+        swapped = np.zeros((len(keypoints), len(PAIRED)), bool)
+        if config.unswap_sides:
+            keypoints, swaps = unswapped(keypoints)
+            for pair, name in enumerate(PAIRED):
+                swapped[swaps.get(name, []), pair] = True
+        side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
+        xy, confidence, sides = (
+            as_tensor(a, dtype=dtype, device=device) for a in (keypoints.xy, keypoints.confidence, side)
+        )
+        seen = (confidence > SEEN) & (sides == 0).all(-1)
+        return Observations(
+            keypoints=keypoints,
+            swapped=swapped,
+            xy=xy,
+            confidence=confidence,
+            side=sides,
+            seen=seen,
+            hips_seen=seen[:, _HIPS].all(1),
+            leg_seen=torch.stack([seen[:, leg].all(1) for leg in _LEGS]).any(0),
+            shown=(confidence > 0).any(0),
+        )
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+    def __getitem__(self, frames: slice) -> Self:
+        return replace(self, **{name: value[frames] for name, value in self._by_frame().items()})
+
+    def _by_frame(self) -> dict[str, Any]:
+        """Every field with a row for each frame."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.metadata != _OF_CLIP}
+
+    @property
+    def swaps(self) -> dict[str, Int[np.ndarray, "n"]]:
+        """Frames in which the sides of a pair of limbs were swapped back, by the pair's name, where there are any."""
+        frames = {name: np.flatnonzero(self.swapped[:, pair]) for pair, name in enumerate(PAIRED)}
+        return {name: where for name, where in frames.items() if len(where)}
+
+    @property
+    def usable(self) -> Bool[Tensor, "T"]:
+        """Frames with enough confident keypoints to say where the person is."""
+        return self.seen[:, kp.BODY].sum(1) >= USABLE
+
+
+def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Tensor:
+    """The array in a fit's type and on its device."""
+    a = np.asarray(a)
+    # torch warns of arrays that cannot be written, as those of a project are.
+    a = a if a.flags.writeable else a.copy()
+    return torch.as_tensor(a, dtype=dtype, device=device)
 
 
 def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 137 2"]:

@@ -14,8 +14,9 @@ from torch import Tensor
 
 from fitting_core import rotations
 from fitting_core.body.model import JOINT
+from fitting_core.fit.provenance import Start
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.temporal import JointPositions
+from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.state import State
 
 _STRAIGHT = 0.1
@@ -31,15 +32,27 @@ class Limb:
     joints: tuple[str, str, str]
     hinge: tuple[float, float, float]
     """Axis about which the lower bone bends, in the rest pose."""
-    hand: bool
-    """Whether the end is a hand, flat enough that it looks the same when mirrored in depth."""
+    start: Start
+    """What a fit from the limb mirrored is said to start from."""
+    mirrored_hand: Start | None = None
+    """The same for its hand, which is flat enough that it looks the same when mirrored in depth; None for a foot."""
 
 
 LIMBS = {
-    "left_arm": Limb(joints=("left_shoulder", "left_elbow", "left_wrist"), hinge=(0.0, -1.0, 0.0), hand=True),
-    "right_arm": Limb(joints=("right_shoulder", "right_elbow", "right_wrist"), hinge=(0.0, 1.0, 0.0), hand=True),
-    "left_leg": Limb(joints=("left_hip", "left_knee", "left_ankle"), hinge=(1.0, 0.0, 0.0), hand=False),
-    "right_leg": Limb(joints=("right_hip", "right_knee", "right_ankle"), hinge=(1.0, 0.0, 0.0), hand=False),
+    "left_arm": Limb(
+        joints=("left_shoulder", "left_elbow", "left_wrist"),
+        hinge=(0.0, -1.0, 0.0),
+        start=Start.LEFT_ARM,
+        mirrored_hand=Start.LEFT_HAND,
+    ),
+    "right_arm": Limb(
+        joints=("right_shoulder", "right_elbow", "right_wrist"),
+        hinge=(0.0, 1.0, 0.0),
+        start=Start.RIGHT_ARM,
+        mirrored_hand=Start.RIGHT_HAND,
+    ),
+    "left_leg": Limb(joints=("left_hip", "left_knee", "left_ankle"), hinge=(1.0, 0.0, 0.0), start=Start.LEFT_LEG),
+    "right_leg": Limb(joints=("right_hip", "right_knee", "right_ankle"), hinge=(1.0, 0.0, 0.0), start=Start.RIGHT_LEG),
 }
 FLIPS = ((True, False), (False, True), (True, True))
 """Which bones are mirrored: upper, lower."""
@@ -73,9 +86,9 @@ class LimbFlips:
         at_last = torch.where(was_near ^ lower, near, far)
         turned = _hinged(limb, world, bones, (_unit(at_middle - joints[:, first]), _unit(at_last - at_middle)))
         end = world[:, last]
-        if limb.hand and lower:
+        if limb.mirrored_hand is not None and lower:
             end = _mirrored_hand(end, ray)
-        elif not limb.hand:
+        elif limb.mirrored_hand is None:
             end = turned[1] @ world[:, middle].transpose(1, 2) @ end
         return self._with_world(state, (first, middle, last), world, (*turned, end))
 
@@ -98,13 +111,13 @@ class LimbFlips:
             parent = own
         return state.with_columns(self.parametrisation.columns.body, self.parametrisation.prior.encode(pose))
 
-    def every(self, state: State) -> Iterator[tuple[str, State]]:
-        """All flips of all limbs and hands, one at a time, by the limb's name."""
-        for name, limb in LIMBS.items():
+    def every(self, state: State) -> Iterator[tuple[Start, State]]:
+        """All flips of all limbs and hands, one at a time, with what a fit from there is said to start from."""
+        for limb in LIMBS.values():
             for upper, lower in FLIPS:
-                yield name, self.flipped(state, limb, upper=upper, lower=lower)
-            if limb.hand:
-                yield f"{name}'s hand", self.with_mirrored_hand(state, limb)
+                yield limb.start, self.flipped(state, limb, upper=upper, lower=lower)
+            if limb.mirrored_hand is not None:
+                yield limb.mirrored_hand, self.with_mirrored_hand(state, limb)
 
 
 def _hinged(

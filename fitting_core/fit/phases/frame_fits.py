@@ -1,0 +1,100 @@
+"""Where every frame of a clip stands while phase 1 tries starts: state, cost, and where both came from."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from torch import Tensor
+
+from fitting_core import rotations
+from fitting_core.fit.provenance import Provenance, Start, Stopped
+from fitting_core.fit.solvers.solution import Ending, Solution
+from fitting_core.fit.variables.state import State
+
+_STOPPED: dict[Ending, Stopped] = {
+    "converged": Stopped.CONVERGED,
+    "iterations": Stopped.ITERATIONS,
+    "stalled": Stopped.STALLED,
+    "failed": Stopped.FAILED,
+}
+"""By `Solution.reason`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameFits:
+    """Every frame's state and what is known of it."""
+
+    state: State
+    cost: Float[Tensor, "T"]
+    """Infinite where nothing was minimised, or where it failed."""
+    start: UInt8[Tensor, "T"]
+    """Numbers of `Start`."""
+    stopped: UInt8[Tensor, "T"]
+    """Numbers of `Stopped`."""
+    notes: tuple[str, ...] = ()
+    """For the user."""
+
+    @staticmethod
+    def at(state: State, start: Start) -> "FrameFits":
+        """States that nothing has minimised yet."""
+        codes = torch.zeros(len(state), dtype=torch.uint8, device=state.vector.device)
+        cost = torch.full_like(state.vector[:, 0], torch.inf)
+        return FrameFits(state=state, cost=cost, start=codes + int(start), stopped=codes)
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where each frame came from."""
+        return Provenance(self.start.cpu().numpy(), self.stopped.cpu().numpy())
+
+    def restarted(self, frames: Int[Tensor, "n"], state: State, start: Start | UInt8[Tensor, "n"]) -> "FrameFits":
+        """Some frames start from other states."""
+        codes = self.start.clone()
+        codes[frames] = start if isinstance(start, Tensor) else int(start)
+        return replace(self, state=self.state.put(frames, state), start=codes)
+
+    def solved(self, frames: Int[Tensor, "n"], solution: Solution) -> "FrameFits":
+        """Some frames where a minimisation ended, each a group of its own; all others have no cost."""
+        cost = solution.cost.new_full((len(self.cost),), torch.inf)
+        cost[frames] = solution.cost
+        stopped = self.stopped.clone()
+        stopped[frames] = torch.tensor([stopped_of(r) for r in solution.reason], dtype=torch.uint8, device=cost.device)
+        return replace(self, state=self.state.put(frames, solution.state), cost=cost, stopped=stopped)
+
+    def lower(self, other: "FrameFits", by: float = 0.0) -> "tuple[FrameFits, Bool[Tensor, 'T']]":
+        """Of each frame the one that costs less, the other one if by more than this share; and where that is."""
+        better = other.cost < self.cost * (1 - by)
+        return replace(
+            self,
+            state=self.state.put(better, other.state[better]),
+            cost=torch.where(better, other.cost, self.cost),
+            start=torch.where(better, other.start, self.start),
+            stopped=torch.where(better, other.stopped, self.stopped),
+        ), better
+
+    def filled(self, good: Bool[Tensor, "T"]) -> "FrameFits":
+        """Frames that are not good lie between those around them; their cost stays."""
+        bad = (~good).nonzero()[:, 0]
+        fits = self.restarted(bad, filled(self.state, good)[bad], Start.FILLED)
+        empty = ~good & (fits.stopped == int(Stopped.UNKNOWN))
+        return replace(fits, stopped=fits.stopped.masked_fill(empty, int(Stopped.EMPTY)))
+
+
+def stopped_of(reason: Ending) -> Stopped:
+    """Why a minimisation stopped, from `Solution.reason`."""
+    return _STOPPED[reason]
+
+
+def filled(state: State, good: Bool[Tensor, "T"]) -> State:
+    """States of bad frames interpolated between the good ones around them; nearest good one at the ends."""
+    at = good.nonzero()[:, 0]
+    if not len(at) or bool(good.all()):
+        return state
+    bad = (~good).nonzero()[:, 0]
+    after = torch.searchsorted(at, bad).clamp(max=len(at) - 1)
+    before = (torch.searchsorted(at, bad) - 1).clamp(min=0)
+    a, b = at[before], at[after]
+    t = ((bad - a).to(state.vector) / (b - a).clamp(min=1)).clamp(0, 1)[:, None]
+    t = torch.where((a == b)[:, None], 0.0, t)
+    vector = (1 - t) * state.vector[a] + t * state.vector[b]
+    turn = rotations.log(state.orient[b] @ state.orient[a].transpose(1, 2))
+    return state.put(bad, State(rotations.exp(t * turn) @ state.orient[a], vector))

@@ -1,0 +1,247 @@
+"""The problem of frames that are fitted together: consecutive frames of a clip move, all others are held."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.fit.objective import CHUNK, FrameObjective
+from fitting_core.fit.solvers.banded import solve_block_banded
+from fitting_core.fit.solvers.problem import OnFrames, Step, damping_diagonal, mean_costs
+from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.variables.state import State
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """The frames that move, and those that the residuals of one term look at which look at any of them."""
+
+    free: range
+    """Consecutive frames of the clip that move."""
+    span: range
+    """Frames that are looked at. Those with `reach` neighbours on either side in it have residuals."""
+    reach: int
+
+    @staticmethod
+    def of(free: range, frames: int, reach: int, *, windowed: bool = False) -> "Coupling":
+        """Of a term with this reach in a clip of so many frames; `windowed` as in Sequence."""
+        first, last = (free.start - reach, free.stop) if windowed else (free.start - 2 * reach, free.stop + 2 * reach)
+        return Coupling(free, range(max(0, first), min(frames, last)), reach)
+
+    @property
+    def residuals(self) -> int:
+        """How many frames have residuals."""
+        return max(len(self.span) - 2 * self.reach, 0)
+
+    @property
+    def local(self) -> slice:
+        """The free frames in the span."""
+        return slice(self.free.start - self.span.start, self.free.stop - self.span.start)
+
+
+def _estimate(objective: FrameObjective, state: State, frames: range) -> Estimate:
+    return Estimate(objective.view, state, torch.arange(frames.start, frames.stop, device=state.vector.device))
+
+
+class _Coupled(Protocol):
+    """A term over the free frames."""
+
+    def cost(self, state: State) -> Tensor:
+        """Summed over its residuals; `state` holds the free frames."""
+        ...
+
+    def add(self, state: State, gradient: Float[Tensor, "n d"], bands: list[Tensor]) -> Tensor:
+        """Adds its half gradient and half matrix, and gives its cost.
+
+        The matrix is known by its blocks: band k couples each frame with the one k frames later.
+        """
+        ...
+
+
+class _ByStencil:
+    """A term that combines a quantity of single frames, whose Jacobian it knows.
+
+    With L the stencil, q the quantity and D its Jacobian, the half gradient of frame i is D_i^T (L^T L q)_i, and the
+    blocks of the half matrix are (L^T L)_ij D_i^T D_j.
+    """
+
+    def __init__(self, term: Term, objective: FrameObjective, clip: State, coupling: Coupling) -> None:
+        self.term, self.objective, self.coupling, self.stencil = term, objective, coupling, term.stencil
+        span = coupling.span
+        self.held = term.quantity(_estimate(objective, clip[span.start : span.stop], span))
+        bands, local = self.stencil.square(len(span), self.held), coupling.local
+        counts = (max(len(coupling.free) - k, 0) for k in range(len(bands)))
+        self.factors = [b[local.start : local.start + n, None, None] for b, n in zip(bands, counts, strict=True)]
+
+    def _residuals(self, quantity: Float[Tensor, "n m"]) -> Float[Tensor, "c m"]:
+        every = self.held.clone()
+        every[self.coupling.local] = quantity
+        return self.stencil(every)
+
+    def cost(self, state: State) -> Tensor:
+        """Of the free frames as they are, the others as they were."""
+        quantity = self.term.quantity(_estimate(self.objective, state, self.coupling.free))
+        return self._residuals(quantity).square().sum()
+
+    def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
+        """In chunks of frames, which need the Jacobians of the last frames before them as well."""
+        bandwidth = len(self.factors) - 1
+        quantities: list[Tensor] = []
+        jacobians: list[Tensor] = []
+        before = gradient.new_zeros(0, self.held.shape[1], gradient.shape[1])
+        for i in torch.arange(len(state)).split(CHUNK):
+            quantity, rows = self._rows(state, i)
+            known = torch.cat([before, rows])
+            start, stop, first = int(i[0]), int(i[-1]) + 1, int(i[0]) - len(before)
+            for k, factor in enumerate(self.factors):
+                earlier = slice(max(start - k, 0), max(stop - k, 0))
+                one, other = (known[earlier.start + by - first : earlier.stop + by - first] for by in (k, 0))
+                bands[k][earlier] += factor[earlier] * (one.transpose(1, 2) @ other)
+            quantities.append(quantity)
+            jacobians.append(rows)
+            before = known[-bandwidth:]
+        residuals = self._residuals(torch.cat(quantities))
+        pull = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
+        for rows, own, part in zip(jacobians, pull.split(CHUNK), gradient.split(CHUNK), strict=True):
+            part += (rows.transpose(1, 2) @ own[..., None])[..., 0]
+        return residuals.square().sum()
+
+    def _rows(self, state: State, i: Tensor) -> tuple[Tensor, Tensor]:
+        frames = range(self.coupling.free.start + int(i[0]), self.coupling.free.start + int(i[-1]) + 1)
+        e = _estimate(self.objective, state[i], frames)
+        rows = self.term.rows(e, self.objective.jacobian)
+        assert rows.extra_gradient is None, f"{self.term.name}: a stencil knows no extra gradient"
+        return rows.residual, self.objective.rows_in_prior_space(e, rows.jacobian)
+
+
+class _Differentiated:
+    """A term that gives its residuals only.
+
+    Residuals whose frames do not overlap are differentiated together: those of every (2 reach + 1)th frame.
+    """
+
+    def __init__(self, term: Term, objective: FrameObjective, clip: State, coupling: Coupling) -> None:
+        self.term, self.objective, self.coupling = term, objective, coupling
+        self.held = clip[coupling.span.start : coupling.span.stop]
+        local = coupling.local
+        self.local = torch.arange(local.start, local.stop, device=clip.vector.device)
+
+    def _residual(self, state: State) -> Float[Tensor, "c n"]:
+        if not self.coupling.residuals:
+            return state.vector.new_zeros(0, 0)
+        whole = self.held.put(self.local, state)
+        return self.term.residual(_estimate(self.objective, whole, self.coupling.span))
+
+    def cost(self, state: State) -> Tensor:
+        """Of the free frames as they are, the others as they were."""
+        return self._residual(state).square().sum()
+
+    def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
+        """Block by block: the residual of frame c with the frames at two offsets from it."""
+        residual, jacobian = self._jacobian(state)
+        offsets = range(jacobian.shape[1])
+        first = torch.arange(len(residual), device=self.local.device) - self.coupling.local.start
+        free = [(first + k >= 0) & (first + k < len(state)) for k in offsets]  # a residual's k-th frame is free
+        for later in offsets:
+            at, j = free[later], jacobian[:, later]
+            gradient.index_add_(0, (first + later)[at], (j.transpose(1, 2) @ residual[..., None])[at, :, 0])
+            for earlier in range(later + 1):
+                both = free[later] & free[earlier]
+                block = j[both].transpose(1, 2) @ jacobian[both, earlier]
+                bands[later - earlier].index_add_(0, (first + earlier)[both], block)
+        return residual.square().sum()
+
+    def _jacobian(self, state: State) -> tuple[Float[Tensor, "c n"], Float[Tensor, "c k n d"]]:
+        """Residuals, and their derivatives by the free columns of each frame that they look at; 0 for held ones."""
+        colours = 2 * self.coupling.reach + 1
+        with torch.enable_grad():
+            move = state.vector.new_zeros(len(state), len(self.objective.index), requires_grad=True)
+            residual = self._residual(state.moved(self.objective.step(move)))
+            jacobian = residual.new_zeros(len(residual), colours, residual.shape[1], move.shape[1])
+            for colour in range(min(colours, len(residual))):
+                centre = self.local - (self.local - colour) % colours  # whose residual looks at each free frame
+                there = (centre >= 0) & (centre < len(residual))
+                for n, total in enumerate(residual[colour::colours].sum(0)):
+                    (by_frame,) = torch.autograd.grad(total, move, retain_graph=True, allow_unused=True)
+                    if by_frame is not None:
+                        jacobian[centre[there], (self.local - centre)[there], n] = by_frame[there]
+        return residual.detach(), jacobian.detach()
+
+
+_COUPLED: dict[Derivative, Callable[[Term, FrameObjective, State, Coupling], _Coupled]] = {
+    Derivative.STENCIL: _ByStencil,
+    Derivative.AUTOMATIC: _Differentiated,
+}
+"""By how the derivatives of a term over time are found."""
+
+
+class Sequence(OnFrames):
+    """Sum of E_o over free frames + the terms over time that look at any of them: phase 3, a window, a re-run.
+
+    A residual couples frames up to 2 reach apart, so that the matrix is block-banded and a step costs O(frames).
+
+    Args:
+        objective: E_o with fixed betas, and the terms over time.
+        clip: all frames; those that are not free are held as they are here.
+        free: which frames move.
+        windowed: count residuals as the paper's windows do: those of free frames that look at no frame after these.
+            Otherwise all count that look at a free frame.
+    """
+
+    groups = 1
+    coupled_in_time = True
+
+    def __init__(self, objective: FrameObjective, clip: State, free: range, *, windowed: bool = False) -> None:
+        self.objective = objective
+        self.frames = torch.arange(free.start, free.stop, device=clip.vector.device)
+        self.unknowns = len(free) * len(objective.index)
+        self.bandwidth = 2 * max((term.reach for term in objective.coupling), default=0)
+        """Frames to either side that a frame is coupled to."""
+        self.coupled: dict[str, _Coupled] = {}
+        for term in objective.coupling:
+            coupling = Coupling.of(free, len(clip), term.reach, windowed=windowed)
+            self.coupled[term.name] = _COUPLED[term.derivative](term, objective, clip, coupling)
+
+    def rows(self, groups: Tensor) -> Tensor:
+        """All free frames."""
+        return torch.arange(len(self.frames), device=groups.device)
+
+    def spread(self, x: Tensor) -> Tensor:
+        """Frame after frame their free columns."""
+        return self.objective.step(x.view(len(self.frames), -1))
+
+    def cost(self, state: State, groups: Tensor) -> Float[Tensor, "1"]:
+        """E of the free frames."""
+        own = self.objective.cost(state, self.frames).sum()
+        return (own + sum(term.cost(state) for term in self.coupled.values()))[None]
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Of E_o, and those over time."""
+        coupled = {name: float(term.cost(state)) / len(self.frames) for name, term in self.coupled.items()}
+        return {**mean_costs(self.objective.costs(state, self.frames)), **coupled}
+
+    def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
+        """Cost, gradient, diagonal blocks, and the blocks one, two, ... below."""
+        n = self.objective.normal(state, self.frames)
+        count, width = n.gradient.shape
+        below = [n.matrix.new_zeros(max(count - k, 0), width, width) for k in range(1, self.bandwidth + 1)]
+        bands, cost = [n.matrix, *below], n.cost.sum()
+        for term in self.coupled.values():
+            cost = cost + term.add(state, n.gradient, bands)
+        return cost[None], n.gradient[None], *(band[None] for band in bands)
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
+        """One block-banded Cholesky factorisation."""
+        _, gradient, diagonal, *below = (a[0] for a in normal)
+        extra = damping_diagonal(diagonal.diagonal(dim1=1, dim2=2), damping.expand(len(diagonal)))
+        damped = diagonal.clone()
+        damped.diagonal(dim1=1, dim2=2).add_(extra)
+        solution = solve_block_banded([damped, *below], gradient)
+        solved = torch.tensor([solution is not None], device=gradient.device)
+        move = torch.zeros_like(gradient) if solution is None else -solution
+        predicted = -(gradient * move).sum() + (extra * move * move).sum()
+        return Step(self.objective.step(move), predicted[None], solved)

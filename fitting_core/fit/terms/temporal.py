@@ -1,0 +1,80 @@
+"""The temporal term E_T: joints move evenly from frame to frame."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.points.pairs import Joint
+from fitting_core.body.points.points import BodyPoints
+from fitting_core.fit.terms.term import Derivative, Rows, Stencil, Term
+from fitting_core.fit.variables.estimate import Estimate, View
+from fitting_core.fit.variables.point_jacobian import PointJacobian
+from fitting_core.fit.variables.state import Parametrisation, State
+
+OFF_MEAN = Stencil(((-1, -1 / 3), (0, 2 / 3), (1, -1 / 3)))
+"""J_i - mean(J_{i-1}, J_i, J_{i+1}) = (2 J_i - J_{i-1} - J_{i+1}) / 3 (paper, equation of E_T)."""
+
+
+class JointPositions:
+    """The 55 joints, in the body's own space or in camera space."""
+
+    def __init__(self, body: BodyModel, parametrisation: Parametrisation, *, in_camera: bool) -> None:
+        points = _joints(body, parametrisation.dtype, parametrisation.device)
+        unit = torch.ones(2, dtype=parametrisation.dtype, device=parametrisation.device)
+        self.view = View(parametrisation, points, unit, 0 * unit)
+        self.in_camera = in_camera
+
+    def estimate(self, state: State) -> Estimate:
+        """The state's joints, evaluated when asked for."""
+        return Estimate(self.view, state, torch.arange(len(state), device=state.vector.device))
+
+    def __call__(self, state: State) -> Float[Tensor, "B 55 3"]:
+        """Metres."""
+        return self.of(self.estimate(state))
+
+    def of(self, e: Estimate) -> Float[Tensor, "B 55 3"]:
+        """Metres, of what `estimate` gave."""
+        return e.in_camera if self.in_camera else e.posed.points
+
+
+@lru_cache(maxsize=4)
+def _joints(body: BodyModel, dtype: torch.dtype, device: torch.device) -> BodyPoints:
+    """The joints as points. Remembered beyond a fit, as each drag of a keypoint would wait for them."""
+    return BodyPoints(body, [Joint(j) for j in range(N_JOINTS)], dtype=dtype, device=device)
+
+
+@dataclass(frozen=True, eq=False)
+class Evenness(Term):
+    """E_T: weight x how far each joint is from the mean of its places in the frame before, this one and the next."""
+
+    weight: float
+    joints: JointPositions
+    name: str = "temporal"
+    derivative: ClassVar = Derivative.STENCIL
+    reach: ClassVar[int] = OFF_MEAN.reach
+
+    @property
+    def stencil(self) -> Stencil:
+        """Weighted."""
+        return OFF_MEAN.scaled(self.weight)
+
+    def quantity(self, e: Estimate) -> Float[Tensor, "B 165"]:
+        """The joints, metres."""
+        return self.joints(e.state).flatten(1)
+
+    def residual(self, e: Estimate) -> Float[Tensor, "c 165"]:
+        """Of each frame that has one before it and one after it."""
+        return self.stencil(self.quantity(e))
+
+    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
+        """The joints and their derivative. Pose correctives move no joint."""
+        own = self.joints.estimate(e.state)
+        identity = torch.eye(3, dtype=e.state.vector.dtype, device=e.state.vector.device)
+        left = identity.expand(len(e.state), N_JOINTS, 3, 3)
+        by_columns = jacobian.on(self.joints.view.points)(own.posed, left, translation=self.joints.in_camera)
+        return Rows(self.joints.of(own).flatten(1), by_columns)
