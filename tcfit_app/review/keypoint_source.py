@@ -13,6 +13,8 @@ Going = Task[FoundKeypoints | None]
 """A job from its start to its end."""
 PARTS = "detection"
 """The project's folder of what a detection has found so far."""
+
+
 class KeypointSource:
     """Gets a project its keypoints. For the one thread that draws.
 
@@ -68,8 +70,7 @@ class KeypointSource:
         return (self._project.folder / PARTS).is_dir()
 
     def _begin(self, job: KeypointJob) -> None:
-        if self._project.read_only:
-            raise InputError("This project is open read-only: it cannot get keypoints.")
+        self._project.refuse_read_only()
         if self._project.has_detections:
             raise InputError("This project has its keypoints already. Make a new project for others.")
         if self.busy:
