@@ -182,7 +182,7 @@ def fitting(review: Reviewing) -> Iterator[str]:
     app.post(session.cancel)
     until(lambda: not session.jobs, "the end of the fit")
     # The next run's result cannot be written where a folder lies.
-    (session.project.folder / "runs" / f"{max(run.id for run in session.fits.runs) + 1:06}.npz").mkdir()
+    (session.project.folder / "runs" / f"{max(run.id for run in session.fits.runs) + 1:06d}.npz").mkdir()
     few = (range(review.frame, review.frame + 4),)
     app.post(lambda: void(session.rerun_frames(shown, shown.run.config, few)))
     until(lambda: session.ended is not None and session.ended.outcome == "failed", "the failure")

@@ -22,7 +22,7 @@ from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.options.export import ExportOptions
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.runs import BodyRecord, Run
+from tcfit_app.project.storage.runs import BodyRecord, named
 
 _LIST = "list"
 
@@ -99,7 +99,7 @@ def _of_project(project: Project, options: ExportOptions) -> ExportSource:
 
 
 def _exported(fits: Fits, bodies: Bodies, name: str | None, phase: int | None) -> ExportedFit | None:
-    run = None if name is None else _run(fits.showable(), name)
+    run = None if name is None else named(fits.showable(), name)
     shown = fits.show(FitChoice(run=None if run is None else run.id, phase=phase))
     if shown is None:
         return None
@@ -107,15 +107,6 @@ def _exported(fits: Fits, bodies: Bodies, name: str | None, phase: int | None) -
         there = ", ".join(map(str, fits.phases(shown.run)))
         raise InputError(f"--phase {phase}: {shown.run.name} has none; it has {there}.")
     return ExportedFit(shown=shown, fit=fits.fit(shown.run), meshes=Meshes(bodies.of(shown.run.body)))
-
-
-def _run(runs: list[Run], name: str) -> Run:
-    found = [run for run in runs if name == run.name] or [run for run in runs if name.lstrip("#") == str(run.id)]
-    if len(found) == 1:
-        return found[0]
-    known = ", ".join(f"{run.name!r} (#{run.id})" for run in runs) or "none"
-    several = "several runs have this name; give the number of one" if found else "there is no such run"
-    raise InputError(f"Run {name!r}: {several}. Those with a result: {known}.")
 
 
 # --- a result of tcfit fit ---

@@ -16,7 +16,7 @@ from fitting_core.measure.reference.reference import BodyOf, Reference
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.runs import Run
+from tcfit_app.project.storage.runs import Run, named, newest
 
 FIRST, FINAL = "phase 1", "final"
 """What the two fits of one result are called."""
@@ -57,7 +57,7 @@ def evaluated_fit(path: Path, *, run: str | None = None, models: Path | None = N
 
     Args:
         path: A project, or the folder of a result.
-        run: Name or number of one of a project's runs; None: the latest that has a result.
+        run: Name or number of one of a project's runs; None: the latest of our own that has a result.
         models: Folder with body models that alone is searched.
 
     Raises:
@@ -89,13 +89,7 @@ def _chosen(project: Project, wanted: str | None) -> Run:
     runs = [run for run in project.runs.all() if run.stored]
     if not runs:
         raise InputError(f"{project.folder}: has no fit yet. Fit it with `tcfit review`.")
-    if wanted is None:
-        return runs[-1]
-    found = [run for run in runs if run.name == wanted] or [run for run in runs if str(run.id) == wanted]
-    if not found:
-        known = ", ".join(f"{run.name} ({run.id})" for run in runs)
-        raise InputError(f"--run {wanted}: {project.folder} has no such run with a result; expected one of {known}.")
-    return found[-1]
+    return newest(runs) if wanted is None else named(runs, wanted)
 
 
 def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit:

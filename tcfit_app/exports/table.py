@@ -40,8 +40,6 @@ class Export:
     write: Callable[[ExportSource, Path, Progress], None]
     """Writes the file, or into the folder, which exists and is empty. What it raises leaves nothing that is offered."""
     needs: Needs = "motion"
-    turned: bool = False
-    """Whether the wish for axes counts."""
     both: bool = False
     """It shows A and B, whichever is chosen."""
 
@@ -185,7 +183,6 @@ EXPORTS: dict[str, Export] = {
         suffix=".smplx.npz",
         hint="SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up",
         write=_npz,
-        turned=True,
     ),
     "bvh": Export(
         title="Skeleton (BVH)",
@@ -193,7 +190,6 @@ EXPORTS: dict[str, Export] = {
         suffix="-bvh",
         hint="55 joints in metres and degrees; by default y up",
         write=_bvh,
-        turned=True,
     ),
     "smplifyx": Export(
         title="SMPLify-X (pkl)",
@@ -216,7 +212,6 @@ EXPORTS: dict[str, Export] = {
         suffix="-obj",
         hint="The fit's own vertices, correctives included; by default y up",
         write=_obj,
-        turned=True,
     ),
     "ply": Export(
         title="PLY sequence",
@@ -224,7 +219,6 @@ EXPORTS: dict[str, Export] = {
         suffix="-ply",
         hint="As OBJ, binary: a third of the size; by default z up",
         write=_ply,
-        turned=True,
     ),
     "overlay": Export(
         title="Overlay",

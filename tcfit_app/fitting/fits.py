@@ -25,7 +25,7 @@ from tcfit_app.fitting.live import Correction
 from tcfit_app.fitting.run_jobs import CorrectionJob, RunJob
 from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.runs import Ended, Run
+from tcfit_app.project.storage.runs import Ended, Run, newest
 
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
@@ -356,9 +356,3 @@ class Fits:
             runs.finish(run.id, fit)
         self._publish(run.id, fit)
         self.changed()
-
-
-def newest(runs: list[Run]) -> Run:
-    """The one that is shown where nobody chose: what was imported is to be compared with, and not corrected."""
-    own = [run for run in runs if run.kind != "imported"]
-    return (own or runs)[-1]

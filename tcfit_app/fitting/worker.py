@@ -1,6 +1,8 @@
 """The one thread that fits: jobs from a queue, and live corrections between two iterations of a job."""
 
+import ctypes
 import logging
+import sys
 import threading
 from collections import deque
 from contextlib import closing
@@ -18,7 +20,6 @@ from fitting_core.fit.result import FitResult
 from tcfit_app.fitting.job_clock import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection
-from tcfit_app.fitting.memory import give_back
 from tcfit_app.fitting.outbox import (
     DragAbandoned,
     DragFailed,
@@ -292,3 +293,13 @@ class Worker:
 def _reason(error: Exception) -> str:
     """One line for the user: an InputError says what to do, anything else at least what it is."""
     return str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+
+
+def give_back() -> None:
+    """Ask the C library to return what it keeps of freed memory, where it can: glibc's on Linux.
+
+    A fit's large temporaries leave it with hundreds of megabytes that nobody uses: of 1365 MB that a review took after
+    five fits, 317 went back.
+    """
+    if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is not None:
+        trim(0)

@@ -19,7 +19,6 @@ import sqlite3
 import stat
 import tempfile
 import zipfile
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -47,7 +46,7 @@ MOST_RATIO = 1100
 # Only Windows sees a path or a drive in a frame's name that has a backslash or a colon.
 _FRAME = r"[^/\0]" if os.name == "posix" else r"[^/\\:\0]"
 _NAMES = re.compile(
-    r"tcfit-project\.json|project\.sqlite|(detections|reference|runs/\d{6,})\.npz"
+    rf"tcfit-project\.json|project\.sqlite|(detections|reference)\.npz|{runs.ENTRY}"
     rf"|media/[^/\\:\0]+(/{_FRAME}+)?",
     re.DOTALL,
 )
@@ -130,14 +129,10 @@ def _back_up(source: Path, copy: Path) -> None:
         raise InputError(f"{source}: cannot be copied ({error}). Open the project once, which checks it.") from error
 
 
-def _run_files(folder: Path, copy: Path) -> Iterator[tuple[Path, str]]:
+def _run_files(folder: Path, copy: Path) -> list[tuple[Path, str]]:
     """Results of the runs that the copy knows: newer ones may have come since."""
     with closing(sqlite3.connect(copy)) as connection:
-        numbers = [number for (number,) in connection.execute("SELECT id FROM runs ORDER BY id")]
-    for number in numbers:
-        name = f"{runs.FOLDER}/{number:06d}.npz"
-        if (folder / name).is_file():
-            yield folder / name, name
+        return [(folder / name, name) for name in runs.entries(folder, connection)]
 
 
 def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:

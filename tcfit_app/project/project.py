@@ -145,7 +145,7 @@ class Project:
     def refuse_read_only(self) -> None:
         """Raise InputError if nothing can be changed."""
         if self.read_only:
-            raise InputError(f"{self.folder}: is open read-only; nothing can be changed.")
+            raise InputError(database.read_only_refusal(self.folder))
 
     @property
     def detections(self) -> Keypoints:

@@ -70,8 +70,7 @@ class KeypointSource:
         return (self._project.folder / PARTS).is_dir()
 
     def _begin(self, job: KeypointJob) -> None:
-        if self._project.read_only:
-            raise InputError("This project is open read-only: it cannot get keypoints.")
+        self._project.refuse_read_only()
         if self._project.has_detections:
             raise InputError("This project has its keypoints already. Make a new project for others.")
         if self.busy:

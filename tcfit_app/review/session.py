@@ -178,14 +178,14 @@ class Session:
             InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
                 written; nothing is kept then.
         """
-        self._refuse_read_only("imported")
+        self.project.refuse_read_only()
         run = import_run(self.project, self.bodies, path, choices, goes_on=lambda: report("", None))
         self.fits.changed()
         return run
 
     def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
         """The same with a file that a browser has sent. Raises InputError as `import_run`."""
-        self._refuse_read_only("imported")
+        self.project.refuse_read_only()
         with upload(name, content) as path:
             run = import_run(
                 self.project,
@@ -233,7 +233,7 @@ class Session:
         start: Shown | None,
         windows: tuple[range, ...] = (),
     ) -> Run:
-        self._refuse_read_only("fitted")
+        self.project.refuse_read_only()
         seen = self.project.last_edit
         if start is not None and windows:
             seen = self.fits.edits_seen(start.run, windows, range(seen + 1))
@@ -422,7 +422,3 @@ class Session:
         """Raises InputError where there is nothing yet to correct or fit."""
         if not self.project.has_detections:
             raise InputError("This project has no keypoints yet: import or detect them first, in the panel Start.")
-
-    def _refuse_read_only(self, what: str) -> None:
-        if self.project.read_only:
-            raise InputError(f"This project is open read-only: nothing can be {what}.")

@@ -5,12 +5,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
-import msgspec
-
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app.project.storage.database import NAME, Database
+from tcfit_app.project.storage.runs import newest_body
 
 
 def body_ahead(project: Path) -> Future[BodyModel | None]:
@@ -44,10 +43,9 @@ def _newest_body(project: Path) -> BodyModel | None:
     try:
         database = Database(project / NAME, read_only=True)
         try:
-            rows = database.rows("SELECT body FROM runs WHERE deleted IS NULL ORDER BY id DESC LIMIT 1")
+            source = newest_body(database)
         finally:
             database.close()
-        source = msgspec.json.decode(rows[0]["body"])["source"] if rows else ""
         return load_body(Path(source)) if source else None
-    except (InputError, msgspec.DecodeError, KeyError, TypeError):
+    except InputError:
         return None

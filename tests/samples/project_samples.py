@@ -1,5 +1,7 @@
 """Small clips, fits and edits for tests of projects: random, and the same again for the same seed."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import torch
 from hypothesis import strategies as st
@@ -11,6 +13,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.keypoints import COUNT, Keypoints
+from tcfit_app.project.edits.edit_log import EditHistory, LogEntry
 from tcfit_app.project.edits.kinds import (
     SIDES,
     CopyFrom,
@@ -99,6 +102,11 @@ def assert_same_fit(one: FitResult, other: FitResult) -> None:
     assert np.array_equal(one.observed, other.observed)
     for name in ("camera", "config", "warnings", "pose_prior"):
         assert getattr(one, name) == getattr(other, name), name
+
+
+def applied(detections: Keypoints, log: Iterable[LogEntry]) -> Keypoints:
+    """The keypoints to fit: detections with a whole log."""
+    return EditHistory(detections, log).keypoints
 
 
 def same_keypoints(one: Keypoints, other: Keypoints) -> bool:

@@ -206,12 +206,3 @@ class EditHistory:
 def _edit(entry: LogEntry) -> Edit:
     assert not isinstance(entry.action, Undo | Redo)
     return entry.action
-
-
-def apply(detections: Keypoints, entries: Iterable[LogEntry]) -> Keypoints:
-    """The keypoints to fit: detections with a whole log.
-
-    Raises:
-        InputError: The entries make no sense for these detections.
-    """
-    return EditHistory(detections, entries).keypoints

@@ -74,6 +74,14 @@ MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
 """MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
 
 
+def read_only_refusal(folder: Path) -> str:
+    """What is said of every change to a project that is open read-only."""
+    return (
+        f"{folder}: is open read-only, so nothing can be changed: another tcfit has it open, or --read-only was given. "
+        "Open it again when that one is closed, without the option."
+    )
+
+
 def is_project(path: Path) -> bool:
     """Whether a path is a project's folder."""
     return (path / NAME).is_file()
@@ -189,7 +197,7 @@ class Database:
             InputError: The project is open read-only, or its file cannot be written.
         """
         if self.read_only:
-            raise InputError(f"{self.path.parent}: is open read-only; nothing can be changed.")
+            raise InputError(read_only_refusal(self.path.parent))
         with self._lock, _explained(self.path), _transaction(self._connection):
             yield self._connection
 

@@ -9,10 +9,11 @@ import msgspec
 
 from fitting_core.errors import InputError
 from tcfit_app.project.storage.database import Database
+from tcfit_app.project.storage.runs import LAST_MOMENT
 
 MarkState = Literal["checked", "flag"]
 """Looks fine; or needs attention."""
-_ORDER = "SELECT (SELECT coalesce(max(id), 0) FROM edits), (SELECT coalesce(max(moment), 0) FROM runs)"
+_ORDER = f"SELECT (SELECT coalesce(max(id), 0) FROM edits), {LAST_MOMENT}"
 
 
 @dataclass(frozen=True, kw_only=True)

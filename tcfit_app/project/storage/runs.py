@@ -1,4 +1,4 @@
-"""The fits of a project: a row each in its database, and what they found in runs/<id>.npz.
+"""The fits of a project: a row each in its database, and what they found in runs/<id>.npz. Here is all that knows so.
 
 A row is made before its file, so a file always has a row. While a run goes on, its file may hold the phases that have
 finished; when its process dies, the run becomes "interrupted" the next time the project is opened, and keeps them.
@@ -6,6 +6,7 @@ finished; when its process dies, the run becomes "interrupted" the next time the
 
 import sqlite3
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,11 +23,15 @@ from tcfit_app.project.storage.durable import accessing, sweep, sync
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
 
-FOLDER = "runs"
+ENTRY = r"runs/\d{6,}\.npz"
+"""What the paths of results in a project's folder look like, as a regular expression."""
+_FOLDER = "runs"
 _ORPHANS = "orphans"
-"""In FOLDER: files without a row, as an older copy of the database would leave them. They are never deleted."""
+"""In _FOLDER: files without a row, as an older copy of the database would leave them. They are never deleted."""
 
-_NEXT = "1 + max((SELECT coalesce(max(moment), 0) FROM runs), (SELECT coalesce(max(last_moment), 0) FROM marks))"
+LAST_MOMENT = "(SELECT coalesce(max(moment), 0) FROM runs)"
+"""The largest `Run.moment`, 0 without any, in SQL."""
+_NEXT = f"1 + max({LAST_MOMENT}, (SELECT coalesce(max(last_moment), 0) FROM marks))"
 """The next `Run.moment`; marks remember those of runs that have been purged."""
 
 Ended = Literal["cancelled", "failed"]
@@ -80,7 +85,7 @@ class Runs:
     """All runs of a project. Thread-safe."""
 
     def __init__(self, folder: Path, database: Database) -> None:
-        self._folder, self._database = folder / FOLDER, database
+        self._folder, self._database = folder / _FOLDER, database
 
     def recover(self) -> None:
         """Tidy up after a process that died. Only for the one who holds the project's lock.
@@ -290,7 +295,7 @@ class Runs:
             raise InputError(f"{found.name} is {found.state}; {wanted}.")
 
     def _path(self, run: int) -> Path:
-        return self._folder / f"{int(run):06d}.npz"
+        return self._folder / _file_name(run)
 
     def _run(self, row: sqlite3.Row) -> Run:
         try:
@@ -317,6 +322,46 @@ class Runs:
             raise InputError(
                 f"{self._database.path}: run {row['id']} cannot be read ({error}); it is damaged."
             ) from error
+
+
+def newest(runs: Sequence[Run]) -> Run:
+    """The one that counts where nobody chose: what was imported is to be compared with, and no fit of ours."""
+    own = [run for run in runs if run.kind != "imported"]
+    return (own or runs)[-1]
+
+
+def named(runs: Sequence[Run], name: str) -> Run:
+    """The run that a user calls by its name, or by its number ("3" or "#3").
+
+    Raises:
+        InputError: There is none, or there are several of this name.
+    """
+    found = [run for run in runs if name == run.name] or [run for run in runs if name.lstrip("#") == str(run.id)]
+    if len(found) == 1:
+        return found[0]
+    known = ", ".join(f"{run.name!r} (#{run.id})" for run in runs) or "none"
+    several = "several runs have this name; give the number of one" if found else "there is no such run"
+    raise InputError(f"Run {name!r}: {several}. Those with a result: {known}.")
+
+
+def entries(folder: Path, connection: sqlite3.Connection) -> list[str]:
+    """The results that lie in a project's folder, of the runs that a copy of its database knows, as paths in it."""
+    numbers = [number for (number,) in connection.execute("SELECT id FROM runs ORDER BY id")]
+    names = [f"{_FOLDER}/{_file_name(number)}" for number in numbers]
+    return [name for name in names if (folder / name).is_file()]
+
+
+def newest_body(database: Database) -> str:
+    """Where the body model of the run that began last was read; empty if nothing is known of that."""
+    rows = database.rows("SELECT body FROM runs WHERE deleted IS NULL ORDER BY id DESC LIMIT 1")
+    try:
+        return msgspec.json.decode(rows[0]["body"], type=BodyRecord).source if rows else ""
+    except msgspec.DecodeError:
+        return ""
+
+
+def _file_name(run: int) -> str:
+    return f"{int(run):06d}.npz"
 
 
 def _now() -> datetime:

@@ -94,10 +94,6 @@ class VideoFrames:
         """Why a frame is grey; empty if it is not, or was not decoded yet."""
         return self._problem or self._problems.get(frame, "")
 
-    def shown_size(self, shown: FrameSize) -> tuple[int, int]:
-        """Width and height in pixels of frames of the clip's own size."""
-        return shown_size(self.size, shown)
-
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame as JPEG if it is there; else None, and it is decoded next."""
         assert 0 <= frame < self.count

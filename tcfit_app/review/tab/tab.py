@@ -145,11 +145,7 @@ class Tab:
 
     def refuse_read_only(self) -> None:
         """Raises InputError where nothing can be changed."""
-        if self.session.project.read_only:
-            raise InputError(
-                "This project is open read-only: another tcfit has it open, or --read-only was given. Start this "
-                "review again when that one is closed, without the option."
-            )
+        self.session.project.refuse_read_only()
 
     # --- its state ---
 

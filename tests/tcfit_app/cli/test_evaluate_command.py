@@ -23,6 +23,7 @@ from fitting_core.synthetic.truth import Truth, write_truth
 from tcfit_app.cli.main import main
 from tcfit_app.evaluation import ablations, suite_runs
 from tcfit_app.evaluation.ablations import variations
+from tcfit_app.evaluation.evaluated_fits import evaluated_fit
 from tcfit_app.evaluation.evaluating import notes_about
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import BodyRecord
@@ -108,7 +109,24 @@ def test_a_project_has_its_own_reference(tmp_path: Path, free_body: BodyModel, c
         assert float(final["joint_error_mean [mm]"]) == pytest.approx(error, abs=1e-3)
         assert float(final["reprojection_mean [px]"]) == pytest.approx(0, abs=0.5 + 0.1 * error)
     assert main(["evaluate", str(project), "--run", "none"]) == 2
-    assert "expected one of exact (1), far (2)" in capsys.readouterr().err
+    assert "there is no such run. Those with a result: 'exact' (#1), 'far' (#2)" in capsys.readouterr().err
+
+
+def test_which_run_is_measured_is_the_same_as_anywhere_else(
+    tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture
+):
+    """What was imported last is not what is measured where nobody chose, and a name that two runs have is refused."""
+    folder = project_with_fit(tmp_path / "x.tcfit", free_body, reference=False)
+    with Project.open(folder) as project:
+        far = project.runs.get(2)
+        run = project.runs.start(FitConfig(), body=far.body, edits_seen=0, name="theirs", kind="imported")
+        project.runs.finish(run.id, project.runs.load(2))
+    assert evaluated_fit(folder).name.endswith(", far")
+    assert evaluated_fit(folder, run="#3").name.endswith(", theirs")
+    with Project.open(folder) as project:
+        project.runs.rename(3, "far")
+    assert main(["evaluate", str(folder), "--run", "far"]) == 2
+    assert "several runs have this name; give the number of one" in capsys.readouterr().err
 
 
 def test_a_reference_at_an_odd_rate_is_told_to_leave_accelerations_out(free_body: BodyModel):

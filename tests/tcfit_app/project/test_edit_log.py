@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits import edit_log
-from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo, apply
+from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import Edit, MarkBad, MoveKeypoint
-from tests.samples.project_samples import edits, same_keypoints, sample_keypoints
+from tests.samples.project_samples import applied, edits, same_keypoints, sample_keypoints
 
 NOW: Any = None
 STEPS = st.lists(st.one_of(edits(), st.sampled_from(["undo", "redo"])), max_size=25)
@@ -23,7 +23,7 @@ def entry(number: int, action: Action) -> LogEntry:
 
 
 def from_scratch(detections: Keypoints, done: list[tuple[int, Edit]]) -> Keypoints:
-    return apply(detections, [entry(number, edit) for number, edit in done])
+    return applied(detections, [entry(number, edit) for number, edit in done])
 
 
 @pytest.mark.parametrize("memory", [edit_log._MEMORY, 3000, 0])
@@ -61,7 +61,7 @@ def test_every_step_equals_the_edits_that_are_done_made_from_scratch(memory: int
             history.add(entry(number, action))
             log.append(entry(number, action))
             assert same_keypoints(history.keypoints, from_scratch(detections, done))
-        assert same_keypoints(apply(detections, log), history.keypoints)
+        assert same_keypoints(applied(detections, log), history.keypoints)
         assert same_keypoints(detections, copy)
 
     holds()

@@ -26,7 +26,6 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.suspicion import still_checked
 from tcfit_app.project import project as project_module
-from tcfit_app.project.edits.edit_log import apply
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media
@@ -37,6 +36,7 @@ from tests.samples.media import write_video
 from tests.samples.project_samples import (
     BODY,
     CONFIG,
+    applied,
     assert_same_fit,
     random_edit,
     same_keypoints,
@@ -122,7 +122,7 @@ def test_several_threads_may_edit(folder: Path):
         list(pool.map(lambda _: project.undo(), range(10)))
         assert [entry.id for entry in project.log] == list(range(1, 54))
         corrected = project.clip.keypoints
-        assert same_keypoints(corrected, apply(project.detections, project.log))
+        assert same_keypoints(corrected, applied(project.detections, project.log))
     with Project.open(folder) as project:
         assert same_keypoints(project.clip.keypoints, corrected) and len(project.log) == 53
 
@@ -213,7 +213,7 @@ with Project.open(folder, read_only=True) as project:
     assert locked == (
         f"{folder}: is open in another tcfit (process {os.getpid()}). Close that one, or open the project read-only."
     )
-    assert read == "True 4 3" and refused == f"InputError {folder}: is open read-only; nothing can be changed."
+    assert read == "True 4 3" and refused == f"InputError {database.read_only_refusal(folder)}"
     with Project.open(folder) as project:
         assert len(project.log) == 5
 

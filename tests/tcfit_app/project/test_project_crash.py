@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
-from tcfit_app.project.edits.edit_log import EditHistory, Redo, Undo, apply
+from tcfit_app.project.edits.edit_log import EditHistory, Redo, Undo
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Runs
 from tests.drivers.processes import killed_after, needs_fork, succeeded
 from tests.samples.project_samples import (
     BODY,
     CONFIG,
+    applied,
     assert_same_fit,
     random_edit,
     same_keypoints,
@@ -80,7 +81,7 @@ def _check(folder: Path, reported: list[str], before: int) -> int:
             kinds = {"undo": Undo, "redo": Redo}
             assert isinstance(log[last], kinds[kind]) if kind in kinds else log[last] == random_edit(int(seed))
         assert len(log) <= max(last, before) + 1
-        assert same_keypoints(project.clip.keypoints, apply(project.detections, project.log))
+        assert same_keypoints(project.clip.keypoints, applied(project.detections, project.log))
         assert same_keypoints(project.detections, sample_clip().keypoints)
         for run in project.runs.all():
             assert run.state in ("finished", "interrupted")

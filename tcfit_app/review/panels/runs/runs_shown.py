@@ -5,8 +5,8 @@ from functools import partial
 from typing import Literal
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import TITLES, FitChoice, newest
-from tcfit_app.project.storage.runs import Run
+from tcfit_app.fitting.fits import TITLES, FitChoice
+from tcfit_app.project.storage.runs import Run, newest
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.review.scene.layers import RUN_COLORS, css

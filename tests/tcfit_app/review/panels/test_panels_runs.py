@@ -128,7 +128,7 @@ def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(pan
     runs.finish(started.id, replace(fit, phases=(*fit.phases[:-1], patched)))
     session.fits.changed()
     tested.press("runs.choose", str(started.id))
-    tested.until(lambda: "<dt>Phases" in tested.html())
+    tested.until(lambda: "<dt>Phases</dt>" in tested.html())
     shown = tested.html()
     assert "<dt>Took</dt>" not in shown
     assert "<dt>Phases</dt><dd>every frame, shape, over time</dd>" in shown

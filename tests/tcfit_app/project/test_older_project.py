@@ -1,0 +1,83 @@
+"""A project that an earlier tcfit made and packed opens, is reviewed and exported, with everything that is in it."""
+
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from tcfit_app.cli.main import main
+from tcfit_app.exports.table import EXPORTS
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.edit_log import Undo
+from tcfit_app.project.packed import unpack
+from tcfit_app.project.project import Project
+from tests.drivers.lone_page import lone_page
+from tests.samples.project_samples import FRAMES, assert_same_fit, random_edit, same_keypoints, sample_fit
+
+PACKED = Path(__file__).parents[2] / "samples" / "projects" / "before-the-first-release.tcfit.zip"
+"""Of `sample_clip` with images, five edits of which the last was undone, four runs, of which one was deleted and one
+was under way when its process died, and marks. Only ever added to: projects of all versions exist."""
+WITHOUT_OPENGL = [name for name in EXPORTS if name not in ("overlay", "side-by-side", "report")]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    unpack(PACKED, tmp_path / "walk.tcfit")
+    return tmp_path / "walk.tcfit"
+
+
+@pytest.fixture
+def project(folder: Path) -> Iterator[Project]:
+    with Project.open(folder) as opened:
+        yield opened
+
+
+def test_all_that_it_holds_is_there(project: Project):
+    clip = project.clip
+    assert (clip.name, clip.frame_rate, clip.first_frame, len(clip)) == ("walk", 29.97, 7, FRAMES)
+    assert clip.notes == ("gap in 3", "größer") and not project.media.problem
+    *edits, undo = [entry.action for entry in project.log]
+    assert edits == [random_edit(seed) for seed in range(5)] and undo == Undo(edit=5)
+    assert project.corrected.edited.any() and not same_keypoints(clip.keypoints, project.detections)
+    assert project.redo() is not None
+    marks = project.marks.all()
+    assert {frame: mark.state for frame, mark in marks.items()} == {1: "checked", 2: "checked", 4: "flag"}
+    assert marks[4].reason == "arm"
+
+
+def test_its_runs_are_there_and_go_on(project: Project):
+    runs = project.runs
+    found = [(run.id, run.name, run.kind, run.state, run.parent, run.edits_seen) for run in runs.all()]
+    assert found == [
+        (2, "fit 1", "fit", "finished", None, 1),
+        (3, "fit 1 corrected", "corrections", "finished", 2, 3),
+        (4, "died", "fit", "interrupted", None, 3),
+    ]
+    assert [run.name for run in runs.all(deleted=True)] == ["fit 0"]
+    for number, seed, last_phase in ((1, 0, 1), (2, 1, 3), (3, 2, 1)):
+        assert_same_fit(runs.load(number), sample_fit(seed, last_phase=last_phase))
+    runs.undelete(1)
+    new = runs.start(runs.get(2).config, body=runs.get(2).body, edits_seen=project.last_edit)
+    runs.finish(new.id, sample_fit(3))
+    assert new.id == 5 and runs.get(5).moment > runs.get(3).moment
+
+
+def test_it_is_reviewed(panel_server: viser.ViserServer, project: Project):
+    with lone_page(panel_server, project) as tested:
+        shown = tested.page.fit(FitChoice(run=2))
+        assert shown is not None and shown.phase == 3
+        assert np.isfinite(tested.page.desk.body(shown, 0).vertices).all()
+        html = tested.html()
+        assert "fit 1 corrected" in html and "interrupted" in html
+
+
+def test_it_is_exported(folder: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    arguments = ["export", str(folder), "--out", str(out), "--run", "2", "--zip", "--formats", *WITHOUT_OPENGL]
+    assert main(arguments) == 0
+    assert len(list(out.iterdir())) == len(WITHOUT_OPENGL)
+    with zipfile.ZipFile(out / "walk.tcfit.zip") as archive:
+        assert "media/frames/00.png" in archive.namelist() and "runs/000004.npz" not in archive.namelist()
