@@ -12,7 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
-from fitting_core.fit.fitting import fit, rerun_events
+from fitting_core.fit.fitting import fit_clip, rerun_events
 from fitting_core.fit.phases.search import sharp_frames, sharpening
 from fitting_core.fit.phases.search.sharpening import (
     LEVELS,
@@ -138,7 +138,7 @@ def found(free_body: BodyModel, exact: Keypoints) -> BodyParams:
     """From exact keypoints, up to the first two levels: the others take a minute."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sharp_frames, "LEVELS", LEVELS[:2])
-        return fit(clip_of(exact), free_body, CONFIG).last.params
+        return fit_clip(clip_of(exact), free_body, CONFIG).last.params
 
 
 def missed(body: BodyModel, keypoints: Keypoints, params: BodyParams) -> float:
@@ -147,7 +147,7 @@ def missed(body: BodyModel, keypoints: Keypoints, params: BodyParams) -> float:
 
 
 def test_exact_keypoints_are_reproduced_more_exactly(free_body: BodyModel, exact: Keypoints, found: BodyParams):
-    blunt = fit(clip_of(exact), free_body, replace(CONFIG, sharper_keypoints=False)).last.params
+    blunt = fit_clip(clip_of(exact), free_body, replace(CONFIG, sharper_keypoints=False)).last.params
     assert missed(free_body, exact, found) < 0.3 * missed(free_body, exact, blunt)
 
 
@@ -159,7 +159,7 @@ def test_keypoints_of_the_body_alone_tell_no_noise(free_body: BodyModel, exact: 
 def test_noisy_keypoints_change_nothing(free_body: BodyModel, exact: Keypoints):
     rough = clip_of(noisy(exact, 4.0))
     plain = replace(CONFIG, sharper_keypoints=False)
-    poses = (fit(rough, free_body, replace(c, last_phase=1)).last.params.body_pose for c in (CONFIG, plain))
+    poses = (fit_clip(rough, free_body, replace(c, last_phase=1)).last.params.body_pose for c in (CONFIG, plain))
     torch.testing.assert_close(*poses, rtol=0, atol=0)
 
 
