@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json
+from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.video.frame_names import natural_key, split_number
 
@@ -52,7 +52,8 @@ def read_openpose(path: Path) -> Detections:
 
     Frames come in the order of their numbers. Body lists can be BODY_25 or COCO-18 (feet are then not detected, and
     mid-hip is the mean of the hips); any list can be empty or absent; ``person_id`` and 3D lists are not used.
-    Positions stay as in the files, pixels or normalised. Confidences slightly above 1 are set to 1.
+    Positions stay as in the files, pixels or normalised. Confidences slightly below 0 or above 1 count as 0 and 1,
+    which is noted.
 
     Raises:
         InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
@@ -62,7 +63,13 @@ def read_openpose(path: Path) -> Detections:
     raw = [(file, _read_people(file)) for file in files]
     frames = tuple(_frame(file, people) for file, people in raw)
     _forbid_mixed_layouts(raw)
-    return Detections(frames=frames, stems=tuple(_stem(file) for file in files), source=path, scale="auto")
+    return Detections(
+        frames=frames,
+        stems=tuple(_stem(file) for file in files),
+        source=path,
+        scale="auto",
+        notes=stray_confidences(path, _confidences(raw)),
+    )
 
 
 def write_openpose(
@@ -191,6 +198,12 @@ def _places(where: str, key: str, values: Any, layouts: dict[int, list[int]]) ->
 def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float[np.ndarray, "K 3"]:
     names = [f"{NAMES[place]} ({key})" for place in places]
     return checked_points(where, numbers(where, values, names).reshape(-1, 3), names)
+
+
+def _confidences(raw: Sequence[tuple[Path, list[Any]]]) -> Float[np.ndarray, "n"]:
+    """All third numbers, as they stand in the files."""
+    lists = [_list(entry, key) or () for _, people in raw for entry in people for key in PARTS]
+    return np.array([confidence for values in lists for confidence in values[2::3]], float)
 
 
 def _mid_hip(hips: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "3"]:
