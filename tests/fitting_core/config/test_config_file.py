@@ -174,3 +174,11 @@ def test_nearest_names():
 def test_unknown_preset():
     with pytest.raises(InputError, match=r"--preset: there is no preset 'tcfitt'.*Did you mean tcfit\?"):
         preset("tcfitt")
+
+
+def test_a_device_that_lacks_the_precision_is_refused():
+    on_mps = {"device": "mps"}
+    refused = changed(PRESETS["tcfit"], on_mps, origin="mine.toml")
+    with pytest.raises(InputError, match=r"device mps cannot compute in float64.*Set precision to float32"):
+        check(refused)
+    check(changed(PRESETS["tcfit"], on_mps | {"precision": "float32"}, origin="mine.toml"))
