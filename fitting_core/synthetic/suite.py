@@ -3,7 +3,6 @@
 Six people wave (Simple Motion) and sit down cross-legged and stand up again (Complex Motion), and one signs.
 """
 
-import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -29,6 +28,7 @@ from fitting_core.synthetic.acting.build import Build
 from fitting_core.synthetic.acting.hazards import Hazard, Mishaps, failures
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.acting.script import Script
+from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motions.cross_legged import cross_legged
 from fitting_core.synthetic.motions.signing import signing
 from fitting_core.synthetic.motions.waving import waving
@@ -218,7 +218,7 @@ def render_frames(
 
 def _cached_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:
     folder = platformdirs.user_cache_path("tcfit", appauthor=False) / "suite"
-    path = folder / f"{sequence.name}-{_version(sequence, body)}.npz"
+    path = folder / f"{sequence.name}-{fingerprint(repr(sequence), body.hash)}.npz"
     if not path.is_file():
         truth = make_truth(sequence, body)
         folder.mkdir(parents=True, exist_ok=True)
@@ -226,11 +226,3 @@ def _cached_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:
             write_truth(Path(incoming) / path.name, truth)
             os.replace(Path(incoming) / path.name, path)
     return read_truth(path)
-
-
-def _version(sequence: SuiteSequence, body: BodyModel) -> str:
-    """Changes whenever the sequence, the body or a module that shapes the truth does."""
-    digest = hashlib.sha256(f"{sequence!r} {body.hash}".encode())
-    for module in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(module.read_bytes())
-    return digest.hexdigest()[:12]
