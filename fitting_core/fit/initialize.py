@@ -79,7 +79,7 @@ def guess_depth(stages: Stages) -> DepthGuess:
 
 
 def _rest_joints(stages: Stages) -> Float[Tensor, "55 3"]:
-    return stages.tensor(stages.body.joint_regressor @ stages.body.template)
+    return stages.tensor(stages.body.rest_joints)
 
 
 def fill_gaps(values: Float[Tensor, "T"], known: Bool[Tensor, "T"], *, otherwise: float) -> Float[Tensor, "T"]:

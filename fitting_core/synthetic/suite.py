@@ -193,8 +193,7 @@ def _visible(
 def _flesh(body: BodyModel, betas: Float[torch.Tensor, "1 10"]) -> Float[np.ndarray, "137"]:
     """Flesh in front of the keypoints of a shape."""
     rest = replace(BodyParams.neutral(1), betas=betas)
-    shaped = body.template + body.shape_directions @ betas[0].numpy()
-    return flesh_of(keypoints_in_space(body, rest)[0][0], shaped)
+    return flesh_of(keypoints_in_space(body, rest)[0][0], body.with_shape(betas[0].numpy()).template)
 
 
 def render_frames(

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.model import JOINT
+from fitting_core.body.model import JOINT, POSE_COLUMNS
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.rotations import hat
@@ -188,7 +188,8 @@ class Rest:
 
     def columns(self, e: Estimate) -> tuple[Tensor, bool]:
         """The whole axis-angle pose."""
-        return torch.arange(3, 66, device=self.weight.device), True
+        body = POSE_COLUMNS["body_pose"]
+        return torch.arange(body.start, body.stop, device=self.weight.device), True
 
     def slope(self, e: Estimate) -> Tensor:
         """The weights."""
