@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 
 # OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
 MAX_CONFIDENCE = 1.25
@@ -29,11 +30,13 @@ def read_json(file: Path, *, advice: str) -> Any:
         InputError: It is missing, unreadable, damaged, or nested deeper than Python reads.
     """
     try:
-        return json.loads(file.read_text(encoding="utf-8-sig"))
+        return json.loads(regular_file(file).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(f"{file} does not exist; expected a keypoint file or a folder of them.") from None
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror or error}.") from error
+    except InputError:
+        raise
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file} is not readable as JSON ({error}). It may be cut off: {advice}.") from error
 

@@ -122,7 +122,7 @@ def test_bad_file_is_refused(write, case: str):
 def test_files_that_are_no_text(tmp_path: Path):
     with pytest.raises(InputError, match="cannot be read"):
         read_config(tmp_path / "missing.toml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         read_config(tmp_path)
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match="UTF-8"):
