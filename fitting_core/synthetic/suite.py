@@ -3,8 +3,6 @@
 Six people wave (Simple Motion) and sit down cross-legged and stand up again (Complex Motion), and one signs.
 """
 
-import os
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -219,9 +217,6 @@ def _cached_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:
     folder = platformdirs.user_cache_path("tcfit", appauthor=False) / "suite"
     path = folder / f"{sequence.name}-{fingerprint(repr(sequence), body.hash)}.npz"
     if not path.is_file():
-        truth = make_truth(sequence, body)
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".incoming-", dir=folder) as incoming:
-            write_truth(Path(incoming) / path.name, truth)
-            os.replace(Path(incoming) / path.name, path)
+        write_truth(path, make_truth(sequence, body))
     return read_truth(path)

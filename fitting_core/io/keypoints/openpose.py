@@ -1,7 +1,6 @@
 """OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
@@ -105,22 +105,15 @@ def write_openpose(
     points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1) * detected[..., None]
     parts = {key: part for key, part in _WRITTEN.items() if detected[:, part].any()}
     for path, frame in zip(paths, points, strict=True):
-        _replace_text(path, json.dumps({"version": 1.3, "people": [_entry(frame, parts)] if frame.any() else []}))
+        content = json.dumps({"version": 1.3, "people": [_entry(frame, parts)] if frame.any() else []})
+        with replacing(path) as draft:
+            draft.write_text(content, encoding="utf-8")
     return paths
 
 
 def _entry(frame: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[str, list]:
     lists = {f"{key}_2d": frame[parts[key]].ravel().tolist() if key in parts else [] for key in _WRITTEN}
     return {"person_id": [-1], **lists}
-
-
-def _replace_text(path: Path, text: str) -> None:
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _stem(file: Path) -> str:
