@@ -58,3 +58,8 @@ def regular_file(path: Path, *, most: int | None = MAX_BYTES) -> Path:
     if why := refusal(path, most=most):
         raise InputError(f"{path}: {why}.")
     return path
+
+
+def legible(name: str) -> str:
+    """A name as text: what is not UTF-8 in it, as file names may have it, becomes question marks in diamonds."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
