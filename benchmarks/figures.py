@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from benchmarks.hard_poses import Arm, HardPose, Leg, Vector
-from fitting_core.body.model import N_HAND_COMPONENTS, N_JOINTS, BodyModel
+from fitting_core.body.model import N_HAND_COMPONENTS, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import collar_rotation
@@ -27,7 +27,7 @@ _COLLAR_ROUNDS = 4
 """The collar follows the upper arm, whose direction follows from where the collar holds it."""
 _SIDES = (("left", 1.0), ("right", -1.0))
 _FACING = np.diag([1.0, -1.0, -1.0])
-_BODY = slice(1, 22)
+_BODY = POSE_JOINTS["body_pose"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ def views_of(pose: HardPose) -> Sequence[View]:
 
 def figure_of(body: BodyModel, pose: HardPose) -> BodyParams:
     """One frame of a person of mean shape in a pose, in level axes, with the pelvis joint where it rests."""
-    rest = body.joint_regressor @ body.template
+    rest = body.rest_joints
     figure = Figure(rest, body.parents, rest[:1])
     figure.turn("pelvis", _turn(pose.hips))
     for joint, share in (("spine1", 0.3), ("spine2", 0.35), ("spine3", 0.35)):

@@ -12,45 +12,16 @@ from jaxtyping import Float
 from assets import BODIES
 from benchmarks.clips import data_folder
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.hand_skeleton import FINGERS, SIZE, HandSkeleton
+from fitting_core.body.hand_skeleton import HandSkeleton
 from fitting_core.build_assets.free_body.hand.hand_space import hand_of, learn, read_recordings
 from fitting_core.build_assets.free_body.hand.recordings import joint_angles
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES, finger_angles
+from fitting_core.synthetic.acting.handshapes import HANDSHAPES
+from tests.samples.hand_spaces import Space, anatomical, named_shapes, nearest
 
 HELD_OUT = ("brian", "grab", "gun", "Waiting-110fps", "HandSplay-110fps")
 """Recordings for the test. `waiting-short` is a part of one of them."""
 _FRAMES = 60
 """Of each recording."""
-_STEPS = 30
-
-Space = tuple[Float[np.ndarray, "45"], Float[np.ndarray, "45 45"]]
-"""Mean and components in anatomical angles."""
-
-
-def nearest(
-    hand: HandSkeleton, angles: Float[np.ndarray, "n 45"], space: Space, size: int
-) -> Float[np.ndarray, "n 5 4"]:
-    """Millimetres between the joints and tips of hands and those of the nearest hands of a space."""
-    mean, rows = torch.as_tensor(space[0]), torch.as_tensor(space[1][:size])
-
-    def posed(one: torch.Tensor) -> torch.Tensor:
-        return 1000 * hand.pose(one.view(len(FINGERS), 3, 3)).flatten()
-
-    def residual(c: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-        return torch.cat([posed(mean + c @ rows) - target, 0.02 * c])  # the last part keeps the matrix regular
-
-    target = torch.func.vmap(posed)(torch.as_tensor(angles))
-    r_of, j_of = torch.func.vmap(residual), torch.func.vmap(torch.func.jacfwd(residual))
-    c = (torch.as_tensor(angles) - mean) @ rows.T
-    r, damping = r_of(c, target), torch.ones(len(c), 1, dtype=torch.float64)
-    for _ in range(_STEPS):
-        j = j_of(c, target)
-        trial = c - torch.linalg.solve(j.mT @ j + torch.diag_embed(damping.expand_as(c)), (j.mT @ r[..., None])[..., 0])
-        new = r_of(trial, target)
-        better = (new.square().sum(1) < r.square().sum(1))[:, None]
-        c, r = torch.where(better, trial, c), torch.where(better, new, r)
-        damping = torch.where(better, damping / 4, damping * 8)
-    return r[:, :60].view(-1, 5, 4, 3).norm(dim=-1).numpy()
 
 
 def explained(angles: Float[np.ndarray, "n 45"], space: Space, size: int) -> float:
@@ -64,17 +35,7 @@ def explained(angles: Float[np.ndarray, "n 45"], space: Space, size: int) -> flo
 def space_of(body_file: str, hand: HandSkeleton) -> Space:
     """The left hand's space of a body file, in anatomical angles of the hand."""
     body = load_body(BODIES / body_file)
-    return _anatomical(body.hand_mean[0], hand), _anatomical(body.hand_components[0], hand)
-
-
-def _anatomical(axis_angle: Float[np.ndarray, "*n 45"], hand: HandSkeleton) -> Float[np.ndarray, "*n 45"]:
-    split = axis_angle.reshape(*axis_angle.shape[:-1], 5, 3, 3)
-    return np.einsum("...fjd,fad->...fja", split, hand.axes).reshape(axis_angle.shape)
-
-
-def named_shapes(hand: HandSkeleton) -> Float[np.ndarray, "n 45"]:
-    """The handshapes of the evaluation as anatomical angles."""
-    return _anatomical(np.stack([finger_angles(s, "left").reshape(SIZE) for s in HANDSHAPES.values()]), hand)
+    return anatomical(body.hand_mean[0], hand), anatomical(body.hand_components[0], hand)
 
 
 def main(bodies: tuple[str, ...] = ("SMPLX_NEUTRAL.npz",), sizes: tuple[int, ...] = (6, 12, 24)) -> None:

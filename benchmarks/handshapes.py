@@ -22,7 +22,7 @@ from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.model import JOINT, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, default_focal, project
@@ -138,7 +138,7 @@ def _truth(body: BodyModel, names: list[tuple[str, str]]) -> BodyParams:
     left, right = (torch.as_tensor(pose[:, a : a + 15].reshape(frames, 45)) for a in (25, 40))
     posed = replace(
         BodyParams.neutral(frames, hand_components=45),
-        body_pose=torch.as_tensor(pose[:, 1:22].reshape(frames, 63)),
+        body_pose=torch.as_tensor(pose[:, POSE_JOINTS["body_pose"]].reshape(frames, 63)),
         left_hand_pose=left - torch.as_tensor(body.hand_mean[0]),
         right_hand_pose=right - torch.as_tensor(body.hand_mean[1]),
     )

@@ -13,7 +13,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from benchmarks.report import Common, start
 from fitting_core.body.joint_ranges import JointRange, joint_ranges
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.model import JOINT, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
@@ -69,7 +69,9 @@ def _pose(body: BodyModel, ranges: dict[str, JointRange], name: str, angle: str,
         pose[JOINT[joint]] = torch.as_tensor(ranges[joint].rotation(**angles).as_rotvec())
     left, right = pose[JOINT["left_index1"] :].view(2, 1, 45) - torch.as_tensor(body.hand_mean)[:, None]
     neutral = BodyParams.neutral(1, hand_components=45)
-    return replace(neutral, body_pose=pose[1:22].reshape(1, 63), left_hand_pose=left, right_hand_pose=right)
+    return replace(
+        neutral, body_pose=pose[POSE_JOINTS["body_pose"]].reshape(1, 63), left_hand_pose=left, right_hand_pose=right
+    )
 
 
 def _row(mesh: Mesh, ranges: dict[str, JointRange], name: str) -> UInt8[np.ndarray, "H W 3"]:

@@ -22,7 +22,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
-from fitting_core.fit.fitting import fit
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.synthetic.excerpts import mirrored
 from tcfit_app.bench.dragging import dragged, quick
 from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
@@ -107,7 +107,7 @@ def run(options: Live) -> None:
         whole = read(name).clip
         clip: Clip = mirrored(whole, min(len(whole), options.frames), options.frames)
         progress(f"{name}: fit of {len(clip)} frames")
-        params = fit(clip, body, quick(config)).last.params
+        params = fit_clip(clip, body, quick(config)).last.params
         frame, keypoint = len(clip) // 2, kp.INDEX[options.keypoint]
         shares = np.linspace(0, 1, options.moves)[:, None, None]
         way = np.array([[1.0, 0.5]]) * options.pixels * clip.camera.size[1] / 1000

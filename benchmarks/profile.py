@@ -22,7 +22,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit import objective
 from fitting_core.fit.events import PhaseFinished
-from fitting_core.fit.fitting import fit, fit_events
+from fitting_core.fit.fitting import fit_clip, fit_events
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers import sequence
 from fitting_core.fit.solvers.problem import IndependentFrames, SharedShape
@@ -131,10 +131,10 @@ class TorchCalls(TorchFunctionMode):
 def python_row(name: str, clip: Clip, body: BodyModel, config: FitConfig) -> Row:
     """Seconds of a fit as it is, and how many of them are spent inside torch, by a second fit that counts its calls."""
     begin = CLOCK()
-    fit(clip, body, config)
+    fit_clip(clip, body, config)
     plain = CLOCK() - begin
     with TorchCalls() as torch_calls:
-        fit(clip, body, config)
+        fit_clip(clip, body, config)
     inside = torch_calls.seconds
     return {
         "clip": name,

@@ -10,7 +10,7 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, Weights, without_collisions
 from fitting_core.errors import InputError
-from fitting_core.fit.fitting import fit
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.result import FitResult
 
 BASELINE = "smplifyx"
@@ -99,7 +99,7 @@ def run(options: RealClips) -> None:
         sample = read(name, default_focal=options.default_focal)
         for preset, config in configs(options).items():
             progress(f"{name}, {preset}: {len(sample)} frames")
-            result = fit(sample.clip, body, config)
+            result = fit_clip(sample.clip, body, config)
             quality += quality_rows(name, preset, sample, body, result)
             shapes.append(shape_row(name, preset, result))
     tables = {

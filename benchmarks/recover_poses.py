@@ -28,7 +28,7 @@ from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.fitting import fit
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -213,7 +213,7 @@ def recover(body: BodyModel, poses: Posed, config: FitConfig, *, with_truth: boo
     """Fits all poses."""
     clip = apart(body, poses.params)
     frames = torch.arange(0, len(clip), 2)
-    phase = fit(clip, body, config).phases[0]
+    phase = fit_clip(clip, body, config).phases[0]
     found = phase.params[frames]
     stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     nothing = np.full(len(poses), np.nan)

@@ -4,7 +4,6 @@ import json
 import os
 import platform
 import sys
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 
 Row = Mapping[str, str | float | None]
 """One line of a table, by column. None: there is nothing to tell."""
@@ -93,10 +93,5 @@ def machine() -> dict[str, str | int]:
 
 def _write_whole(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f".{path.name}-", delete=False) as file:
-        file.write(text + "\n")
-    try:
-        os.replace(file.name, path)
-    except OSError:
-        Path(file.name).unlink()
-        raise
+    with replacing(path) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")

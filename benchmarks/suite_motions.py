@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.model import JOINT, POSE_JOINTS, BodyModel
 from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.synthetic.studio.studio import vertex_normals
 from fitting_core.synthetic.suite import SEQUENCES, SuiteSequence, subject_body, world_params
@@ -65,7 +65,7 @@ def volume(vertices: Float[np.ndarray, "V 3"], faces: np.ndarray) -> float:
 
 def size(motion: Motion) -> Figures:
     """Volume and height of the shape in the rest pose."""
-    shaped = motion.body.template + motion.body.shape_directions @ np.array(motion.sequence.subject.betas)
+    shaped = motion.body.with_shape(motion.sequence.subject.betas).template
     return {"dm^3": volume(shaped, motion.body.faces), "m tall": float(np.ptp(shaped[:, 1]))}
 
 
@@ -74,8 +74,9 @@ def floor(motion: Motion) -> Figures:
     figures = {"lowest cm": float(100 * motion.vertices[..., 1].min())}
     for side in ("left", "right"):
         figures[f"{side[0]}foot slip mm"] = 1e3 * _slip(motion, motion.part(f"{side}_ankle", f"{side}_foot"))
-        first = 25 if side == "left" else 40
-        hand = motion.body.skinning_weights[:, [JOINT[f"{side}_wrist"], *range(first, first + 15)]].sum(1) > 0.6
+        weights = motion.body.skinning_weights
+        fingers = weights[:, POSE_JOINTS[f"{side}_hand_pose"]].sum(1)
+        hand = weights[:, JOINT[f"{side}_wrist"]] + fingers > 0.6
         figures[f"{side[0]}hand lowest cm"] = float(100 * motion.vertices[:, hand, 1].min())
         figures[f"{side[0]}hand slip mm"] = 1e3 * _slip(motion, np.flatnonzero(hand))
     return figures
@@ -126,7 +127,7 @@ _PAIRS = (
 def _parts(motion: Motion) -> dict[str, np.ndarray]:
     """Vertices of the limbs without what touches the trunk in all poses, and of trunk and head."""
     body, parts = motion.body, {}
-    rest = body.joint_regressor @ body.template
+    rest = body.rest_joints
     for side in ("left", "right"):
         first = 25 if side == "left" else 40
         fingers = list(JOINT)[first : first + 15]

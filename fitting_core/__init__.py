@@ -1,1 +1,98 @@
-"""Temporally consistent SMPL-X fits from 2D keypoints: the library behind tcfit. It knows nothing of any viewer."""
+"""Temporally consistent SMPL-X fits from 2D keypoints: the library behind tcfit. It knows nothing of any viewer.
+
+The names that a notebook needs are here, and each is imported when it is first used: `import fitting_core` alone loads
+no torch. Modules of this package import from each other, never from here.
+
+```python
+from pathlib import Path
+
+from fitting_core import PRESETS, find_body, fit_clip, load_body, read_clip
+
+clip = read_clip(Path("walk.mp4"), Path("keypoints"), focal_length_35mm=26)
+body = load_body(find_body(gender="neutral"))
+result = fit_clip(clip, body, PRESETS["tcfit"])
+print(result.last.params.body_pose.shape)  # frames, 63: axis-angle in radians
+```
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # for editors and type checkers, which do not follow the table below; a test compares the two
+    from fitting_core.body.files.reading import load_body as load_body
+    from fitting_core.body.files.registry import find_body as find_body
+    from fitting_core.body.files.registry import list_bodies as list_bodies
+    from fitting_core.body.mesh import Mesh as Mesh
+    from fitting_core.body.model import BodyModel as BodyModel
+    from fitting_core.body.params import BodyParams as BodyParams
+    from fitting_core.body.points.positions import joints_in_space as joints_in_space
+    from fitting_core.body.points.positions import keypoints_in_space as keypoints_in_space
+    from fitting_core.camera import Camera as Camera
+    from fitting_core.clip import Clip as Clip
+    from fitting_core.config.schema import PRESETS as PRESETS
+    from fitting_core.config.schema import FitConfig as FitConfig
+    from fitting_core.config.schema import ShapeSample as ShapeSample
+    from fitting_core.config.schema import SolverSettings as SolverSettings
+    from fitting_core.config.schema import Temporal as Temporal
+    from fitting_core.config.schema import Weights as Weights
+    from fitting_core.config.toml import read_config as read_config
+    from fitting_core.errors import InputError as InputError
+    from fitting_core.fit.events import Finished as Finished
+    from fitting_core.fit.events import FitEvent as FitEvent
+    from fitting_core.fit.events import Iteration as Iteration
+    from fitting_core.fit.events import PhaseFinished as PhaseFinished
+    from fitting_core.fit.events import PhaseStarted as PhaseStarted
+    from fitting_core.fit.events import WindowFinished as WindowFinished
+    from fitting_core.fit.fitting import fit_clip as fit_clip
+    from fitting_core.fit.fitting import fit_events as fit_events
+    from fitting_core.fit.fitting import rerun_events as rerun_events
+    from fitting_core.fit.objective_values import ObjectiveValues as ObjectiveValues
+    from fitting_core.fit.objective_values import evaluate_objective as evaluate_objective
+    from fitting_core.fit.result import FitResult as FitResult
+    from fitting_core.fit.result import PhaseResult as PhaseResult
+    from fitting_core.io import read_motion as read_motion
+    from fitting_core.io.clip_reader import read_clip as read_clip
+    from fitting_core.io.clip_reader import read_keypoints as read_keypoints
+    from fitting_core.io.result_files import StoredFit as StoredFit
+    from fitting_core.io.result_files import read_fit as read_fit
+    from fitting_core.io.result_files import write_result as write_result
+    from fitting_core.keypoints import Keypoints as Keypoints
+    from fitting_core.render.overlay import write_overlay as write_overlay
+
+_HOMES = {
+    "body.files.reading": ("load_body",),
+    "body.files.registry": ("find_body", "list_bodies"),
+    "body.mesh": ("Mesh",),
+    "body.model": ("BodyModel",),
+    "body.params": ("BodyParams",),
+    "body.points.positions": ("joints_in_space", "keypoints_in_space"),
+    "camera": ("Camera",),
+    "clip": ("Clip",),
+    "config.schema": ("PRESETS", "FitConfig", "ShapeSample", "SolverSettings", "Temporal", "Weights"),
+    "config.toml": ("read_config",),
+    "errors": ("InputError",),
+    "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "WindowFinished"),
+    "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),
+    "fit.objective_values": ("ObjectiveValues", "evaluate_objective"),
+    "fit.result": ("FitResult", "PhaseResult"),
+    "io": ("read_motion",),
+    "io.clip_reader": ("read_clip", "read_keypoints"),
+    "io.result_files": ("StoredFit", "read_fit", "write_result"),
+    "keypoints": ("Keypoints",),
+    "render.overlay": ("write_overlay",),
+}
+"""Module -> what it offers here. A folder's name must not be among them: once imported, the folder would hide it."""
+_HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}
+
+__all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported from its home (PEP 562)."""
+    if name not in _HOME_OF:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(_HOME_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 BODY_25 = (
     "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist mid_hip right_hip right_knee "
@@ -31,7 +31,6 @@ RIGHT_HAND = slice(46, 67)
 HANDS = slice(25, 67)
 FACE = slice(67, 137)
 CONTOUR = slice(67, 84)
-INNER_FACE = slice(84, 135)
 COUNT = 137
 GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
 
@@ -105,6 +104,6 @@ class Keypoints:
     def __len__(self) -> int:
         return len(self.xy)
 
-    def __getitem__(self, frames: slice) -> "Keypoints":
+    def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> "Keypoints":
         by_hand = None if self.by_hand is None else self.by_hand[frames]
         return replace(self, xy=self.xy[frames], confidence=self.confidence[frames], by_hand=by_hand)

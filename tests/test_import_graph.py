@@ -127,6 +127,18 @@ def test_the_core_knows_no_viewer_and_no_app():
     assert not [pair for pair in used if pair[1].split(".")[0] in ("viser", "tcfit_app", "tests", "benchmarks")]
 
 
+def test_benchmarks_use_what_tests_share_and_not_the_other_way():
+    files = [path for path in (ROOT / "tests").rglob("*.py") if path != Path(__file__).resolve()]
+    assert files and not [path for path in files if "benchmarks" in {n.split(".")[0] for n in names_in(path)}]
+    shared = {n for path in (ROOT / "benchmarks").rglob("*.py") for n in names_in(path) if inside(n, "tests")}
+    assert {name.split(".")[1] for name in shared} <= {"samples", "drivers"}
+
+
+def names_in(path: Path) -> set[str]:
+    """Modules that any file imports."""
+    return set(imported(ast.parse(path.read_text())))
+
+
 def test_only_the_review_and_its_server_know_viser():
     users = {m for m in MODULES if any(inside(name, "viser") for name in imports_of(m))}
     assert {tuple(m.split(".")[:2]) for m in users} == {("tcfit_app", "review"), ("tcfit_app", "server")}

@@ -1,0 +1,1 @@
+"""The body model: its parameters, kinematics, mesh, points with derivatives, and the ranges of its joints."""

@@ -133,7 +133,7 @@ def joint_ranges(body: BodyModel) -> dict[str, JointRange]:
     Fingers are hinges about the world's axes of the rest pose, so their axes come from where this body's joints lie.
     Fingers that a body lacks (SMPL) have no range.
     """
-    joints = body.joint_regressor @ body.template
+    joints = body.rest_joints
     limbs = {f"left_{name}": limb for name, limb in _LIMBS.items()}
     limbs |= {f"right_{name}": limb.mirrored() for name, limb in _LIMBS.items()}
     return _TRUNK | limbs | _left_fingers(joints, "left") | _mirrored(_left_fingers(_mirror_image(joints), "right"))

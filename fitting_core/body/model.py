@@ -1,6 +1,7 @@
 """The data of a body model in SMPL-X form, and the names of its joints and keypoint vertices."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,18 @@ JOINTS = (
 """SMPL-X's 55 kinematic joints, in its order."""
 JOINT = {name: i for i, name in enumerate(JOINTS)}
 N_JOINTS = len(JOINTS)
+POSE_JOINTS: dict[str, slice] = {
+    "global_orient": slice(0, 1),
+    "body_pose": slice(1, 22),
+    "jaw_pose": slice(22, 23),
+    "leye_pose": slice(23, 24),
+    "reye_pose": slice(24, 25),
+    "left_hand_pose": slice(25, 40),
+    "right_hand_pose": slice(40, 55),
+}
+"""By the parameter that turns them (see `BodyParams`): its joints among JOINTS."""
+POSE_COLUMNS: dict[str, slice] = {name: slice(3 * part.start, 3 * part.stop) for name, part in POSE_JOINTS.items()}
+"""The same among the 165 axis-angle numbers of all joints."""
 N_BETAS = 10
 N_EXPRESSION = 10
 N_HAND_COMPONENTS = 12
@@ -84,6 +97,15 @@ class BodyModel:
     """The file that it was read from."""
     hash: str = ""
     """SHA-256 of that file, so that a result can say which body it used."""
+
+    @property
+    def rest_joints(self) -> Float[np.ndarray, "55 3"]:
+        """Joints of the mean shape in the rest pose."""
+        return self.joint_regressor @ self.template
+
+    def with_shape(self, betas: Sequence[float] | Float[np.ndarray, "10"]) -> "BodyModel":
+        """The body whose mean shape is the one that these betas give; further betas add to it."""
+        return replace(self, template=self.template + self.shape_directions @ np.asarray(betas, dtype=float))
 
     def __post_init__(self) -> None:
         vertices = len(self.template)

@@ -159,8 +159,14 @@ def changed(config: FitConfig, values: Mapping[str, Any], *, origin: str, texts:
 
 
 def check(config: FitConfig, *, origin: str = "The configuration") -> None:
-    """Raise InputError if a number lies outside its range, or the device is none."""
+    """Raise InputError if a number lies outside its range, or the device is none or cannot take the precision."""
     _check_ranges(config, origin, list(settings()))
+    # Not where single settings change: one of the two always comes first.
+    if config.device == "mps" and config.precision == "float64":
+        raise InputError(
+            f"{origin}: device mps cannot compute in float64, which Apple's GPUs do not have. Set precision to float32 "
+            "or device to cpu."
+        )
 
 
 def unknown(name: str, among: list[str] | None = None) -> str:

@@ -11,6 +11,9 @@ import msgspec
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import NONE, changed, groups, nearest, settings, unknown, value_of
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
+
+_MAX_BYTES = 2**20
 
 
 def preset(name: str, *, origin: str = "--preset") -> FitConfig:
@@ -37,7 +40,7 @@ def read_config(path: Path, *, preset_name: str | None = None) -> FitConfig:
         InputError: The file cannot be read, or holds an unknown name or a wrong value.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular_file(path, most=_MAX_BYTES).read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}). Give a configuration in TOML.") from error
     except UnicodeDecodeError as error:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 
 _GRAPH, _NODE, _NODE_INPUT, _OPERATOR = 7, 1, 1, 4
 """Numbers of the fields ModelProto.graph, GraphProto.node, NodeProto.input and NodeProto.op_type."""
@@ -22,7 +23,7 @@ def consumers(path: Path, tensor: str) -> tuple[str, ...]:
         InputError: The file is no ONNX model, or cut off.
     """
     try:
-        content = memoryview(path.read_bytes())
+        content = memoryview(regular_file(path).read_bytes())
         found = [
             _texts(node, _OPERATOR)[0]
             for graph in _parts(content, _GRAPH)

@@ -13,6 +13,7 @@ import onnxruntime
 from jaxtyping import Float32
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import refusal
 
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 """Where a model can run -> onnxruntime's name for it."""
@@ -118,8 +119,10 @@ class OnnxModel:
 
 
 def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"{path}: there is no such model file; expected an ONNX file (*.onnx).")
+    if why := refusal(path, expected="an ONNX model (*.onnx)"):
+        raise InputError(f"{path}: {why}.")
     check_provider(provider)
     options = onnxruntime.SessionOptions()
     options.log_severity_level = _ERRORS_ONLY

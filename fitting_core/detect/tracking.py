@@ -1,7 +1,7 @@
 """One person's box through a clip: from what a box model found, or from the points of the frame before."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +10,9 @@ from jaxtyping import Float
 from fitting_core.detect import simcc
 from fitting_core.detect.boxes import Boxes, intersection_over_union
 from fitting_core.errors import InputError
+from fitting_core.video import tracks
 from fitting_core.video.frame_names import spans
+from fitting_core.video.tracks import Track
 
 MOST_MISSED = 30
 """Frames without a box that are bridged, a second of most videos; the person is not there in longer gaps."""
@@ -21,8 +23,6 @@ _REACH, _REACH_GROWTH, _MOST_REACH = 0.5, 0.05, 1.5
 and at most."""
 _ALIKE = 2.0
 """Ratio of the sizes of two boxes beyond which they are of different people."""
-_VELOCITY_FRAMES = 5
-"""A person who is not seen is taken to move on for so many frames, then to stand still."""
 _RIVAL = 0.7
 """Share of the person's score from which another one is worth a warning."""
 SURE = 0.3
@@ -31,27 +31,20 @@ _FEWEST_SURE = 6
 """With fewer sure points a person is lost, and looked for in the whole frame again."""
 
 
-@dataclass(eq=False)
-class _Track:
-    """One person as followed so far."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """A box, with its score."""
 
-    frame: int
-    box: Float[np.ndarray, "4"]
-    velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
-    boxes: dict[int, Float[np.ndarray, "4"]] = field(default_factory=dict)
-    score: float = 0.0
+    corners: Float[np.ndarray, "4"]
+    score: float
 
-    def expected(self, frame: int) -> Float[np.ndarray, "4"]:
-        """Where the box should be by then, moving on as before."""
-        return self.box + np.tile(self.velocity * min(frame - self.frame, _VELOCITY_FRAMES), 2)
+    @property
+    def prominence(self) -> float:
+        """Size times score."""
+        return _extent(self.corners) * self.score
 
-    def add(self, frame: int, box: Float[np.ndarray, "4"], score: float) -> None:
-        """Take a frame's box as this person's."""
-        if self.boxes:
-            self.velocity = 0.5 * (self.velocity + (_centre(box) - _centre(self.box)) / (frame - self.frame))
-        self.frame, self.box = frame, box
-        self.boxes[frame] = box
-        self.score += _extent(box) * score
+
+_Track = Track[_Seen]
 
 
 def follow(found: Sequence[Boxes], *, person: int = 0, first_frame: int = 0) -> tuple[Float[np.ndarray, "T 4"], str]:
@@ -70,57 +63,43 @@ def follow(found: Sequence[Boxes], *, person: int = 0, first_frame: int = 0) -> 
     """
     assert person >= 0
     boxes = np.full((len(found), 4), np.nan)
-    tracks = sorted(_tracks(found), key=lambda track: track.score, reverse=True)
-    if not tracks:
+    people = tracks.follow([_seen(those) for those in found], prices=_prices, offset=_offset)
+    if not people:
         return boxes, "Nobody was found in any frame."
-    if person >= len(tracks):
-        raise InputError(f"person={person}, but there are only {len(tracks)} people; expected 0 to {len(tracks) - 1}.")
-    for frame, box in tracks[person].boxes.items():
-        boxes[frame] = box
+    if person >= len(people):
+        raise InputError(f"person={person}, but there are only {len(people)} people; expected 0 to {len(people) - 1}.")
+    for frame, seen in people[person].sightings.items():
+        boxes[frame] = seen.corners
     boxes = bridged(boxes)
-    return boxes, _note(tracks, person, [first_frame + int(t) for t in np.flatnonzero(np.isnan(boxes[:, 0]))])
+    return boxes, _note(people, person, [first_frame + int(t) for t in np.flatnonzero(np.isnan(boxes[:, 0]))])
 
 
-def _tracks(found: Sequence[Boxes]) -> list[_Track]:
-    tracks: list[_Track] = []
-    for t, boxes in enumerate(found):
-        matches = _match(tracks, boxes, t)
-        for k in range(len(boxes)):
-            if k not in matches:
-                tracks.append(_Track(frame=t, box=boxes.corners[k]))
-            (tracks[matches[k]] if k in matches else tracks[-1]).add(t, boxes.corners[k], float(boxes.scores[k]))
-    return tracks
-
-
-def _match(tracks: list[_Track], boxes: Boxes, frame: int) -> dict[int, int]:
-    """By the place of a box: the place of the track that it continues. The surest match comes first, and stays.
-
-    Not the assignment of least total distance: a false box beside a person took over that person's track there, and
-    the person went to an old one, as this made two matches out of one.
-    """
-    pairs = [
-        (price, k, i)
-        for i, track in enumerate(tracks)
-        for k in range(len(boxes))
-        if (price := _price(track, boxes.corners[k], frame)) is not None
+def _seen(boxes: Boxes) -> list[_Seen]:
+    return [
+        _Seen(corners=corners, score=float(score)) for corners, score in zip(boxes.corners, boxes.scores, strict=True)
     ]
-    matches: dict[int, int] = {}
-    for _, k, i in sorted(pairs):
-        if k not in matches and i not in matches.values():
-            matches[k] = i
-    return matches
 
 
-def _price(track: _Track, box: Float[np.ndarray, "4"], frame: int) -> float | None:
-    """How unlikely it is that a box continues a track, 0 to 1 where they overlap; None: it does not."""
-    expected, gap = track.expected(frame), frame - track.frame - 1
+def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
+    return _centre(after.corners) - _centre(before.corners)
+
+
+def _prices(people: Sequence[_Seen], followed: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+    return np.array([[_price(track, seen.corners, frame) for track in followed] for seen in people])
+
+
+def _price(track: _Track, box: Float[np.ndarray, "4"], frame: int) -> float:
+    """How unlikely it is that a box continues a track, 0 to 1 where they overlap; infinite: it does not."""
+    before = track.seen.corners
+    expected, gap = before + np.tile(track.shift(frame), 2), frame - track.frame - 1
     overlap = float(intersection_over_union(expected, box[None])[0])
     if gap == 0 and overlap >= _OVERLAP:
         return 1 - overlap
-    sizes = sorted((_extent(track.box), _extent(box)))
+    sizes = sorted((_extent(before), _extent(box)))
     distance = float(np.linalg.norm(_centre(box) - _centre(expected))) / sizes[1]
     reach = min(_REACH + _REACH_GROWTH * gap, _MOST_REACH)
-    return 1 + distance + _REACH_GROWTH * gap if distance <= reach and sizes[1] <= _ALIKE * sizes[0] else None
+    continued = distance <= reach and sizes[1] <= _ALIKE * sizes[0]
+    return 1 + distance + _REACH_GROWTH * gap if continued else np.inf
 
 
 def _centre(box: Float[np.ndarray, "4"]) -> Float[np.ndarray, "2"]:
@@ -132,12 +111,12 @@ def _extent(box: Float[np.ndarray, "4"]) -> float:
     return float(np.linalg.norm(box[2:] - box[:2])) / 2
 
 
-def _note(tracks: list[_Track], person: int, missing: list[int]) -> str:
+def _note(people: list[_Track], person: int, missing: list[int]) -> str:
     sentences = []
     if missing:
         sentences.append(f"The person was not found in {len(missing)} frames: {spans(missing)}.")
-    others = [track for k, track in enumerate(tracks) if k != person]
-    if person == 0 and others and others[0].score > _RIVAL * tracks[0].score:
+    others = [track for k, track in enumerate(people) if k != person]
+    if person == 0 and others and others[0].score > _RIVAL * people[0].score:
         sentences.append("Another person is nearly as prominent: person=1 follows that one.")
     return " ".join(sentences)
 

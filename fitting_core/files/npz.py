@@ -9,6 +9,8 @@ from typing import IO
 import numpy as np
 from numpy.lib import format as npy
 
+from fitting_core.files.regular import refusal
+
 MAX_BYTES = 2 * 2**30
 """Unpacked size of what is read of one archive; an hour of poses has 0.2 GB."""
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -29,6 +31,7 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
         OSError: It cannot be opened.
         ValueError: It is no npz archive of plain arrays, is damaged, or too large; the message says which.
     """
+    _check_file(path)
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             members = {m.filename.removesuffix(".npy"): m for m in archive.infolist() if m.filename.endswith(".npy")}
@@ -51,6 +54,7 @@ def npz_names(path: Path) -> tuple[str, ...]:
         OSError: It cannot be opened.
         ValueError: It is no npz archive.
     """
+    _check_file(path)
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             return tuple(name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy"))
@@ -58,6 +62,11 @@ def npz_names(path: Path) -> tuple[str, ...]:
         raise
     except Exception as error:  # as in `read_npz`
         raise ValueError(f"is no npz archive, it is damaged or was cut off ({error})") from error
+
+
+def _check_file(path: Path) -> None:
+    if why := refusal(path):
+        raise ValueError(why)
 
 
 def _array(archive: zipfile.ZipFile, name: str, member: zipfile.ZipInfo) -> np.ndarray:

@@ -48,7 +48,7 @@ class FittedBody:
     @cached_property
     def rest_joints(self) -> Float[Tensor, "55 3"]:
         """Joints of the mean shape at rest, metres."""
-        joints = self.model.joint_regressor @ self.model.template
+        joints = self.model.rest_joints
         return torch.as_tensor(joints, dtype=self.dtype, device=self.device)
 
     def points(self, indices: Int[Tensor, "N"]) -> BodyPoints:

@@ -48,7 +48,7 @@ def fit_events(clip: Clip, body: BodyModel, config: FitConfig) -> Generator[FitE
     return (yield from _Fit(clip, body, config).run())
 
 
-def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
+def fit_clip(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
     """The result of `fit_events`, without the events."""
     return drained(fit_events(clip, body, config))
 

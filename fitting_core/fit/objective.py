@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from fitting_core.body.model import POSE_COLUMNS
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate, View
@@ -183,12 +184,12 @@ def costs_of(terms: list[Term], e: Estimate) -> dict[str, Float[Tensor, "B"]]:
 
 def _chain(decoder: Float[Tensor, "B 63 z"], width: int) -> Float[Tensor, "B w v"]:
     """blockdiag(I, decoder, I): derivative of the axis-angle columns by the prior's columns."""
-    frames, _, size = decoder.shape
-    tail = width - 66
-    chain = decoder.new_zeros(frames, width, 3 + size + tail)
-    chain[:, range(3), range(3)] = 1
-    chain[:, 3:66, 3 : 3 + size] = decoder
-    chain[:, range(66, width), range(3 + size, 3 + size + tail)] = 1
+    (frames, _, size), body = decoder.shape, POSE_COLUMNS["body_pose"]
+    start, stop, tail = body.start, body.start + size, width - body.stop
+    chain = decoder.new_zeros(frames, width, stop + tail)
+    chain[:, range(start), range(start)] = 1
+    chain[:, body, start:stop] = decoder
+    chain[:, range(body.stop, width), range(stop, stop + tail)] = 1
     return chain
 
 

@@ -53,7 +53,7 @@ def evaluate_objective(
 ) -> ObjectiveValues:
     """Evaluates the objective without minimising anything.
 
-    >>> result = fit(clip, body, PRESETS["tcfit"])
+    >>> result = fit_clip(clip, body, PRESETS["tcfit"])
     >>> values = evaluate_objective(
     ...     body, result.last.params, clip.camera, clip.keypoints, "tcfit", stage=5, frame_rate=clip.frame_rate
     ... )

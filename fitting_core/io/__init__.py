@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from fitting_core.io.keypoints.coco_wholebody import holds_coco
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.pose_binary import starts_as_pose
@@ -112,12 +113,12 @@ def _holds_arrays(path: Path) -> bool:
     if path.suffix.lower() == ".npz":
         return True
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(regular_file(path)) as archive:
             return any(name.endswith(".npy") for name in archive.namelist())
     except (OSError, ValueError, zipfile.BadZipFile):
         return False
 
 
 def _first_bytes(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with regular_file(path).open("rb") as file:
         return file.read(_START)

@@ -43,6 +43,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
 from fitting_core.fit.provenance import STARTS, STOPS, Provenance
 from fitting_core.fit.result import FitResult
+from fitting_core.io.motion.animation_npz import pose_arrays
 from fitting_core.io.motion.motion import Motion
 from fitting_core.io.summary import summary
 
@@ -171,12 +172,7 @@ def _smplx_arrays(body: BodyModel, params: BodyParams) -> dict[str, Any]:
     pose = full_pose(body, params).flatten(1).numpy()
     return {
         "surface_model_type": "smplx",
-        "poses": pose,
-        "root_orient": pose[:, :3],
-        "pose_body": pose[:, 3:66],
-        "pose_jaw": pose[:, 66:69],
-        "pose_eye": pose[:, 69:75],
-        "pose_hand": pose[:, 75:],
+        **pose_arrays(pose),
         "trans": params.camera_translation.numpy(),
         "expressions": params.expression.numpy(),
     }

@@ -1,6 +1,7 @@
 """summary.json: how a fit went, in numbers."""
 
 import platform
+from dataclasses import replace
 from importlib import metadata
 from typing import Any
 
@@ -14,6 +15,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import project
 from fitting_core.clip import Clip
 from fitting_core.config.toml import as_plain
+from fitting_core.files.regular import legible
 from fitting_core.fit.observations import cut_off
 from fitting_core.fit.result import FitResult
 from fitting_core.metrics import jitter, reprojection_errors
@@ -36,7 +38,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
     counted = counted_keypoints(clip, body)
     return {
         "complete": complete,
-        "clip": clip.name,
+        "clip": legible(clip.name),
         "frames": len(clip),
         "first_frame": clip.first_frame,
         "frame_rate": clip.frame_rate,
@@ -54,14 +56,14 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
         "body": {
             "kind": body.kind,
             "gender": body.gender,
-            "source": body.source.name if body.source else "",
+            "source": legible(body.source.name) if body.source else "",
             "hash": body.hash,
         },
-        "pose_prior": fit.pose_prior,
-        "warnings": fit.warnings,
-        "config": as_plain(fit.config),
+        "pose_prior": legible(fit.pose_prior),
+        "warnings": [legible(warning) for warning in fit.warnings],
+        "config": as_plain(replace(fit.config, pose_prior=legible(fit.config.pose_prior))),
         "versions": versions(),
-        "command": command,
+        "command": legible(command),
     }
 
 

@@ -207,22 +207,6 @@ class Renderer:
         surface = Surface(vertices=vertices, faces=faces, color=color)
         return self.draw([surface]).over(background, opacity=opacity)
 
-    def side_view(
-        self,
-        vertices: Float[np.ndarray, "V 3"],
-        faces: Int[np.ndarray, "F 3"],
-        *,
-        degrees: float = 90.0,
-        color: tuple[float, float, float] = DEFAULT_COLOR,
-        background: UInt8[np.ndarray, "H W 3"] | None = None,
-    ) -> UInt8[np.ndarray, "H W 3"]:
-        """The same mesh turned in place about the image's vertical: what hides in depth, such as lean, shows here.
-
-        Positive angles show the side that is on the right of the image.
-        """
-        turned = turn_about_vertical(vertices, degrees)
-        return self.render(turned, faces, color=color, background=background)
-
     def _mesh(self, surface: Surface) -> Any:
         vertices = np.asarray(surface.vertices, np.float64) * _CAMERA_TO_GL
         primitive = self._pyrender.Primitive(
@@ -245,13 +229,6 @@ class Renderer:
         corners = vertices[faces]
         normals = self._normal_sums[key][1] @ np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-
-
-def turn_about_vertical(vertices: Float[np.ndarray, "V 3"], degrees: float) -> Float[np.ndarray, "V 3"]:
-    """Points in camera space turned about the camera's y axis through the middle of their bounding box."""
-    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return (vertices - middle) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + middle
 
 
 def _faces_to_vertices(faces: np.ndarray, count: int) -> scipy.sparse.csr_matrix:

@@ -27,6 +27,7 @@ from fitting_core.camera import Camera, project
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.synthetic.acting.performance import perform, standing_root
+from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import detect, visible
 from fitting_core.synthetic.studio.clothing import Outfit
@@ -65,7 +66,8 @@ def cached_demo(*, progress: bool = True, making: Callable[[], None] = lambda: N
         progress: Show a progress bar.
         making: Called before it is made.
     """
-    folder = platformdirs.user_cache_path("tcfit", appauthor=False) / f"demo-{_version()}"
+    body_hash = hashlib.sha256(find_body(search=FREE_FOLDER).read_bytes()).hexdigest()
+    folder = platformdirs.user_cache_path("tcfit", appauthor=False) / f"demo-{fingerprint(body_hash)}"
     if not (folder / _TRUTH).is_file():
         making()
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -117,14 +119,6 @@ def _clip_in(folder: Path, camera: Camera) -> DemoClip:
     return DemoClip(
         folder=folder, video=folder / _VIDEO, keypoints=folder / _KEYPOINTS, truth=folder / _TRUTH, camera=camera
     )
-
-
-def _version() -> str:
-    """Changes whenever the free body or a module that shapes the clip does."""
-    digest = hashlib.sha256(find_body(search=FREE_FOLDER).read_bytes())
-    for module in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(module.read_bytes())
-    return digest.hexdigest()[:12]
 
 
 @contextmanager

@@ -7,14 +7,11 @@ import numpy as np
 from jaxtyping import Int
 
 from fitting_core.clip import Clip
-from fitting_core.keypoints import Keypoints
 
 
 def picked(clip: Clip, frames: Sequence[int] | Int[np.ndarray, "n"]) -> Clip:
     """The clip made of these frames alone, in this order."""
-    index = np.asarray(frames)
-    keypoints = Keypoints(xy=clip.keypoints.xy[index], confidence=clip.keypoints.confidence[index])
-    return replace(clip, keypoints=keypoints)
+    return replace(clip, keypoints=clip.keypoints[np.asarray(frames)])
 
 
 def mirrored(clip: Clip, base: int, frames: int) -> Clip:

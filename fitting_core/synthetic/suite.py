@@ -3,9 +3,6 @@
 Six people wave (Simple Motion) and sit down cross-legged and stand up again (Complex Motion), and one signs.
 """
 
-import hashlib
-import os
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -29,6 +26,7 @@ from fitting_core.synthetic.acting.build import Build
 from fitting_core.synthetic.acting.hazards import Hazard, Mishaps, failures
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.acting.script import Script
+from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motions.cross_legged import cross_legged
 from fitting_core.synthetic.motions.signing import signing
 from fitting_core.synthetic.motions.waving import waving
@@ -193,8 +191,7 @@ def _visible(
 def _flesh(body: BodyModel, betas: Float[torch.Tensor, "1 10"]) -> Float[np.ndarray, "137"]:
     """Flesh in front of the keypoints of a shape."""
     rest = replace(BodyParams.neutral(1), betas=betas)
-    shaped = body.template + body.shape_directions @ betas[0].numpy()
-    return flesh_of(keypoints_in_space(body, rest)[0][0], shaped)
+    return flesh_of(keypoints_in_space(body, rest)[0][0], body.with_shape(betas[0].numpy()).template)
 
 
 def render_frames(
@@ -218,19 +215,8 @@ def render_frames(
 
 def _cached_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:
     folder = platformdirs.user_cache_path("tcfit", appauthor=False) / "suite"
-    path = folder / f"{sequence.name}-{_version(sequence, body)}.npz"
+    path = folder / f"{sequence.name}-{fingerprint(repr(sequence), body.hash)}.npz"
     if not path.is_file():
-        truth = make_truth(sequence, body)
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".incoming-", dir=folder) as incoming:
-            write_truth(Path(incoming) / path.name, truth)
-            os.replace(Path(incoming) / path.name, path)
+        write_truth(path, make_truth(sequence, body))
     return read_truth(path)
-
-
-def _version(sequence: SuiteSequence, body: BodyModel) -> str:
-    """Changes whenever the sequence, the body or a module that shapes the truth does."""
-    digest = hashlib.sha256(f"{sequence!r} {body.hash}".encode())
-    for module in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(module.read_bytes())
-    return digest.hexdigest()[:12]

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
 
 _PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
@@ -43,7 +44,8 @@ def write_truth(path: Path, truth: Truth) -> None:
     params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
     camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
     rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
-    np.savez_compressed(path, allow_pickle=False, **params, **camera, **rest)
+    with replacing(path) as draft:
+        np.savez_compressed(draft, allow_pickle=False, **params, **camera, **rest)
 
 
 def read_truth(path: Path) -> Truth:

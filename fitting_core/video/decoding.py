@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from fitting_core.video.container import ends_early, packet_times
 
 # Decoding on costs one frame each, a seek up to a whole group of pictures (often 12 to 250 frames).
@@ -35,7 +36,11 @@ class VideoFile:
             InputError: It is no video, or none of its frames can be decoded.
         """
         self._path = path
-        self._capture = cv2.VideoCapture(str(path))
+        if not _is_text(path):  # OpenCV crashes on such a name, and takes the process with it.
+            raise InputError(
+                f"{str(path)!r}: has a name that is not UTF-8. Rename the video or the folder that it is in."
+            )
+        self._capture = cv2.VideoCapture(str(regular_file(path, most=None)))
         if not self._capture.isOpened():
             raise InputError(
                 f"{path} is not a video that OpenCV can open (found {path.stat().st_size} bytes). If it plays "
@@ -155,3 +160,11 @@ def _times_of_frames(packets: Float[np.ndarray, "P"], first: list[float]) -> Flo
 def _uneven(times: Float[np.ndarray, "T"]) -> bool:
     steps = np.diff(times)
     return len(steps) > 0 and bool((np.abs(steps - np.median(steps)) > 0.5 * np.median(steps)).any())
+
+
+def _is_text(path: Path) -> bool:
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from fitting_core.video.decoding import VideoFile
 from fitting_core.video.frame_names import natural_key
 
@@ -64,6 +65,8 @@ class FrameSource:
         """
         if not path.exists():
             raise InputError(f"{path} does not exist; expected a video file or a folder of images.")
+        if not path.is_dir():
+            regular_file(path, most=None)
         images = path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES
         self.path = path
         self._lock = threading.Lock()
@@ -182,7 +185,7 @@ class _Images:
 
     def read(self, index: int) -> np.ndarray | None:
         # Not cv2.imread, which cannot open paths with special characters on Windows.
-        content = np.fromfile(self._files[index], dtype=np.uint8)
+        content = np.fromfile(regular_file(self._files[index]), dtype=np.uint8)
         return cv2.imdecode(content, cv2.IMREAD_COLOR) if len(content) else None
 
     def label(self, index: int) -> str:

@@ -1,11 +1,8 @@
 """How far two runs' bodies lie apart."""
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Float, Float32
 
-from fitting_core.body.model import JOINT
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import Curve
 from tcfit_app.analysis.posed_fit import PosedFit
@@ -16,22 +13,14 @@ PEAKS = 5
 """Frames that are marked as those where runs differ most."""
 _APART = 20
 """So many of them fit into a clip: neighbours of one peak are not peaks of their own."""
-Placed = Literal["camera", "pelvis"]
-"""Where the bodies stand, or moved so that their pelvises are at one place."""
 
 
-def vertex_distances(
-    one: Float32[np.ndarray, "V 3"],
-    other: Float32[np.ndarray, "V 3"],
-    *,
-    apart: Float[np.ndarray, "3"] | None = None,
-) -> Float32[np.ndarray, "V"]:
+def vertex_distances(one: Float32[np.ndarray, "V 3"], other: Float32[np.ndarray, "V 3"]) -> Float32[np.ndarray, "V"]:
     """Distance between the same vertex of two runs in one frame, in millimetres: what a mesh is coloured by.
 
     Args:
         one: What `Meshes.vertices` has of one run (metres).
         other: The same of the other run.
-        apart: From the first body to the second (`pelvises_apart`), to be taken off; else they stay where they are.
 
     Raises:
         InputError: The bodies have different meshes.
@@ -41,27 +30,17 @@ def vertex_distances(
             f"The bodies cannot be compared vertex by vertex: they have {len(one)} and {len(other)} vertices. Compare "
             "runs of one body model."
         )
-    difference = other - one if apart is None else other - one - apart.astype(np.float32)
-    return 1e3 * np.linalg.norm(difference, axis=-1)
+    return 1e3 * np.linalg.norm(other - one, axis=-1)
 
 
-def pelvises_apart(a: PosedFit, b: PosedFit, frame: int) -> Float[np.ndarray, "3"]:
-    """From the first run's pelvis to the second one's, in metres: runs differ most in depth."""
-    return b.root[frame] - a.root[frame]
-
-
-def between_runs(a: PosedFit, b: PosedFit, *, placed: Placed = "camera") -> Curve:
+def between_runs(a: PosedFit, b: PosedFit) -> Curve:
     """Mean distance of the 55 joints of two runs by frame, in millimetres: of whatever bodies.
 
     Args:
         a: One run.
         b: Another one of the same clip.
-        placed: Whether the bodies are moved onto each other first.
     """
-    one, other = a.joints, b.joints
-    if placed == "pelvis":
-        one, other = (joints - joints[:, [JOINT["pelvis"]]] for joints in (one, other))
-    values = 1e3 * np.linalg.norm(other - one, axis=-1).mean(1)
+    values = 1e3 * np.linalg.norm(b.joints - a.joints, axis=-1).mean(1)
     return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)
 
 

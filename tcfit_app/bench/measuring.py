@@ -14,7 +14,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import PhaseFinished, PhaseStarted
-from fitting_core.fit.fitting import fit, fit_events, shape_events
+from fitting_core.fit.fitting import fit_clip, fit_events, shape_events
 from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -55,7 +55,7 @@ def warm_up(setup: Setup) -> Measured:
     """What only the first fit of a process has to do, done; measures nothing."""
     config = replace(setup.config, last_phase=1, relay_rounds=0, yaws="side_view", solver="lm")
     config = replace(config, settings=replace(config.settings, iterations=2))
-    fit(picked(setup.clip, range(min(3, len(setup.clip)))), setup.load_body(), config)
+    fit_clip(picked(setup.clip, range(min(3, len(setup.clip)))), setup.load_body(), config)
     return {}
 
 
@@ -139,5 +139,5 @@ def _started(setup: Setup) -> FitResult:
     config = replace(config, temporal=replace(config.temporal, mode="global"))
     key = (len(setup.clip), repr(config))
     if key not in _STARTS:
-        _STARTS[key] = fit(setup.clip, setup.load_body(), config)
+        _STARTS[key] = fit_clip(setup.clip, setup.load_body(), config)
     return _STARTS[key]

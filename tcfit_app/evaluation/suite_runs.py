@@ -22,7 +22,7 @@ from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.events import PhaseStarted
-from fitting_core.fit.fitting import evaluated, fit
+from fitting_core.fit.fitting import evaluated, fit_clip
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit, write_result
 from fitting_core.io.summary import versions
@@ -184,7 +184,9 @@ def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
 
 
 def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:
-    found = fit(made.clip, body, task.config) if task.start is None else _later_phases(task, made, body, task.start)
+    found = (
+        fit_clip(made.clip, body, task.config) if task.start is None else _later_phases(task, made, body, task.start)
+    )
     write_result(task.folder, found, made.clip, body)
     with replacing(task.folder / _FIT_KEY) as draft:
         draft.write_text(key)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional, UseAppendAction, arg
 
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
-from fitting_core.config.settings import changed, settings, unknown
+from fitting_core.config.settings import changed, check, settings, unknown
 from fitting_core.config.toml import preset, read_config
 from fitting_core.errors import InputError
 from tcfit_app.options.reference import ReferenceOptions
@@ -227,7 +227,7 @@ def fit_config(options: MethodOptions) -> FitConfig:
     """The configuration that the options ask for: preset, then file, then single settings.
 
     Raises:
-        InputError: An unknown or wrong setting, or one that is given twice.
+        InputError: An unknown or wrong setting, one that is given twice, or two that cannot be together.
     """
     if options.config is not None:
         config = read_config(options.config, preset_name=options.preset)
@@ -239,6 +239,7 @@ def fit_config(options: MethodOptions) -> FitConfig:
             raise InputError(f"{name} is given twice, by {seen[name]} and {origin}; give it once.")
         config = changed(config, {name: text}, origin=origin, texts=True)
         seen[name] = origin
+    check(config)
     return config
 
 

@@ -29,8 +29,9 @@ def test_index_prefers_the_body_wrist():
 
 def test_face_is_contour_then_51_landmarks_then_pupils():
     assert range(137)[kp.CONTOUR] == range(67, 84)
-    assert len(range(137)[kp.INNER_FACE]) == 51
-    assert kp.INNER_FACE.stop == 135
+    assert (
+        kp.INDEX["face_right_brow0"] == kp.CONTOUR.stop and kp.CONTOUR.stop + 51 == kp.INDEX["face_right_pupil"] == 135
+    )
 
 
 def test_bones_stay_in_their_group_and_connect_it():

@@ -1,0 +1,1 @@
+"""Body models as files: finding, reading and checking them."""

@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 
 MAX_DEPTH = 5
 """Folders below the given one that are looked into."""
@@ -59,11 +60,14 @@ def open_members(path: Path) -> Iterator[list[Member]]:
     """The files at a path: itself, those of a folder and its subfolders, or those in an archive.
 
     Raises:
-        InputError: It does not exist, is a damaged or encrypted archive, or its members point outside of it.
+        InputError: It does not exist, is neither file nor folder, is a damaged or encrypted archive, or its members
+            point outside of it.
     """
     if not path.exists():
         raise InputError(f"{path}: does not exist. Give a body model file, a folder of them or the downloaded archive.")
     try:
+        if not path.is_dir():
+            regular_file(path, most=None)
         with _opener(path)(path) as members:
             yield members
     except (zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError) as error:
@@ -76,13 +80,13 @@ def open_members(path: Path) -> Iterator[list[Member]]:
 
 
 def files_below(folder: Path, *, depth: int = MAX_DEPTH) -> Iterator[Path]:
-    """Files in a folder and so many levels of subfolders, sorted; hidden ones are left out."""
+    """Files in a folder and so many levels of subfolders, sorted; hidden ones, pipes and devices are left out."""
     base = len(folder.parts)
     for root, folders, files in os.walk(folder, followlinks=True):
         here = Path(root)
         visible = sorted(name for name in folders if not name.startswith("."))
         folders[:] = visible if len(here.parts) - base < depth else []
-        yield from (here / name for name in sorted(files) if not name.startswith("."))
+        yield from (here / name for name in sorted(files) if not name.startswith(".") and (here / name).is_file())
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, SURFACE_KEYPOINTS
+from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, POSE_JOINTS, SURFACE_KEYPOINTS
 
 # fmt: off
 PARENTS: tuple[int, ...] = (
@@ -26,8 +26,8 @@ _SMPL_VERTICES = (
     2746, 2319, 2445, 2556, 2673, 6191, 5782, 5905, 6016, 6133,
 )
 # fmt: on
-_BODY = tuple(range(22))
-_FINGERS = tuple(range(25, N_JOINTS))
+_BODY = tuple(range(POSE_JOINTS["body_pose"].stop))
+_FINGERS = tuple(range(POSE_JOINTS["left_hand_pose"].start, N_JOINTS))
 
 
 @dataclass(frozen=True, kw_only=True)

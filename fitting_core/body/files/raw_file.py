@@ -11,6 +11,7 @@ import numpy as np
 
 from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.errors import InputError
+from fitting_core.files.regular import refusal
 
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
 HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
@@ -105,9 +106,10 @@ def vertex_count(path: Path) -> int:
 
 def _values(path: Path, keys: tuple[str, ...]) -> tuple[dict[str, Any], str]:
     """What a file holds under these keys, None for its other keys; and its hash."""
-    if not path.is_file():
-        found = "is a folder" if path.is_dir() else "does not exist"
-        raise InputError(f"{path}: {found}, expected a body model file. {ADVICE}")
+    if not path.exists():
+        raise InputError(f"{path}: does not exist, expected a body model file. {ADVICE}")
+    if why := refusal(path, expected="a body model file"):
+        raise InputError(f"{path}: {why}. {ADVICE}")
     if path.suffix.lower() not in READERS:
         expected = " or ".join(READERS)
         raise InputError(f"{path}: ends in '{path.suffix}', expected {expected}. Give the model file itself.")

@@ -63,7 +63,7 @@ class BodyPoints:
         self.dtype, self.device = dtype, torch.device(device)
         self.tree = Tree.of(body.parents, device)
         directions = np.concatenate([body.shape_directions, body.expression_directions], 2)
-        rest = body.joint_regressor @ body.template
+        rest = body.rest_joints
         moves = np.einsum("jv,vdk->jdk", body.joint_regressor, directions)
         self.rest, self.rest_directions = self._tensor(rest), self._tensor(moves)
         relative = moves.copy()

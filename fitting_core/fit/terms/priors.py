@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.model import JOINT
+from fitting_core.body.model import JOINT, POSE_COLUMNS
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
@@ -88,7 +88,8 @@ class Rest(Term):
 
     def columns(self, e: Estimate) -> Tensor:
         """The whole axis-angle pose."""
-        return torch.arange(3, 66, device=self.weight.device)
+        body = POSE_COLUMNS["body_pose"]
+        return torch.arange(body.start, body.stop, device=self.weight.device)
 
     def slope(self, e: Estimate) -> Tensor:
         """The weights."""

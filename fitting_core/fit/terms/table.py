@@ -11,7 +11,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.joint_ranges import joint_ranges
-from fitting_core.body.model import N_BETAS, BodyModel
+from fitting_core.body.model import N_BETAS, POSE_JOINTS, BodyModel
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.terms.collision.term import CollidingBody, Collision
 from fitting_core.fit.terms.limits import Limits
@@ -140,7 +140,9 @@ def _rest(setting: Setting, s: int) -> Term | None:
     weight, prior = setting.config.weights.rest[s], setting.parametrisation.prior
     if not weight:
         return None
-    unseen = ~torch.as_tensor(setting.observed[:, 1:22], device=setting.device).repeat_interleave(3, 1)
+    unseen = ~torch.as_tensor(setting.observed[:, POSE_JOINTS["body_pose"]], device=setting.device).repeat_interleave(
+        3, 1
+    )
     return Rest(weight * unseen.to(setting.xy), prior.decode(prior.neutral.to(setting.xy)[None])[0])
 
 

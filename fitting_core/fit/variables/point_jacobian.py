@@ -4,13 +4,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION
+from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, POSE_COLUMNS, POSE_JOINTS
 from fitting_core.body.points.points import N_COEFFICIENTS, BodyPoints, Posed
 from fitting_core.fit.variables.state import Columns, Free
 
 _JAW = JOINT["jaw"]
 _FIRST_FINGER = JOINT["left_index1"]
-_BODY_JOINTS = 22
+_BODY = POSE_JOINTS["body_pose"]
 
 
 class PointJacobian:
@@ -29,7 +29,7 @@ class PointJacobian:
             self.place[group.start] = start
             start += group.stop - group.start
         joint = points.entry_joint
-        self.direct = (joint == 0) | ((joint < _BODY_JOINTS) & free.body) | ((joint == _JAW) & free.face)
+        self.direct = (joint == 0) | ((joint < _BODY.stop) & free.body) | ((joint == _JAW) & free.face)
         self.direct = self.direct.nonzero()[:, 0]
         self.finger = ((joint >= _FIRST_FINGER) & free.hands).nonzero()[:, 0]
         self._index_direct()
@@ -106,7 +106,7 @@ class PointJacobian:
         out = by_joint.new_zeros(len(by_joint), self.width)
         out[:, :3] = by_joint[:, 0]
         if self.free.body:
-            out[:, 3:66] = by_joint[:, 1:_BODY_JOINTS].flatten(1)
+            out[:, POSE_COLUMNS["body_pose"]] = by_joint[:, _BODY].flatten(1)
         if self.free.hands:
             start = self.place[self.columns.hands.start]
             out[:, start : start + self.basis.shape[1]] = by_joint[:, _FIRST_FINGER:].flatten(1) @ self.basis

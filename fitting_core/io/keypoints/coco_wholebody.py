@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.coco_forms import FORMS
 from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json
+from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
 from fitting_core.keypoints import Keypoints
 
 PARTS: dict[str, tuple[slice, str]] = {
@@ -65,7 +65,7 @@ def read_coco_wholebody(path: Path) -> Detections:
     scores = np.concatenate([points[:, 2] for people in raw for points in people] or [np.zeros(0)])
     visibilities = bool(np.isin(scores, (0, 1, 2)).all() and (scores == 2).any())
     most = 2.0 if visibilities else _MAX_SCORE
-    notes = _notes(scores, visibilities)
+    notes = _notes(path, scores, visibilities)
     frames = []
     for frame, people in zip(known.frames, raw, strict=True):
         found = [_checked(frame.people[k][0], points, most, halved=visibilities) for k, points in enumerate(people)]
@@ -201,10 +201,11 @@ def _checked(where: str, points: np.ndarray, most: float, *, halved: bool) -> Fl
     return checked_points(where, points, _NAMES, most=most)
 
 
-def _notes(scores: Float[np.ndarray, "n"], visibilities: bool) -> tuple[str, ...]:
+def _notes(path: Path, scores: Float[np.ndarray, "n"], visibilities: bool) -> tuple[str, ...]:
     if visibilities:
         return ("The keypoints have visibilities instead of confidences: 2 counts as confidence 1, and 1 as 0.5.",)
     most = float(scores.max(initial=0))
     if 1.25 < most <= _MAX_SCORE and math.isfinite(most):
-        return (f"The keypoints' scores reach {most:.3g}; those above 1 count as confidence 1.",)
-    return ()
+        note = f"The keypoints' scores reach {most:.3g}; those above 1 count as confidence 1."
+        return (note, *stray_confidences(path, scores[scores < 0]))
+    return stray_confidences(path, scores)

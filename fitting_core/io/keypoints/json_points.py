@@ -10,9 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 
 # OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
 MAX_CONFIDENCE = 1.25
+MIN_CONFIDENCE = -1e-3
+"""Its heat maps undershoot as well: -2e-6 is common in real files, and means 0."""
 MAX_POSITION = 1e6
 
 
@@ -27,11 +30,13 @@ def read_json(file: Path, *, advice: str) -> Any:
         InputError: It is missing, unreadable, damaged, or nested deeper than Python reads.
     """
     try:
-        return json.loads(file.read_text(encoding="utf-8-sig"))
+        return json.loads(regular_file(file).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(f"{file} does not exist; expected a keypoint file or a folder of them.") from None
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror or error}.") from error
+    except InputError:
+        raise
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file} is not readable as JSON ({error}). It may be cut off: {advice}.") from error
 
@@ -78,7 +83,7 @@ def checked_points(
 
     Args:
         where: File, person and list, for the message.
-        points: x, y, confidence as read.
+        points: x, y, confidence as read; a confidence down to MIN_CONFIDENCE counts as 0.
         names: Of the keypoints.
         most: The largest confidence that is set to 1 rather than refused.
 
@@ -86,12 +91,26 @@ def checked_points(
         InputError: One is no finite number, too large, or a negative confidence; the message names its keypoint.
     """
     wrong_position = ~np.all(np.abs(points[:, :2]) <= MAX_POSITION, axis=1)
-    wrong_confidence = ~((points[:, 2] >= 0) & (points[:, 2] <= most))
+    wrong_confidence = ~((points[:, 2] >= MIN_CONFIDENCE) & (points[:, 2] <= most))
     if (wrong_position | wrong_confidence).any():
         k = int(np.argmax(wrong_position | wrong_confidence))
         x, y, confidence = points[k]
         found = f"position ({x:g}, {y:g})" if wrong_position[k] else f"confidence {confidence:g}"
         expected = f"numbers up to {MAX_POSITION:g}" if wrong_position[k] else "0 (not detected) to 1"
         raise InputError(f"{where}, {names[k]}: found {found}; expected {expected}.")
-    confidence = points[:, 2].clip(max=1.0)
+    confidence = points[:, 2].clip(0.0, 1.0)
     return np.column_stack([points[:, :2], confidence]) * (confidence > 0)[:, None]
+
+
+def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[str, ...]:
+    """A note on those that `checked_points` moved into 0 to 1, if there are any.
+
+    Args:
+        path: Where they were read.
+        confidences: As read, all of the clip.
+    """
+    stray = confidences[(confidences < 0) | (confidences > 1)]
+    if not len(stray):
+        return ()
+    found = f"{stray.min():.4g}" if len(stray) == 1 else f"{len(stray)} from {stray.min():.4g} to {stray.max():.4g}"
+    return (f"{path.name} has confidences outside 0 to 1 ({found}); they count as 0 or 1.",)

@@ -1,7 +1,6 @@
 """OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json
+from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.video.frame_names import natural_key, split_number
 
@@ -52,7 +52,8 @@ def read_openpose(path: Path) -> Detections:
 
     Frames come in the order of their numbers. Body lists can be BODY_25 or COCO-18 (feet are then not detected, and
     mid-hip is the mean of the hips); any list can be empty or absent; ``person_id`` and 3D lists are not used.
-    Positions stay as in the files, pixels or normalised. Confidences slightly above 1 are set to 1.
+    Positions stay as in the files, pixels or normalised. Confidences slightly below 0 or above 1 count as 0 and 1,
+    which is noted.
 
     Raises:
         InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
@@ -62,7 +63,13 @@ def read_openpose(path: Path) -> Detections:
     raw = [(file, _read_people(file)) for file in files]
     frames = tuple(_frame(file, people) for file, people in raw)
     _forbid_mixed_layouts(raw)
-    return Detections(frames=frames, stems=tuple(_stem(file) for file in files), source=path, scale="auto")
+    return Detections(
+        frames=frames,
+        stems=tuple(_stem(file) for file in files),
+        source=path,
+        scale="auto",
+        notes=stray_confidences(path, _confidences(raw)),
+    )
 
 
 def write_openpose(
@@ -98,22 +105,15 @@ def write_openpose(
     points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1) * detected[..., None]
     parts = {key: part for key, part in _WRITTEN.items() if detected[:, part].any()}
     for path, frame in zip(paths, points, strict=True):
-        _replace_text(path, json.dumps({"version": 1.3, "people": [_entry(frame, parts)] if frame.any() else []}))
+        content = json.dumps({"version": 1.3, "people": [_entry(frame, parts)] if frame.any() else []})
+        with replacing(path) as draft:
+            draft.write_text(content, encoding="utf-8")
     return paths
 
 
 def _entry(frame: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[str, list]:
     lists = {f"{key}_2d": frame[parts[key]].ravel().tolist() if key in parts else [] for key in _WRITTEN}
     return {"person_id": [-1], **lists}
-
-
-def _replace_text(path: Path, text: str) -> None:
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _stem(file: Path) -> str:
@@ -191,6 +191,12 @@ def _places(where: str, key: str, values: Any, layouts: dict[int, list[int]]) ->
 def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float[np.ndarray, "K 3"]:
     names = [f"{NAMES[place]} ({key})" for place in places]
     return checked_points(where, numbers(where, values, names).reshape(-1, 3), names)
+
+
+def _confidences(raw: Sequence[tuple[Path, list[Any]]]) -> Float[np.ndarray, "n"]:
+    """All third numbers, as they stand in the files."""
+    lists = [_list(entry, key) or () for _, people in raw for entry in people for key in PARTS]
+    return np.array([confidence for values in lists for confidence in values[2::3]], float)
 
 
 def _mid_hip(hips: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "3"]:

@@ -1,15 +1,16 @@
 """Choose one person over a clip: follow everybody from frame to frame, and keep the most prominent track."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linear_sum_assignment
 
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 from fitting_core.video.frame_names import spans
+from fitting_core.video.tracks import Track, follow
 
 # Distances are in units of a person's size, the weighted root mean square distance of the keypoints from their centre:
 # about a quarter of the body height for somebody upright.
@@ -20,9 +21,6 @@ _REACH_GROWTH = 0.1
 _MOST_REACH = 2.5
 _COMMON_POINTS = 3
 """With fewer keypoints in common, centres are compared instead."""
-_VELOCITY_FRAMES = 5
-"""A person who is not seen is taken to move on for so many frames, then to stand still."""
-_UNMATCHABLE = 1e6
 _RIVAL = 0.7
 """Share of the chosen track's score from which another person is worth a warning."""
 
@@ -43,54 +41,37 @@ class PersonChoice:
 class _Seen:
     """A detection, with its centre and size."""
 
+    entry: int
+    """Its place in the frame's list of people."""
     body: Float[np.ndarray, "25 3"]
     centre: Float[np.ndarray, "2"]
     size: float
     confidence: float
 
     @classmethod
-    def of(cls, points: Float[np.ndarray, "137 3"]) -> "_Seen":
+    def of(cls, entry: int, points: Float[np.ndarray, "137 3"]) -> "_Seen":
         # The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body.
         used = points[BODY] if (points[BODY, 2] > 0).any() else points
         centre = np.average(used[:, :2], axis=0, weights=used[:, 2])
         squares = ((used[:, :2] - centre) ** 2).sum(1)
         size = float(np.sqrt(np.average(squares, weights=used[:, 2])))
-        return cls(body=points[BODY], centre=centre, size=size, confidence=float(used[:, 2].mean()))
+        return cls(entry=entry, body=points[BODY], centre=centre, size=size, confidence=float(used[:, 2].mean()))
+
+    @property
+    def prominence(self) -> float:
+        """Size times confidence."""
+        return self.size * self.confidence
 
 
-@dataclass(eq=False)
-class _Track:
-    """One person as followed so far."""
-
-    frame: int
-    seen: _Seen
-    velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
-    entries: dict[int, int] = field(default_factory=dict)
-    score: float = 0.0
-
-    def shift(self, frame: int) -> Float[np.ndarray, "2"]:
-        """How far the person should have moved by then, moving on as before."""
-        return self.velocity * min(frame - self.frame, _VELOCITY_FRAMES)
-
-    def reach(self, frame: int) -> float:
-        """How far from there, in sizes, a detection still is the same person."""
-        return min(_REACH + _REACH_GROWTH * (frame - self.frame - 1), _MOST_REACH)
-
-    def add(self, frame: int, entry: int, seen: _Seen) -> None:
-        """Take a frame's detection as this person's."""
-        if self.entries:
-            self.velocity = 0.5 * (self.velocity + _offset(self.seen, seen) / (frame - self.frame))
-        self.frame, self.seen = frame, seen
-        self.entries[frame] = entry
-        self.score += seen.size * seen.confidence
+_Track = Track[_Seen]
 
 
 def choose_person(detections: Detections, *, person: int | None = None, first_frame: int = 0) -> PersonChoice:
     """Choose one person over the clip.
 
     Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
-    person's size (one-to-one assignment of least total distance), also through frames without a detection; the track
-    with the largest sum of size times mean confidence is taken. Nobody else fills its gaps.
+    person's size (the nearest match first), also through frames without a detection; the track with the largest sum of
+    size times mean confidence is taken. Nobody else fills its gaps.
 
     Args:
         detections: In pixels.
@@ -106,13 +87,13 @@ def choose_person(detections: Detections, *, person: int | None = None, first_fr
             f"No keypoint is detected in any of the {len(detections)} frames of {detections.source}. "
             "Check that the detector ran on the right video, and lower its threshold if it did."
         )
-    tracks = sorted(_follow(detections), key=lambda track: track.score, reverse=True)
+    tracks = follow([_people(frame) for frame in detections.frames], prices=_prices, offset=_offset)
     if person is not None:
         chosen, start = _asked(detections, tracks, person)
         note = _describe_asked(chosen, len(detections), first_frame, person, start)
     else:
         chosen, note = tracks[0], _describe(tracks, detections, first_frame)
-    entries = tuple(chosen.entries.get(t) for t in range(len(detections)))
+    entries = tuple(_entry(chosen, t) for t in range(len(detections)))
     return PersonChoice(keypoints=_keypoints(detections, entries), entries=entries, note=note)
 
 
@@ -126,7 +107,7 @@ def _asked(detections: Detections, tracks: list[_Track], person: int) -> tuple[_
     start = _first_with(detections, person)
     if start is None:
         raise InputError(f"person={person} has no detected keypoint in any frame of {detections.source}.")
-    return next(track for track in tracks if track.entries.get(start) == person), start
+    return next(track for track in tracks if _entry(track, start) == person), start
 
 
 def _first_with(detections: Detections, place: int) -> int | None:
@@ -143,29 +124,24 @@ def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypo
     return Keypoints(xy=points[..., :2], confidence=points[..., 2])
 
 
-def _follow(detections: Detections) -> list[_Track]:
-    tracks: list[_Track] = []
-    for t, people in enumerate(detections.frames):
-        seen = {entry: _Seen.of(points) for entry, points in enumerate(people) if (points[:, 2] > 0).any()}
-        matches = _match(tracks, list(seen.values()), t)
-        for k, (entry, one) in enumerate(seen.items()):
-            if k not in matches:
-                tracks.append(_Track(frame=t, seen=one))
-            (tracks[matches[k]] if k in matches else tracks[-1]).add(t, entry, one)
-    return tracks
+def _entry(track: _Track, frame: int) -> int | None:
+    """The person's place in a frame's list."""
+    seen = track.sightings.get(frame)
+    return None if seen is None else seen.entry
 
 
-def _match(tracks: list[_Track], people: list[_Seen], frame: int) -> dict[int, int]:
-    """By the place in people: the place in tracks of the same person."""
-    if not tracks or not people:
-        return {}
+def _people(frame: Float[np.ndarray, "P 137 3"]) -> list[_Seen]:
+    return [_Seen.of(entry, points) for entry, points in enumerate(frame) if (points[:, 2] > 0).any()]
+
+
+def _prices(people: Sequence[_Seen], tracks: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+    """Distances in sizes, infinite where they are out of reach."""
+    gaps = np.array([frame - track.frame - 1 for track in tracks])
     distances = _distances(people, tracks, frame)
-    possible = distances <= np.array([track.reach(frame) for track in tracks])
-    rows, columns = linear_sum_assignment(np.where(possible, distances, _UNMATCHABLE))
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if possible[i, j]}
+    return np.where(distances <= np.minimum(_REACH + _REACH_GROWTH * gaps, _MOST_REACH), distances, np.inf)
 
 
-def _distances(people: list[_Seen], tracks: list[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+def _distances(people: Sequence[_Seen], tracks: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
     """Mean distance of common body points, or else of the centres, in sizes of the larger of the two."""
     shifts = np.array([track.shift(frame) for track in tracks])
     a = np.array([one.body for one in people])[:, None]
@@ -189,35 +165,35 @@ def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
 
 
 def _found(track: _Track, count: int, first_frame: int) -> str:
-    missing = [first_frame + t for t in range(count) if t not in track.entries]
-    found = f"found in {len(track.entries)} of {count} frames"
+    missing = [first_frame + t for t in range(count) if t not in track.sightings]
+    found = f"found in {len(track.sightings)} of {count} frames"
     return f"{found}, not in frames {spans(missing)}." if missing else f"{found}."
 
 
 def _describe_asked(track: _Track, count: int, first_frame: int, person: int, start: int) -> str:
     asked = f"Person: whoever is at place {person} of the list of frame {first_frame + start}, as asked"
-    elsewhere = sorted(first_frame + t for t, entry in track.entries.items() if entry != person)
+    elsewhere = sorted(first_frame + t for t, seen in track.sightings.items() if seen.entry != person)
     moved = f" In frames {spans(elsewhere)} the same person has another place." if elsewhere else ""
     return f"{asked}; {_found(track, count, first_frame)}{moved}"
 
 
 def _describe(tracks: list[_Track], detections: Detections, first_frame: int) -> str:
     chosen, others, count = tracks[0], tracks[1:], len(detections)
-    if not others and len(chosen.entries) == count:
+    if not others and len(chosen.sightings) == count:
         return ""
     sentences = [f"Person: {_found(chosen, count, first_frame)}"]
     if others:
-        frames = sorted({first_frame + t for track in others for t in track.entries})
+        frames = sorted({first_frame + t for track in others for t in track.sightings})
         sentences.append(
             f"The largest and surest of {len(tracks)} people (or false detections) was taken; the others appear in "
             f"frames {spans(frames)}."
         )
     if others and others[0].score > _RIVAL * chosen.score:
-        start, place = next(iter(others[0].entries.items()))
+        start, seen = next(iter(others[0].sightings.items()))
         # Where somebody else had that place before, the clip must begin later for it to mean this one.
-        cut = "" if _first_with(detections, place) == start else f"first_frame={first_frame + start} and "
+        cut = "" if _first_with(detections, seen.entry) == start else f"first_frame={first_frame + start} and "
         sentences.append(
-            f"Another person is nearly as prominent, in frame {first_frame + start} at place {place} of the list: use "
-            f"{cut}person={place} if that is who you want."
+            f"Another person is nearly as prominent, in frame {first_frame + start} at place {seen.entry} of the list: "
+            f"use {cut}person={seen.entry} if that is who you want."
         )
     return " ".join(sentences)

@@ -23,6 +23,7 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
 
 VERSIONS = (0.1, 0.2)
 _MAX_FRAMES = 10_000_000
@@ -69,7 +70,7 @@ def read_pose_file(path: Path) -> PoseFile:
         InputError: It is missing, damaged, of another version, or its counts do not fit its size.
     """
     try:
-        content = path.read_bytes()
+        content = regular_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
     try:

@@ -7,7 +7,7 @@ import numpy as np
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.coco_wholebody_layout import with_means
 from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.json_points import checked_points
+from fitting_core.io.keypoints.json_points import MIN_CONFIDENCE, checked_points, stray_confidences
 from fitting_core.io.keypoints.pose_binary import PoseFile, read_pose_file, write_pose_file
 from fitting_core.io.keypoints.pose_components import BODIES, COMPONENTS, WITH_MEANS, openpose_components
 from fitting_core.keypoints import COUNT, INDEX, NAMES, Keypoints
@@ -35,7 +35,7 @@ def read_pose(path: Path) -> Detections:
     points = np.zeros((*shape, COUNT, 3))
     found = np.concatenate([pose.data[..., :2], pose.confidence[..., None]], -1)
     # What was not detected may hold anything, NaN included.
-    found[pose.confidence == 0] = 0
+    found[(pose.confidence <= 0) & (pose.confidence >= MIN_CONFIDENCE)] = 0
     used = [k for k, place in enumerate(places) if place is not None]
     ours = [place for place in places if place is not None]
     names = [NAMES[place] for place in ours]
@@ -51,7 +51,7 @@ def read_pose(path: Path) -> Detections:
         scale="auto",
         size=pose.size if min(pose.size) > 0 else None,
         frame_rate=pose.frame_rate or None,
-        notes=_notes(path, pose, set(ours)),
+        notes=(*_notes(path, pose, set(ours)), *stray_confidences(path, pose.confidence[..., used].ravel())),
     )
 
 

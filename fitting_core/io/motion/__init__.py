@@ -1,0 +1,1 @@
+"""Motions in and out: results of other programs, animations, rigs and meshes."""

@@ -18,19 +18,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from fitting_core.body.model import N_BETAS
+from fitting_core.body.model import N_BETAS, POSE_COLUMNS
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.motion import AXES, Motion, stated
 
 _BETAS = 16
-_PARTS = {
-    "root_orient": slice(0, 3),
-    "pose_body": slice(3, 66),
-    "pose_jaw": slice(66, 69),
-    "pose_eye": slice(69, 75),
-    "pose_hand": slice(75, 165),
+POSE_KEYS: dict[str, slice] = {
+    "root_orient": POSE_COLUMNS["global_orient"],
+    "pose_body": POSE_COLUMNS["body_pose"],
+    "pose_jaw": POSE_COLUMNS["jaw_pose"],
+    "pose_eye": slice(POSE_COLUMNS["leye_pose"].start, POSE_COLUMNS["reye_pose"].stop),
+    "pose_hand": slice(POSE_COLUMNS["left_hand_pose"].start, POSE_COLUMNS["right_hand_pose"].stop),
 }
+"""AMASS's keys of the pose's parts: their columns in `poses`."""
 
 
 def write_animation_npz(path: Path, motion: Motion) -> None:
@@ -56,8 +58,7 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
         "betas": np.pad(shaped.params.betas[:1].double().numpy().reshape(-1)[:N_BETAS], (0, _BETAS - N_BETAS)),
         "trans": shaped.params.camera_translation.double().numpy(),
         "expressions": shaped.params.expression.double().numpy(),
-        "poses": poses,
-        **{name: poses[:, part] for name, part in _PARTS.items()},
+        **pose_arrays(poses),
         "axes": f"{motion.axes}: {facts['axes_text']}",
         "camera_to_world": np.array(AXES[motion.axes].from_camera, float),
         "camera_focal": camera.focal,
@@ -66,3 +67,8 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
         **{name: facts[name] for name in ("first_frame", "body_kind", "body_hash", "betas_source", "generator")},
     }
     return {name: np.asarray(value) for name, value in arrays.items()}
+
+
+def pose_arrays(poses: Float[np.ndarray, "T 165"]) -> dict[str, np.ndarray]:
+    """Axis-angle of all joints under AMASS's keys, whole and in parts."""
+    return {"poses": poses, **{name: poses[:, part] for name, part in POSE_KEYS.items()}}

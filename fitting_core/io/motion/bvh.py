@@ -41,10 +41,8 @@ def write_bvh(path: Path, motion: Motion, progress: Progress | None = None) -> N
 
 def rest_offsets(motion: Motion) -> Float[np.ndarray, "55 3"]:
     """Each joint from its parent in the rest pose of the first frame's shape without expression; the root from 0."""
-    body = motion.body
-    shaped = body.template + body.shape_directions @ motion.params.betas[0].double().numpy()
-    rest = body.joint_regressor @ shaped
-    return np.concatenate([rest[:1], rest[1:] - rest[body.parents[1:]]])
+    rest = motion.body.with_shape(motion.params.betas[0].double().numpy()).rest_joints
+    return np.concatenate([rest[:1], rest[1:] - rest[motion.body.parents[1:]]])
 
 
 def _hierarchy(offsets: np.ndarray, parents: np.ndarray) -> list[str]:

@@ -119,7 +119,7 @@ class Motion:
         directions = np.concatenate([body.shape_directions, body.expression_directions], 2)
         moved = np.einsum("jv,vac->jac", body.joint_regressor, directions)
         coefficients = torch.cat([params.betas, params.expression], 1)
-        rest = torch.as_tensor(body.joint_regressor @ body.template, dtype=torch.float64)
+        rest = torch.as_tensor(body.rest_joints, dtype=torch.float64)
         return rest + torch.einsum("jac,tc->tja", torch.as_tensor(moved, dtype=torch.float64), coefficients)
 
     @property

@@ -66,14 +66,13 @@ class Deviation:
 def rig_of(motion: Motion) -> Rig:
     """The rig of a motion; betas that differ by frame become their mean."""
     shaped = motion.one_shape
-    body = motion.body
-    template = body.template + body.shape_directions @ shaped.params.betas[0].double().numpy()
+    body = motion.body.with_shape(shaped.params.betas[0].double().numpy())
     bones, weights = four_weights(body.skinning_weights)
     turns = Rotation.from_rotvec(shaped.pose.numpy().reshape(-1, 3)).as_quat().reshape(-1, N_JOINTS, 4)
     return Rig(
-        vertices=template.astype(np.float32),
+        vertices=body.template.astype(np.float32),
         faces=body.faces,
-        joints=body.joint_regressor @ template,
+        joints=body.rest_joints,
         parents=body.parents,
         bones=bones,
         weights=weights,

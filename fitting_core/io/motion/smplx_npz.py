@@ -12,6 +12,8 @@
 | camera_focal, camera_center, image_size, camera_source, first_frame, body_kind, body_hash | | tcfit's, optional |
 """
 
+from collections.abc import Iterable
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -19,39 +21,31 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from fitting_core.body.model import N_BETAS, N_EXPRESSION
+from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
+from fitting_core.io.motion.animation_npz import POSE_KEYS
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
 from fitting_core.io.motion.motion import AXES
 
 _ADVICE = "Expected an npz of AMASS, of the SMPL-X Blender add-on or of tcfit, with 'poses' and 'trans'"
-_PARTS = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _GIVEN = ("root_orient", "pose_body")
-"""Of these parts, those that must be there; the others are zero where they are absent."""
+"""Of a pose's parts, those that must be there; the others are zero where they are absent."""
+
+
+def _layout(parts: Iterable[str]) -> dict[str, slice]:
+    """Columns of parameters that follow one another."""
+    widths = {name: POSE_COLUMNS[name].stop - POSE_COLUMNS[name].start for name in parts}
+    return {
+        name: slice(stop - widths[name], stop) for name, stop in zip(widths, accumulate(widths.values()), strict=True)
+    }
+
+
+_FACE = ("jaw_pose", "leye_pose", "reye_pose")
 _LAYOUTS: dict[int, tuple[str, dict[str, slice]]] = {
-    165: (
-        "smplx",
-        {
-            "global_orient": slice(0, 3),
-            "body_pose": slice(3, 66),
-            "jaw_pose": slice(66, 69),
-            "leye_pose": slice(69, 72),
-            "reye_pose": slice(72, 75),
-            "left_hand_pose": slice(75, 120),
-            "right_hand_pose": slice(120, 165),
-        },
-    ),
-    156: (
-        "smplh",
-        {
-            "global_orient": slice(0, 3),
-            "body_pose": slice(3, 66),
-            "left_hand_pose": slice(66, 111),
-            "right_hand_pose": slice(111, 156),
-        },
-    ),
+    165: ("smplx", POSE_COLUMNS),
+    156: ("smplh", _layout(name for name in POSE_COLUMNS if name not in _FACE)),
 }
 """By the width of `poses`: the body's kind, and the columns of each parameter."""
 _NAMES = {"smplx": "SMPL-X", "smplh": "SMPL-H"}
@@ -70,7 +64,7 @@ def read_smplx_npz(path: Path) -> ImportedMotion:
         InputError: It is damaged, no SMPL-X or SMPL-H animation, or holds values that cannot be.
     """
     try:
-        arrays = read_npz(path, (*_KEYS, *_PARTS))
+        arrays = read_npz(path, (*_KEYS, *POSE_KEYS))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}). {_ADVICE}.") from error
     except ValueError as error:
@@ -128,9 +122,11 @@ def _poses(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "N J"]:
         has = ", ".join(sorted(arrays)[:10]) or "none of the keys of an animation"
         raise _Wrong(f"has neither 'poses' nor {', '.join(map(repr, missing))} (it has {has})")
     frames = len(arrays["trans"]) if arrays["trans"].ndim else 0
-    zeros = {name: np.zeros((frames, width)) for name, width in _PARTS.items()}
-    there = {n: _numbers(arrays, n, (frames, width), _MAX_ANGLE) for n, width in _PARTS.items() if n in arrays}
-    return np.concatenate([(zeros | there)[name] for name in _PARTS], 1)
+    poses = np.zeros((frames, 3 * N_JOINTS))
+    for name, part in POSE_KEYS.items():
+        if name in arrays:
+            poses[:, part] = _numbers(arrays, name, (frames, part.stop - part.start), _MAX_ANGLE)
+    return poses
 
 
 def _numbers(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...], most: float) -> np.ndarray:

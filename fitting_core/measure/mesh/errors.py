@@ -12,7 +12,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.measure.mesh.closest_point import SurfaceTree
 from fitting_core.measure.mesh.surface_error import resting, vertex_to_surface
 from fitting_core.measure.mesh.volume import Enclosed
-from fitting_core.metrics.alignment import similarity
+from fitting_core.metrics import similarity
 
 _TOGETHER = 16
 """Frames whose meshes are in memory at once."""

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core.measure.mesh.closest_point import SurfaceTree
-from fitting_core.metrics.alignment import Similarity
+from fitting_core.metrics import Similarity
 
 SAMPLE = 1500
 """Vertices that the alignment looks at. With all 13492 the mean error of 12 pairs of bodies was another by 0.5 % on

@@ -1,0 +1,1 @@
+"""What fits are compared with: points, bodies and stored references."""

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from fitting_core.measure.reference.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.synthetic.studio.world_camera import WorldCamera
 
@@ -93,7 +94,7 @@ def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
         InputError: It is no such file, or a line of it has another form than the header says.
     """
     try:
-        lines = path.read_text(encoding="utf-8", errors="strict").splitlines()
+        lines = regular_file(path).read_text(encoding="utf-8", errors="strict").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error}); expected {_TRC}.") from error
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):

@@ -25,10 +25,10 @@ class Build:
     @staticmethod
     def of(body: BodyModel, betas: Sequence[float]) -> "Build":
         """Measures of a shape in the rest pose."""
-        shaped = body.template + body.shape_directions @ np.array(betas)
-        joints = body.joint_regressor @ shaped
+        shaped = body.with_shape(betas)
+        joints = shaped.rest_joints
         bone = [np.linalg.norm(joints[JOINT[a]] - joints[JOINT[b]]) for a, b in _BONES]
-        hips = shaped[abs(shaped[:, 1] - joints[JOINT["left_hip"], 1]) < 0.05]
+        hips = shaped.template[abs(shaped.template[:, 1] - joints[JOINT["left_hip"], 1]) < 0.05]
         return Build(
             leg=float(bone[0] + bone[1]) / _LEG,
             arm=float(bone[2] + bone[3]) / _ARM,

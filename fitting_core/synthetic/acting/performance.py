@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
+from fitting_core.body.model import JOINT, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.synthetic.acting.floor_contact import FootShape, HandShape, seat_gap, within_reach
 from fitting_core.synthetic.acting.gestures import expressions
@@ -32,8 +32,8 @@ _COLLAR_DEGREES = 6.0
 
 def standing_root(body: BodyModel, betas: Sequence[float]) -> tuple[Float[np.ndarray, "55 3"], float]:
     """Joints of the rest pose of a shape, and the height of its soles there (metres)."""
-    shaped = body.template + body.shape_directions @ np.array(betas)
-    return body.joint_regressor @ shaped, float(shaped[:, 1].min())
+    shaped = body.with_shape(betas)
+    return shaped.rest_joints, float(shaped.template[:, 1].min())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +88,7 @@ class _Actor:
     ) -> None:
         self.body, self.script, self.times, self.unrest, self.betas = body, script, times, unrest, betas
         self.rest, self.floor = standing_root(body, betas)
-        shaped = body.template + body.shape_directions @ np.array(betas)
+        shaped = body.with_shape(betas).template
         self.feet = {side: FootShape.of(body, shaped, self.rest, side) for side in SIDES}
         self.hands = {side: HandShape.of(body, shaped, self.rest, side) for side in SIDES}
 
@@ -180,7 +180,7 @@ class _Actor:
         arrays = dict(
             betas=np.tile(self.betas, (len(times), 1)),
             global_orient=pose[:, 0],
-            body_pose=pose[:, 1:22].reshape(len(times), 63),
+            body_pose=pose[:, POSE_JOINTS["body_pose"]].reshape(len(times), 63),
             left_hand_pose=left - body.hand_mean[0],
             right_hand_pose=right - body.hand_mean[1],
             jaw_pose=np.radians(through(script.jaw_degrees, times)) * [1.0, 0.0, 0.0],

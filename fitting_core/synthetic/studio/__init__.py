@@ -1,0 +1,1 @@
+"""Pictures of a generated clip: camera, stage, clothes and a rasterizer of its own."""

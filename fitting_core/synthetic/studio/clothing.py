@@ -34,7 +34,7 @@ class Outfit:
         eyeball = body.skinning_weights[:, [JOINT["left_eye"], JOINT["right_eye"]]].sum(1, keepdims=True)
         return Outfit(
             paint=np.concatenate([body.template, eyeball], 1),
-            joints=body.joint_regressor @ body.template,
+            joints=body.rest_joints,
             lips=((low + high) / 2, (high - low) / 2),
         )
 

@@ -10,7 +10,6 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from assets import BODIES
-from benchmarks.hand_reach import named_shapes, nearest
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import unit
@@ -26,6 +25,7 @@ from fitting_core.errors import InputError
 from fitting_core.fit.variables.state import Parametrisation
 from fitting_core.priors.pose import PRIORS
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES
+from tests.samples.hand_spaces import named_shapes, nearest
 
 _OURS = [("thumb", "index", "middle", "ring", "pinky").index(finger) for finger in FINGERS]
 RECORDINGS = (

@@ -251,7 +251,7 @@ def test_keypoint_points_follow_the_keypoints_order(tiny_body: BodyModel):
     assert named["left_pinky4"] == vertex(tiny_body.surface_keypoints["left_pinky"])
     assert named["right_thumb1"] == Joint(JOINT["right_thumb1"])
     assert points[kp.CONTOUR] == [Contour(i) for i in range(17)]
-    inner = points[kp.INNER_FACE]
+    inner = points[kp.CONTOUR.stop : kp.INDEX["face_right_pupil"]]
     assert [getattr(p, "vertices", None) for p in inner] == [tuple(v) for v in tiny_body.landmark_vertices.tolist()]
     assert points[135:] == [None, None]
     surface = [named[n] for n in SURFACE_KEYPOINTS if n in kp.BODY_25]

@@ -122,7 +122,7 @@ def test_bad_file_is_refused(write, case: str):
 def test_files_that_are_no_text(tmp_path: Path):
     with pytest.raises(InputError, match="cannot be read"):
         read_config(tmp_path / "missing.toml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         read_config(tmp_path)
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match="UTF-8"):
@@ -174,3 +174,11 @@ def test_nearest_names():
 def test_unknown_preset():
     with pytest.raises(InputError, match=r"--preset: there is no preset 'tcfitt'.*Did you mean tcfit\?"):
         preset("tcfitt")
+
+
+def test_a_device_that_lacks_the_precision_is_refused():
+    on_mps = {"device": "mps"}
+    refused = changed(PRESETS["tcfit"], on_mps, origin="mine.toml")
+    with pytest.raises(InputError, match=r"device mps cannot compute in float64.*Set precision to float32"):
+        check(refused)
+    check(changed(PRESETS["tcfit"], on_mps | {"precision": "float32"}, origin="mine.toml"))

@@ -125,7 +125,7 @@ def test_files_that_are_no_models(tmp_path: Path):
             load_pose_model(path, threads=1)
     with pytest.raises(InputError, match="no such model file"):
         load_pose_model(tmp_path / "nowhere.onnx")
-    with pytest.raises(InputError, match="no such model file"):
+    with pytest.raises(InputError, match="is a folder, expected an ONNX model"):
         load_pose_model(tmp_path)
 
 

@@ -18,7 +18,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, Iteration, PhaseFinished, PhaseStarted, WindowFinished
-from fitting_core.fit.fitting import evaluated, fit, fit_events, patched, rerun_events
+from fitting_core.fit.fitting import evaluated, fit_clip, fit_events, patched, rerun_events
 from fitting_core.fit.observations import PAIRED
 from fitting_core.fit.phases import progress
 from fitting_core.fit.provenance import Start, Stopped
@@ -69,7 +69,7 @@ def short_clip(free_body: BodyModel) -> Clip:
 
 @pytest.fixture(scope="module")
 def quick(free_body: BodyModel, short_clip: Clip) -> FitResult:
-    return fit(short_clip, free_body, QUICK)
+    return fit_clip(short_clip, free_body, QUICK)
 
 
 def vertex_errors(body: BodyModel, params: BodyParams, truth: BodyParams) -> Tensor:
@@ -90,7 +90,7 @@ def all_finite(result: FitResult) -> bool:
 def test_known_parameters_are_recovered_from_exact_keypoints(free_body: BodyModel):
     """Pose, hands, face, shape and depth: vertices under 5 mm, nothing aligned."""
     truth = arms_in_motion(5)
-    result = fit(clip_of(keypoints_of(free_body, truth)), free_body, EXACT)
+    result = fit_clip(clip_of(keypoints_of(free_body, truth)), free_body, EXACT)
     assert float(vertex_errors(free_body, result.phases[0].params, truth).mean(1).max()) < 5
     final = result.last.params
     assert float(vertex_errors(free_body, final, truth).max()) < 5
@@ -105,7 +105,7 @@ def test_window_over_the_whole_clip_is_global(free_body: BodyModel, short_clip: 
     """The same residuals over the same frames: nothing may differ, not even the last bit."""
     for size in (8, 20):
         window = replace(QUICK.temporal, mode="sliding_window", window_size=size)
-        result = fit(short_clip, free_body, replace(QUICK, temporal=window))
+        result = fit_clip(short_clip, free_body, replace(QUICK, temporal=window))
         assert same(result.last.params, quick.last.params)
 
 
@@ -148,13 +148,15 @@ def test_events_come_in_order(free_body: BodyModel, short_clip: Clip, quick: Fit
 
 
 def test_same_seed_same_result(free_body: BodyModel, short_clip: Clip, quick: FitResult):
-    again = fit(short_clip, free_body, QUICK)
+    again = fit_clip(short_clip, free_body, QUICK)
     for a, b in zip(again.phases, quick.phases, strict=True):
         assert same(a.params, b.params) and a.objective == b.objective and np.array_equal(a.frame_cost, b.frame_cost)
 
 
 def test_another_seed_samples_other_frames(free_body: BodyModel, short_clip: Clip, quick: FitResult):
-    other = fit(short_clip, free_body, replace(QUICK, last_phase=2, shape_sample=replace(QUICK.shape_sample, seed=5)))
+    other = fit_clip(
+        short_clip, free_body, replace(QUICK, last_phase=2, shape_sample=replace(QUICK.shape_sample, seed=5))
+    )
     assert other.phases[1].notes != quick.phases[1].notes
     assert same(other.phases[0].params, quick.phases[0].params)
     assert not torch.equal(other.phases[1].params.betas, quick.phases[1].params.betas)
@@ -214,7 +216,7 @@ def test_gradients_are_as_the_caller_left_them(free_body: BodyModel, short_clip:
 
 @pytest.mark.parametrize("last", [1, 2])
 def test_stops_after_the_chosen_phase(free_body: BodyModel, short_clip: Clip, quick: FitResult, last: int):
-    result = fit(short_clip, free_body, replace(QUICK, last_phase=last))
+    result = fit_clip(short_clip, free_body, replace(QUICK, last_phase=last))
     assert [p.phase for p in result.phases] == list(range(1, last + 1))
     assert same(result.last.params, quick.phases[last - 1].params)
     assert result.phase(last) is result.last and result.phase(3) is None
@@ -223,7 +225,7 @@ def test_stops_after_the_chosen_phase(free_body: BodyModel, short_clip: Clip, qu
 def test_empty_frames_are_filled_and_reported(free_body: BodyModel, short_clip: Clip):
     gaps = hidden(short_clip.keypoints, slice(None), frames=slice(3, 5))
     gaps = hidden(gaps, slice(None), frames=slice(0, 1))
-    result = fit(clip_of(gaps), free_body, QUICK)
+    result = fit_clip(clip_of(gaps), free_body, QUICK)
     assert any("filled from their neighbours: 0, 3-4" in note for note in result.phases[0].notes)
     assert set(result.phases[0].notes) <= set(result.warnings)
     assert not result.observed[[0, 3, 4]].any() and result.observed[1, JOINT["left_elbow"]]
@@ -249,7 +251,7 @@ def test_notes_count_frames_as_the_video_does(free_body: BodyModel, short_clip: 
         values[5:7, [*legs[0], *legs[1]]] = values[5:7, [*legs[1], *legs[0]]]
     clip = replace(clip_of(Keypoints(xy=xy, confidence=confidence)), first_frame=100)
     sample = ShapeSample(size=7, stages=(5,))
-    result = fit(clip, free_body, replace(QUICK, last_phase=2, unswap_sides=True, shape_sample=sample))
+    result = fit_clip(clip, free_body, replace(QUICK, last_phase=2, unswap_sides=True, shape_sample=sample))
     ends = [note.rpartition("frames ")[2] for note in result.warnings]
     assert "105-106" in ends and "100, 101, 102, 104, 105, 106, 107" in ends
     assert any(note.endswith("filled from their neighbours: 103") for note in result.warnings)
@@ -262,11 +264,11 @@ def test_notes_count_frames_as_the_video_does(free_body: BodyModel, short_clip: 
 def test_a_clip_without_a_person_is_refused(free_body: BodyModel):
     blank = Keypoints(xy=np.zeros((4, 137, 2)), confidence=np.zeros((4, 137)))
     with pytest.raises(InputError, match=r"No frame of test clip shows a person.*at least 4 body keypoints"):
-        fit(clip_of(blank), free_body, QUICK)
+        fit_clip(clip_of(blank), free_body, QUICK)
     three = np.zeros((4, 137))
     three[:, :3] = 1
     with pytest.raises(InputError):
-        fit(clip_of(replace(blank, confidence=three)), free_body, QUICK)
+        fit_clip(clip_of(replace(blank, confidence=three)), free_body, QUICK)
 
 
 def test_half_body_stands_upright(free_body: BodyModel):
@@ -274,7 +276,7 @@ def test_half_body_stands_upright(free_body: BodyModel):
     legs = [i for i, n in enumerate(kp.BODY_25) if any(w in n for w in ("hip", "knee", "ankle", "toe", "heel"))]
     detections = hidden(body_only(free_body, 5), *legs)
     config = replace(PRESETS["tcfit"], relay_rounds=1, settings=SolverSettings(iterations=25))
-    result = fit(clip_of(detections), free_body, config)
+    result = fit_clip(clip_of(detections), free_body, config)
     orient = rotations.exp(result.last.params.global_orient)
     lean = torch.acos((-orient[:, 1, 1]).clamp(-1, 1)).rad2deg()  # of the body's y axis against the image's up
     assert float(lean.max()) < 10
@@ -293,7 +295,7 @@ def disturbed(params: BodyParams, frames: slice) -> BodyParams:
 def test_a_rerun_leaves_other_frames_alone_and_makes_no_seam(free_body: BodyModel, short_clip: Clip):
     """Frames 3 to 5 pushed off the optimum come back to it; the others are the same to the last bit."""
     config = replace(QUICK, settings=SolverSettings(iterations=120, final_tolerance=1e-8, sequence_tolerance=1e-8))
-    best = fit(short_clip, free_body, config).last.params
+    best = fit_clip(short_clip, free_body, config).last.params
     start = disturbed(best, slice(3, 6))
     again = finished(rerun_events(short_clip, free_body, config, start, range(3, 6))).params
     outside = [0, 1, 2, 6, 7]
@@ -352,7 +354,7 @@ def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyMode
 @pytest.mark.parametrize("mode", ["global", "sliding_window"])
 def test_the_shortest_clips(free_body: BodyModel, mode: str, frames: int):
     config = replace(QUICK, temporal=replace(QUICK.temporal, mode=mode), relay_rounds=1)
-    result = fit(clip_of(body_only(free_body, frames)), free_body, config)
+    result = fit_clip(clip_of(body_only(free_body, frames)), free_body, config)
     assert all_finite(result) and len(result.last.params) == frames
 
 
@@ -380,7 +382,7 @@ def few_steps(preset: str) -> FitConfig:
 def test_a_person_beyond_the_image_is_refused(tiny_body: BodyModel, kind: str):
     """Where cut-off parts are told apart, keypoints that all lie at or beyond the border show nobody."""
     with pytest.raises(InputError, match="shows a person"):
-        fit(clip_of(absurd(kind)), tiny_body, few_steps("tcfit"))
+        fit_clip(clip_of(absurd(kind)), tiny_body, few_steps("tcfit"))
 
 
 @pytest.mark.parametrize(
@@ -392,7 +394,7 @@ def test_a_person_beyond_the_image_is_refused(tiny_body: BodyModel, kind: str):
     ],
 )
 def test_absurd_keypoints_give_numbers(tiny_body: BodyModel, preset: str, kind: str):
-    result = fit(clip_of(absurd(kind)), tiny_body, few_steps(preset))
+    result = fit_clip(clip_of(absurd(kind)), tiny_body, few_steps(preset))
     assert all_finite(result)
     assert all(np.isfinite(list(p.objective.values())).all() for p in result.phases)
 
@@ -403,7 +405,7 @@ def test_one_senseless_frame_stops_no_phase(free_body: BodyModel, short_clip: Cl
     for seed in range(2):
         xy = short_clip.keypoints.xy.copy()
         xy[4, kp.BODY] = np.random.default_rng(seed).uniform(-spread, spread, (25, 2))
-        result = fit(clip_of(replace(short_clip.keypoints, xy=xy)), free_body, QUICK)
+        result = fit_clip(clip_of(replace(short_clip.keypoints, xy=xy)), free_body, QUICK)
         first, second, third = (p.params for p in result.phases)
         assert not torch.equal(second.body_pose, third.body_pose)
         assert float((second.betas[0] - first.betas.mean(0)).abs().max()) > 1e-6
@@ -413,7 +415,7 @@ def test_one_outlier_moves_little(free_body: BodyModel, short_clip: Clip, quick:
     """A wrist found 5000 pixels away is worth no more than one not found."""
     wild = short_clip.keypoints.xy.copy()
     wild[4, kp.INDEX["left_wrist"]] += 5000.0
-    outlier = fit(clip_of(replace(short_clip.keypoints, xy=wild)), free_body, QUICK).last.params
+    outlier = fit_clip(clip_of(replace(short_clip.keypoints, xy=wild)), free_body, QUICK).last.params
     mesh = Mesh(free_body, dtype=torch.float64)
     moved = (mesh.joints(outlier) - mesh.joints(quick.last.params)).norm(dim=2)
     others = [j for name, j in JOINT.items() if not name.startswith("left") and j < 22]
@@ -421,7 +423,7 @@ def test_one_outlier_moves_little(free_body: BodyModel, short_clip: Clip, quick:
 
 
 def test_float32_ends_at_the_same_place(free_body: BodyModel, short_clip: Clip, quick: FitResult):
-    single = fit(short_clip, free_body, replace(QUICK, precision="float32", last_phase=1))
+    single = fit_clip(short_clip, free_body, replace(QUICK, precision="float32", last_phase=1))
     assert single.last.params.body_pose.dtype == torch.float64
     assert single.last.objective["total"] == pytest.approx(quick.phases[0].objective["total"], rel=0.02)
 
@@ -438,7 +440,7 @@ def test_figures_of_a_phase_add_up(quick: FitResult):
 
 def test_seconds_are_of_the_phase(free_body: BodyModel, short_clip: Clip):
     start = time.perf_counter()
-    result = fit(short_clip, free_body, replace(QUICK, last_phase=2))
+    result = fit_clip(short_clip, free_body, replace(QUICK, last_phase=2))
     assert sum(p.seconds for p in result.phases) <= time.perf_counter() - start
 
 

@@ -148,7 +148,7 @@ KEYPOINTS: dict[str, Case] = {
     "openpose a folder for a file": Case(
         lambda f: directory(f"keypoints/{OPENPOSE}")(f) if (f / "keypoints").mkdir() is None else f,
         lambda path: read_detections(path.parent),
-        "cannot be read",
+        "is a folder, expected a file",
     ),
     "openpose nothing in the folder": Case(directory("keypoints"), read_detections, "found an empty folder"),
     "no keypoints at all": Case(lambda f: f / "gone", read_detections, "there is no such file or folder"),

@@ -91,7 +91,7 @@ MODELS |= {
     "config NaN": config("[temporal]\nweight = nan", "weight"),
     "config wrong encoding": config('preset = "päper"'.encode("latin-1"), "is no text in UTF-8"),
     "config deeply nested": config("a = " + "[" * 100_000, "method.toml"),
-    "config folder": Case(directory("method.toml"), read_config, "cannot be read"),
+    "config folder": Case(directory("method.toml"), read_config, "is a folder, expected a file"),
     "config of a binary": config(b"\x00" * 64, "method.toml"),
 }
 

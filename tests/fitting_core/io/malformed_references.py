@@ -102,7 +102,7 @@ REFERENCES: dict[str, Case] = {
     "amass short translation": amass("trans", trans=np.zeros((2, 3))),
     "onnx empty": model(content("pose.onnx", b""), "cannot be opened as an ONNX model"),
     "onnx a text": model(content("pose.onnx", "pose"), "cannot be opened as an ONNX model"),
-    "onnx a folder": model(directory("pose.onnx"), "there is no such model file"),
+    "onnx a folder": model(directory("pose.onnx"), "is a folder, expected an ONNX model"),
     "onnx truncated": model(_cut_off, "cannot be opened as an ONNX model"),
     "onnx without outputs": model(_without_outputs, "a model of an unknown kind"),
     "onnx hand as whole body": model(_landmarks, "Expected a whole-body model|133"),

@@ -374,8 +374,9 @@ def test_real_clips(shared_data, folder, frames, size, rate):
     assert (clip.keypoints.confidence[:, :9].max(1) > 0.2).all()
 
 
-@pytest.mark.parametrize("name, frames", [("example", 66), ("openpose", 93)])
-def test_real_keypoints_without_video(shared_data, name, frames):
+@pytest.mark.parametrize("name, frames, strays", [("example", 66, ""), ("openpose", 93, "(4 from 1.003 to 1.006)")])
+def test_real_keypoints_without_video(shared_data, name, frames, strays):
     clip = read_clip(None, shared_data / "openpose_sequences" / name)
     assert len(clip) == frames and clip.name == name
-    assert len(clip.notes) == 2
+    assert len(clip.notes) == 2 + bool(strays)
+    assert not strays or f"has confidences outside 0 to 1 {strays}" in clip.notes[0]

@@ -1,6 +1,7 @@
 """fit.npz and summary.json: what they hold, that they read back, and what happens to broken ones."""
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -197,6 +198,20 @@ def test_costs_that_are_not_finite_stay_valid_json(tmp_path: Path, result: Calla
     write_result(tmp_path, replace(fit, phases=(broken,)), clip, body)
     text = (tmp_path / "summary.json").read_text()
     assert "Infinity" not in text and json.loads(text)["objective"]["phase1"] == {"total": None, "data": None}
+
+
+def test_names_that_are_not_utf_8_can_be_told(tmp_path: Path, result: Callable[..., Result]):
+    """As the names of files come on the command line; they must not end a fit that has gone through."""
+    fit, clip, body = result()
+    name = os.fsdecode(b"w\xe4lk")
+    config = replace(fit.config, pose_prior=f"{name}.npz")
+    fit = replace(fit, warnings=(name,), pose_prior=name, config=config)
+    body = replace(body, source=Path(f"{name}.npz"))
+    write_result(tmp_path, fit, replace(clip, name=name), body, command=f"tcfit fit {name}")
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["clip"] == "w\ufffdlk" and summary["command"] == "tcfit fit w\ufffdlk"
+    assert summary["config"]["pose_prior"] == "w\ufffdlk.npz" == summary["body"]["source"]
+    assert read_fit(tmp_path).gender == body.gender
 
 
 def test_overlay_of_an_earlier_fit_goes(tmp_path: Path, result: Callable[..., Result]):

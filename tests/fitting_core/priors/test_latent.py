@@ -17,7 +17,7 @@ from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import POSE_PRIORS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
-from fitting_core.fit.fitting import fit
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.priors import latent
 from fitting_core.priors.files.network import Activation, Layer, PriorNetwork
 from fitting_core.priors.files.network_file import write_network
@@ -212,7 +212,7 @@ def test_whole_fit_in_a_latent_space(tiny_body: BodyModel, tmp_path: Path, solve
         temporal=Temporal(mode="global", stages=(5,)),
         settings=SolverSettings(iterations=30, rounds=4),
     )
-    result = fit(clip_of(hidden(keypoints_of(tiny_body, truth), kp.HANDS, kp.FACE)), tiny_body, config)
+    result = fit_clip(clip_of(hidden(keypoints_of(tiny_body, truth), kp.HANDS, kp.FACE)), tiny_body, config)
     assert result.pose_prior == f"random ({network.hash})"
     pose = result.last.params.body_pose
     np.testing.assert_allclose(prior.decode(prior.encode(pose)).numpy(), pose.numpy(), atol=1e-3)

@@ -9,7 +9,7 @@ import trimesh
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.render import renderer as render
-from fitting_core.render.renderer import Renderer, Surface, off_screen_gl, scaled_camera, turn_about_vertical
+from fitting_core.render.renderer import Renderer, Surface, off_screen_gl, scaled_camera
 
 needs_gl = pytest.mark.skipif(off_screen_gl() is None, reason="no off-screen OpenGL (EGL or OSMesa) on this machine")
 
@@ -100,20 +100,6 @@ def test_an_inside_out_mesh_keeps_its_outline(renderer: Renderer) -> None:
     surface = ball()
     turned = Surface(vertices=surface.vertices, faces=surface.faces[:, ::-1])
     np.testing.assert_array_equal(renderer.draw([turned]).alpha, renderer.draw([surface]).alpha)
-
-
-@needs_gl
-def test_side_view_shows_what_is_on_the_right(renderer: Renderer) -> None:
-    """A slab deep in z and thin in x becomes wide; its right side, at larger x, comes to the front."""
-    slab = trimesh.creation.box((0.1, 0.2, 0.6))
-    vertices, faces = np.asarray(slab.vertices) + np.array([0.0, 0.0, 2.5]), np.asarray(slab.faces)
-    front = (renderer.render(vertices, faces) < 255).any(2).any(0).sum()
-    side = (renderer.side_view(vertices, faces) < 255).any(2).any(0).sum()
-    assert side > 3 * front
-    right = vertices[:, 0] > 0
-    turned = turn_about_vertical(vertices, 90.0)
-    assert turned[right, 2].max() < turned[~right, 2].min()
-    np.testing.assert_allclose(turned[:, 1], vertices[:, 1])
 
 
 @needs_gl

@@ -75,6 +75,13 @@ def _config(*arguments: str) -> Any:
     return fit_config(parse(["fit", "--out", "o", *arguments]).method)
 
 
+@pytest.mark.parametrize("given", [["--device", "mps"], ["--set", "device=mps"]])
+def test_a_device_that_lacks_the_precision_is_refused(given: list[str]):
+    with pytest.raises(InputError, match="device mps cannot compute in float64"):
+        _config(*given)
+    assert _config(*given, "--precision", "float32").device == "mps"
+
+
 def test_settings_by_their_own_options():
     found = _config(*EVERY_OPTION[EVERY_OPTION.index("--solver") :])
     temporal, sample = found.temporal, found.shape_sample

@@ -16,7 +16,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings, Temporal
 from fitting_core.errors import InputError
-from fitting_core.fit.fitting import fit, rerun_events
+from fitting_core.fit.fitting import fit_clip, rerun_events
 from tcfit_app.fitting.live import Correction, LiveCorrection
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import finished
@@ -45,7 +45,7 @@ def clip() -> Clip:
 
 @pytest.fixture(scope="module")
 def params(clip: Clip, body: BodyModel) -> BodyParams:
-    return fit(clip, body, CONFIG).last.params
+    return fit_clip(clip, body, CONFIG).last.params
 
 
 def correction(clip: Clip, body: BodyModel, params: BodyParams, *keypoints: int, frame: int = FRAME, **other):

@@ -21,7 +21,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import SolverSettings, Temporal
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
-from fitting_core.fit.fitting import Refit, fit, rerun_events
+from fitting_core.fit.fitting import Refit, fit_clip, rerun_events
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import worker as worker_module
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
@@ -163,7 +163,7 @@ def clip(tiny_body: BodyModel) -> Clip:
 
 @pytest.fixture(scope="module")
 def result(clip: Clip, tiny_body: BodyModel) -> FitResult:
-    return fit(clip, tiny_body, QUICK)
+    return fit_clip(clip, tiny_body, QUICK)
 
 
 def same(a: BodyParams, b: BodyParams) -> bool:

@@ -1,0 +1,1 @@
+"""Landmarks, contour and expressions of the free bodies."""

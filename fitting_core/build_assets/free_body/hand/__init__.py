@@ -1,0 +1,1 @@
+"""The hand space of the free bodies, from recorded hands and postures."""

@@ -42,7 +42,7 @@ _FEWEST = 20
 def hand_of(body: BodyModel) -> HandSkeleton:
     """The left hand of a body's mean shape."""
     tips = np.stack([body.template[body.surface_keypoints[f"left_{finger}"]] for finger in FINGERS])
-    return HandSkeleton.of(body.joint_regressor @ body.template, tips)
+    return HandSkeleton.of(body.rest_joints, tips)
 
 
 def learn(recorded: list[Float[np.ndarray, "n 45"]], hand: HandSkeleton) -> HandSpace:

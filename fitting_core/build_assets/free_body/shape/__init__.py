@@ -1,0 +1,1 @@
+"""The shape space of the free bodies, from MakeHuman's phenotypes."""

@@ -1,0 +1,1 @@
+"""Skinning, pose correctives and keypoint vertices of the free bodies."""

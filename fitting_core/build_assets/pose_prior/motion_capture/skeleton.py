@@ -20,7 +20,7 @@ class Skeleton:
     """Poses 22 joints, and points beyond head, hands and feet that show how the last joints are turned."""
 
     def __init__(self, body: BodyModel) -> None:
-        joints = body.joint_regressor @ body.template
+        joints = body.rest_joints
         ends = np.concatenate(
             [joints[[JOINT[n] for n in _ENDS]], body.template[[body.surface_keypoints[n] for n in _TOES]]]
         )

@@ -229,7 +229,7 @@ def test_a_missing_path_is_named(tmp_path):
 
 def test_a_folder_in_place_of_a_file_is_named(tmp_path):
     (tmp_path / "a_0_keypoints.json").mkdir()
-    with pytest.raises(InputError, match=r"a_0_keypoints.json cannot be read: "):
+    with pytest.raises(InputError, match=r"a_0_keypoints.json: is a folder, expected a file"):
         read_openpose(tmp_path)
 
 

@@ -93,6 +93,14 @@ def test_how_far_a_person_can_move_unseen(figure, gap, distance, followed):
     assert found == (15 if followed else 10)
 
 
+def test_a_false_detection_beside_a_person_takes_nobody_over(figure):
+    """One stood at the person's left before, and one comes up at the right: least total distance would take
+    the person for the former, and the false detection for the person."""
+    person, before, beside = figure(300, 300), figure(245, 300), figure(355, 300)
+    frames = [[person, before], [person], [person], [beside, person], [person]]
+    assert choose_person(clip(*frames)).entries == (0, 0, 0, 1, 0)
+
+
 def test_a_nearly_equal_rival_is_named(figure):
     frames = [[figure(400, 300, height=195), figure(100, 300)]] * 4
     choice = choose_person(clip(*frames))

@@ -13,7 +13,7 @@ from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.io.keypoints.pose_components import COMPONENTS
 from fitting_core.io.keypoints.pose_file import write_pose
-from fitting_core.keypoints import CONTOUR, FACE, INDEX, INNER_FACE, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.keypoints import CONTOUR, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints
 
 MEDIAPIPE_BODY = (
@@ -86,7 +86,7 @@ def test_a_reduced_face_mesh(tmp_path: Path):
     found = read_detections(holistic(tmp_path, face=face)[0])
     person = found.frames[0][0]
     assert person[CONTOUR, 2].all() and not person[FACE.start + 68 :].any()
-    missing = [NAMES[k] for k in range(INNER_FACE.start, INNER_FACE.stop) if not person[k, 2]]
+    missing = [NAMES[k] for k in range(CONTOUR.stop, INDEX["face_right_pupil"]) if not person[k, 2]]
     assert all("nose" in name or "nostrils" in name for name in missing) and len(missing) == 9
     assert "it lacks 13 of our 137: left_small_toe, right_small_toe, face_nose_bridge0" in found.notes[0]
 

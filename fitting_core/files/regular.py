@@ -1,0 +1,65 @@
+"""Whether a path is a file that can be read: a plain one, and not of an absurd size.
+
+Opening a named pipe waits for somebody who writes, and a device like /dev/zero never ends: both are told by their kind,
+without opening them.
+"""
+
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from fitting_core.errors import InputError
+
+MAX_BYTES = 4 * 2**30
+"""What is read as a whole is smaller: SMPL-X's pickles have 0.5 GB, an hour of keypoints in JSON 1 GB."""
+_KINDS: dict[Callable[[int], bool], str] = {
+    stat.S_ISDIR: "a folder",
+    stat.S_ISFIFO: "a named pipe",
+    stat.S_ISSOCK: "a socket",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+}
+
+
+def refusal(path: Path, *, most: int | None = MAX_BYTES, expected: str = "a file") -> str:
+    """Why a path cannot be read as a file, in words that follow its name; empty if it can.
+
+    Args:
+        path: Links are followed.
+        most: Bytes; None: any number.
+        expected: What kind of file, in words.
+
+    Raises:
+        OSError: There is nothing at the path, or it may not be looked at.
+    """
+    try:
+        found = path.stat()
+    except ValueError:  # a null byte
+        return f"is no path, expected that of {expected}"
+    if not stat.S_ISREG(found.st_mode):
+        kind = next((name for is_kind, name in _KINDS.items() if is_kind(found.st_mode)), "something else")
+        return f"is {kind}, expected {expected}"
+    if most is not None and found.st_size > most:
+        return f"has {found.st_size / 2**30:.1f} GB, expected at most {most / 2**30:.1f} GB"
+    return ""
+
+
+def regular_file(path: Path, *, most: int | None = MAX_BYTES) -> Path:
+    """The path, if it is that of a file that can be read.
+
+    Args:
+        path: Links are followed.
+        most: Bytes; None: any number.
+
+    Raises:
+        InputError: It is a folder, a named pipe, a socket or a device, or the file is too large.
+        OSError: There is nothing at the path, or it may not be looked at.
+    """
+    if why := refusal(path, most=most):
+        raise InputError(f"{path}: {why}.")
+    return path
+
+
+def legible(name: str) -> str:
+    """A name as text: what is not UTF-8 in it, as file names may have it, becomes question marks in diamonds."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")

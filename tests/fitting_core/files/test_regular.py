@@ -1,0 +1,144 @@
+"""Paths that are no plain files: told apart without being opened, by every reader."""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import register
+from fitting_core.config.toml import read_config
+from fitting_core.detect.onnx_graph import consumers
+from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.errors import InputError
+from fitting_core.files.npz import npz_names, read_npz
+from fitting_core.files.regular import regular_file
+from fitting_core.io import read_detections, read_motion
+from fitting_core.io.clip_reader import read_footage
+from fitting_core.io.keypoints.coco_wholebody import read_coco_wholebody
+from fitting_core.io.keypoints.openpose import read_openpose
+from fitting_core.io.keypoints.pose_file import read_pose
+from fitting_core.io.result_files import read_fit
+from fitting_core.measure.reference.files import read_reference
+from fitting_core.priors.files.registry import read_prior
+from fitting_core.synthetic.studio.world_camera import read_world_camera
+from fitting_core.synthetic.truth import read_truth
+from fitting_core.video.frames import FrameSource
+
+READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
+    "any keypoints": ("k.json", read_detections),
+    "a .pose file, by its name": ("k.pose", read_detections),
+    "a .pose file": ("k.pose", read_pose),
+    "COCO": ("k.json", read_coco_wholebody),
+    "OpenPose": ("k_0_keypoints.json", read_openpose),
+    "OpenPose's folder": ("k_0_keypoints.json", lambda path: read_openpose(path.parent)),
+    "a body": ("SMPLX_NEUTRAL.npz", load_body),
+    "a pickled body": ("SMPLX_NEUTRAL.pkl", load_body),
+    "a download": ("models.zip", register),
+    "a tar": ("models.tar.gz", register),
+    "a folder of models": ("SMPLX_NEUTRAL.npz", lambda path: register(path.parent)),
+    "a result": ("fit.npz", read_fit),
+    "a motion": ("motion.npz", read_motion),
+    "SMPLify-X's": ("000.pkl", read_motion),
+    "a reference": ("reference.npz", read_reference),
+    "a reference as text": ("reference.trc", read_reference),
+    "a truth": ("truth.npz", read_truth),
+    "a world's camera": ("camera.npz", read_world_camera),
+    "a prior": ("prior.npz", read_prior),
+    "a video": ("walk.mp4", read_footage),
+    "an image": ("walk.png", FrameSource),
+    "a folder of images": ("walk_0.png", lambda path: FrameSource(path.parent)),
+    "a model": ("model.onnx", OnnxModel),
+    "a model's graph": ("model.onnx", lambda path: consumers(path, "x")),
+    "a configuration": ("mine.toml", read_config),
+}
+
+
+@pytest.fixture(scope="module")
+def listening() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_UNIX) as server:
+        yield server
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def endless(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def full(path: Path) -> None:
+    path.symlink_to("/dev/full")
+
+
+@pytest.mark.parametrize("make", [pipe, endless, full])
+@pytest.mark.parametrize("name, read", READERS.values(), ids=READERS)
+def test_what_is_no_plain_file_is_refused_at_once(
+    tmp_path: Path, name: str, read: Callable[[Path], Any], make: Callable[[Path], None]
+):
+    """Opened, a pipe would wait for ever, and /dev/zero fill the memory."""
+    (tmp_path / "in").mkdir()
+    path = tmp_path / "in" / name
+    make(path)
+    with pytest.raises(InputError) as error:
+        read(path)
+    assert str(path.parent) in str(error.value)
+
+
+@pytest.mark.parametrize("read", [read_npz, npz_names])
+def test_archives_of_arrays_say_why(tmp_path: Path, read: Callable[[Path], Any]):
+    pipe(tmp_path / "a.npz")
+    with pytest.raises(ValueError, match="is a named pipe, expected a file"):
+        read(tmp_path / "a.npz")
+
+
+KINDS = {
+    "folder": (Path.mkdir, "is a folder, expected a file"),
+    "pipe": (pipe, "is a named pipe, expected a file"),
+    "device": (endless, "is a device, expected a file"),
+}
+
+
+@pytest.mark.parametrize("make, says", KINDS.values(), ids=KINDS)
+def test_the_kind_is_told(tmp_path: Path, make: Callable[[Path], None], says: str):
+    path = tmp_path / "here"
+    make(path)
+    with pytest.raises(InputError, match=f"here: {says}"):
+        regular_file(path)
+
+
+def test_a_socket(tmp_path: Path, listening: socket.socket, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)  # a socket's name has at most 108 bytes
+    listening.bind("here")
+    with pytest.raises(InputError, match="here: is a socket, expected a file"):
+        regular_file(tmp_path / "here")
+
+
+def test_the_size(tmp_path: Path):
+    path = tmp_path / "large.bin"
+    with path.open("wb") as file:
+        file.truncate(5 * 2**30)
+    with pytest.raises(InputError, match=r"large.bin: has 5\.0 GB, expected at most 4\.0 GB"):
+        regular_file(path)
+    assert regular_file(path, most=None) == path
+    (tmp_path / "link").symlink_to(path)
+    assert regular_file(tmp_path / "link", most=None) == tmp_path / "link"
+
+
+def test_nothing_there_and_no_path_at_all(tmp_path: Path):
+    with pytest.raises(FileNotFoundError):
+        regular_file(tmp_path / "missing")
+    with pytest.raises(InputError, match="is no path, expected that of a file"):
+        regular_file(Path("a\0b"))
+
+
+def test_a_video_whose_name_is_no_text(tmp_path: Path):
+    """OpenCV crashes on such a name."""
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/w\xe4lk.mp4"))
+    path.write_bytes(b"no video")
+    with pytest.raises(InputError, match=r"w\\udce4lk\.mp4.*has a name that is not UTF-8. Rename the video"):
+        FrameSource(path)
