@@ -162,8 +162,7 @@ class Stages:
         """These keypoints on the body, before the camera; `state` decides the face contour's tables, if it is given."""
         points = self.fitted.points(indices)
         focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
-        turned = state is not None and points.has_contour
-        bins = self.fitted.contour_bins(points, state) if turned else None
+        bins = None if state is None or not points.has_contour else self.fitted.contour_bins(points, state)
         return View(self.parametrisation, points, focal, center, bins)
 
     def _data(self, selection: _Selection) -> Data:
