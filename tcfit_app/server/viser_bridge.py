@@ -132,6 +132,12 @@ def field_id(field: viser.GuiTextHandle) -> str:
     return field._impl.uuid
 
 
+def put_back(field: viser.GuiInputHandle[Any], value: object) -> None:
+    """Undo a strange value that a page has sent to an input, and that viser has taken already: its own setter would
+    turn every later value into the strange one's type."""
+    field._impl.value = value
+
+
 # --- the server ---
 
 

@@ -209,7 +209,7 @@ def short_suite(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(suite_runs, "make_sequence", lambda sequence, level: cut)
     monkeypatch.setattr("tcfit_app.cli.suite_command.make_sequence", lambda sequence, level: cut)
-    monkeypatch.setattr(suite_runs, "fit", fit)
+    monkeypatch.setattr(suite_runs, "fit_clip", fit)
     return fitted
 
 

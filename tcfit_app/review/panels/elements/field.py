@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 import viser
 
 from tcfit_app.review.tab.tab import Tab
+from tcfit_app.server.viser_bridge import put_back
 
 Value = TypeVar("Value", str, int, float, Any)
 
@@ -39,8 +40,7 @@ class Field(Generic[Value]):
         value = event.target.value
         if not _alike(value, self._like):
             _log.warning("A value from the page is dropped: %r is none like %r", value, self._like)
-            # viser has it already, and its setter would turn every later value into this one's type.
-            self._handle._impl.value = self._like
+            put_back(self._handle, self._like)
             return
         self._given += 1
         self._tab.do(lambda: self._set(value))

@@ -12,6 +12,7 @@ from tcfit_app.review.panels import WITHOUT_KEYPOINTS
 from tcfit_app.review.panels.elements import html
 from tcfit_app.review.tab.buttons import LATE, Buttons, one_of
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.samples.media import write_images
 
 _NO_VALUES = ("x", "-1", "999999", "1.5", "nan", "inf", "1e308", "<b>", "é", "a b c", "")
 """Of buttons that have values, these have none; but a run or frame may have a strange number."""
@@ -104,12 +105,10 @@ def test_a_drag_beyond_the_clip_is_none(panel_page: LonePage):
 
 def test_the_video_is_looked_for_elsewhere_only_while_it_is_missing(panel_page: LonePage, tmp_path: Path):
     tab = panel_page.page.tab
-    folder = tmp_path / "images"
-    folder.mkdir()
-    for frame in range(tab.length):
-        (folder / f"{frame:03}.png").write_bytes(b"picture %d" % frame)
+    folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(tab.length)))
     panel_page.enter("New place", str(folder))
     panel_page.press("review.relink")
+    panel_page.settle()
     tab.desk.video.problem_of = lambda frame: ""  # pyright: ignore[reportAttributeAccessIssue]
     panel_page.draw()
     linked = tab.session.project.media.path
