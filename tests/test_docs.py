@@ -16,11 +16,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from fitting_core.io.openpose import write_openpose
 
-from fitting_core.config import PRESETS, SolverSettings
-from tcfit_app.cli import parse
-from tests.posed_clips import CAMERA, clip_of, motion
+from fitting_core.config.schema import PRESETS, SolverSettings
+from fitting_core.io.keypoints.openpose import write_openpose
+from tcfit_app.cli.main import parse
+from tests.samples.posed_clips import CAMERA, clip_of, motion
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -40,7 +40,6 @@ QUICK = replace(
     relay_rounds=0,
     yaws="side_view",
     limb_flips=False,
-    sharper_keypoints=False,
     settings=SolverSettings(iterations=3),
 )
 """For examples, which show how to call, and not how good the fit is."""

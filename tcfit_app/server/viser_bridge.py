@@ -1,7 +1,7 @@
 """Everything that tcfit uses of viser beyond its documented Python API, and the check that it is there.
 
 No other file imports a private module of viser or touches a private attribute of its objects (a test holds this), so
-that a new version of viser is looked through here, and in the page's `viser_bridge.js`.
+that a new version of viser is looked through here, and in the page's `viser/bridge.js`.
 """
 
 from collections.abc import Callable, Iterator, Sequence

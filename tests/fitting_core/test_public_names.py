@@ -21,9 +21,7 @@ from tests.samples.posed_clips import CAMERA, clip_of, motion
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-QUICK = replace(
-    PRESETS["tcfit"], relay_rounds=0, limb_flips=False, sharper_keypoints=False, settings=SolverSettings(iterations=2)
-)
+QUICK = replace(PRESETS["tcfit"], relay_rounds=0, limb_flips=False, settings=SolverSettings(iterations=2))
 
 
 def for_type_checkers() -> dict[str, str]:
