@@ -52,7 +52,7 @@ def test_all_that_it_holds_is_there(project: Project):
     assert project.redo() is not None
     marks = project.marks.all()
     assert {frame: mark.state for frame, mark in marks.items()} == {1: "checked", 2: "checked", 4: "flag"}
-    assert marks[4].author == ""
+    assert marks[4].author == "tab 1"
 
 
 def test_its_runs_are_there_and_go_on(project: Project):
