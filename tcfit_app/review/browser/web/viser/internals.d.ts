@@ -20,6 +20,9 @@ export interface Texture {
   image: ImageBitmap;
   colorSpace: string;
   flipY: boolean;
+  generateMipmaps: boolean;
+  magFilter: number;
+  minFilter: number;
   needsUpdate: boolean;
   dispose(): void;
 }

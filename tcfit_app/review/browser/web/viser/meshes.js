@@ -2,7 +2,7 @@
 
 /** @import { Mesh, Texture } from "./internals" */
 
-import { meshOf, redrawScene } from "./bridge.js";
+import { canvas, meshOf, redrawScene } from "./bridge.js";
 
 // --- pictures ---
 //
@@ -36,18 +36,24 @@ export function hangPicture(name, bitmap) {
  * @param {string} name @param {ImageBitmap} bitmap @param {Texture} model */
 function textureOf(name, bitmap, model) {
   let texture = textures.get(name);
-  const same = texture?.image.width === bitmap.width && texture.image.height === bitmap.height;
+  const size = texture?.image.width === bitmap.width && texture.image.height === bitmap.height;
+  const generateMipmaps = shrinks(name, bitmap);
+  const same = size && texture?.generateMipmaps === generateMipmaps;
   texture?.image.close();
   if (!texture || !same) {
     texture?.dispose(); // the graphics card keeps the size that it was given first
-    texture = Object.assign(new /** @type {any} */ (model).constructor(), {
-      colorSpace: model.colorSpace,
-      flipY: false,
-    });
-    textures.set(name, /** @type {Texture} */ (texture));
+    /** @type {Texture} */
+    const made = new /** @type {any} */ (model).constructor();
+    const minFilter = generateMipmaps ? made.minFilter : made.magFilter;
+    texture = Object.assign(made, { colorSpace: model.colorSpace, flipY: false, generateMipmaps, minFilter });
+    textures.set(name, texture);
   }
-  return Object.assign(/** @type {Texture} */ (texture), { image: bitmap, needsUpdate: true });
+  return Object.assign(texture, { image: bitmap, needsUpdate: true });
 }
+
+/** Whether a picture is drawn so much smaller that it would shimmer without smaller copies, which take a tenth of a
+ * seek where the processor makes them. @param {string} name @param {ImageBitmap} bitmap */
+const shrinks = (name, bitmap) => !name.startsWith("/posters/") || bitmap.width > canvas().width;
 
 // --- how a mesh is drawn ---
 
