@@ -157,6 +157,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     shown = session.fits.show(FitChoice())
     assert shown is not None and shown.run.id == own.id, "what was imported is not the newest fit"
     tested.click("Show as A")
+    tested.until(lambda: tab.look().a)  # its fit may have to be read again
     imported = tab.look().a
     assert imported is not None and imported.title == "theirs" and imported.run.id == run.id
     tested.click("Show as B")

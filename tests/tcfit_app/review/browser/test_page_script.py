@@ -75,6 +75,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     opened.show()
     opened.page.mouse.move(2, 300)
     opened.look(300.0)
+    opened.settle()  # the canvas of the test before may still have told its size
     opened.events.clear()
     yield opened
     assert opened.complaints == []
