@@ -23,6 +23,7 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
 from tcfit_app.review.scene.poster import Poster, Posters
 from tcfit_app.review.scene.space import Space
+from tests.drivers.browser import chromium
 from tests.drivers.screens import (
     PLATE,
     Screen,
@@ -180,7 +181,7 @@ def run(options: Exactness) -> None:
     demo = cached_demo().camera
     vertices = meshes(body, 3)[1]
     rows: list[Row] = []
-    with screen() as shown:
+    with chromium() as browser, screen(browser) as shown:
         for name, camera in cameras(demo).items():
             layer = plain_body(in_view(vertices, camera, demo), body.faces)
             for window in options.windows:

@@ -22,11 +22,10 @@ settings.load_profile("no deadline")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Where several processes share the tests: a file's stay together, for they share what it sets up. All that need a
     browser run one after another, and first: two at once are slow enough on two cores to miss what they wait for."""
-    groups = {item.path: item.path.name for item in items}
-    groups |= {item.path: "browser" for item in items if "browser" in getattr(item, "fixturenames", ())}
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(groups[item.path]))
-    items.sort(key=lambda item: groups[item.path] != "browser")
+    groups = ["browser" if "browser" in getattr(item, "fixturenames", ()) else item.path.name for item in items]
+    for item, group in zip(items, groups, strict=True):
+        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: "browser" not in getattr(item, "fixturenames", ()))
 
 
 @pytest.fixture(scope="session")

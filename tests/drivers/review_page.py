@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 QUICK = replace(
     PRESETS["tcfit"],
     relay_rounds=0,
+    limb_flips=False,
     yaws="side_view",
     settings=replace(PRESETS["tcfit"].settings, iterations=8),
 )
@@ -92,7 +93,7 @@ class Reviewing:
         before = None
         while (now := self.tab.evaluate("() => tcfit.place(0, 0).concat(tcfit.place(100, 100))")) != before:
             before = now
-            self.tab.wait_for_timeout(400)
+            self.tab.wait_for_timeout(150)
 
 
 @contextmanager

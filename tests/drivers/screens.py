@@ -21,10 +21,9 @@ from tcfit_app.review.scene.poses import Pose
 from tcfit_app.review.scene.poster import Posters
 from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.server.serving import review_server
-from tests.drivers.browser import chromium
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 PLATE_COLOR: RGB = (0, 0, 160)
 BODY_COLOR: RGB = (255, 60, 60)
@@ -87,12 +86,12 @@ class Screen:
 
 
 @contextmanager
-def screen(size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
+def screen(browser: "Browser", size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
     """An empty scene in a browser window of that size (width, height)."""
     clients: list[viser.ClientHandle] = []
     scripts = web_files()
     serving = review_server("Scene", port=0, open_browser=False, scripts=scripts, say=lambda text: None)
-    with serving as server, chromium() as browser:
+    with serving as server:
         server.viser.on_client_connect(clients.append)
         server.viser.gui.main_panel.float(x=15, y=15)  # the canvas is the whole window
         page = browser.new_page(viewport={"width": size[0], "height": size[1]})

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import TYPE_CHECKING
 
 import msgspec
 import pytest
@@ -23,7 +24,9 @@ from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import PROTECTION
 from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
-from tests.drivers.browser import chromium
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 HOME = "/"
 
@@ -592,8 +595,8 @@ WEBSOCKET = """([url, protocol]) => new Promise(done => {
 })"""
 
 
-def test_in_a_browser():
-    with chromium() as browser, serve() as server, serve() as foreign:
+def test_in_a_browser(browser: "Browser"):
+    with serve() as server, serve() as foreign:
         page, requests = browser.new_page(), []
         page.on("request", lambda request: requests.append(request))
         pages_before = page.evaluate("history.length")

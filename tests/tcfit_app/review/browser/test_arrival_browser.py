@@ -72,7 +72,7 @@ class Scene:
     def until_shown(self, frame: int) -> None:
         """Waits until the picture of that frame was drawn, and nothing waits any more."""
         self.page.wait_for_function("(width) => window.drawn.some(([, shown]) => shown === width)", arg=frame)
-        self.page.wait_for_timeout(400)
+        self.page.wait_for_timeout(100)
 
     def drawn(self) -> list[list[int]]:
         """Frame of body, picture and state at each drawing since the last time."""

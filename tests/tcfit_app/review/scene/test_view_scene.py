@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ from tcfit_app.review.scene.layers import BodyLayer
 from tcfit_app.review.scene.poster import Poster, Posters
 from tcfit_app.review.scene.space import Space
 from tests.drivers.screens import PLATE, Screen, expected_body, overlap, plain_body, plate_errors, screen, seen_body
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 WINDOW = (800, 700)
 CAMERA = Camera(focal=(620.0, 600.0), center=(150.0, 260.0), size=(640, 480))
@@ -29,8 +33,8 @@ BODY = plain_body(VERTICES, FACES)
 
 
 @pytest.fixture(scope="module")
-def shown() -> Iterator[Screen]:
-    with screen(WINDOW) as running:
+def shown(browser: "Browser") -> Iterator[Screen]:
+    with screen(browser, WINDOW) as running:
         yield running
 
 
