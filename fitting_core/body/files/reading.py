@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path, PurePath
+from weakref import WeakValueDictionary
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,9 +17,12 @@ from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, Bo
 _GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "n": "neutral", "m": "male", "f": "female"}
 _OTHER_MODELS = {16: "a MANO hand", 5: "a FLAME head", 33: "a SMAL animal", 35: "a SMAL animal"}
 
+_IN_USE: WeakValueDictionary[tuple[Path, int, int], BodyModel] = WeakValueDictionary()
+"""By file, its time and its size: a command asks for the same body in many places, and SMPL-X takes a second to read."""
+
 
 def load_body(path: Path) -> BodyModel:
-    """Read a body model file: SMPL-X, SMPL-H or SMPL, `.npz` or `.pkl`.
+    """Read a body model file: SMPL-X, SMPL-H or SMPL, `.npz` or `.pkl`; the body itself where it is in use already.
 
     The number of joints tells the kind (55, 52, 24); all are brought into SMPL-X's 55-joint form. In SMPL-H the jaw and
     the eyes sit on the head and in SMPL also the fingers on the wrists, without skin; SMPL's hand joints merge into the
@@ -29,7 +33,20 @@ def load_body(path: Path) -> BodyModel:
     Raises:
         InputError: The file is missing, damaged, not a body model, or holds what does not fit together.
     """
-    raw = read_raw(Path(path))
+    path = Path(path)
+    try:
+        stat = path.stat()
+    except OSError:
+        return _read(path)  # which tells what is wrong
+    key = (path.absolute(), stat.st_mtime_ns, stat.st_size)
+    body = _IN_USE.get(key)
+    if body is None:
+        body = _IN_USE[key] = _read(path)
+    return body
+
+
+def _read(path: Path) -> BodyModel:
+    raw = read_raw(path)
     template = raw.floats("v_template", (None, 3))
     form = _form(raw, vertices=len(template))
     _check_size(raw, template)

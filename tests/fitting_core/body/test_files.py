@@ -428,3 +428,12 @@ def test_gender_comes_from_the_name(tmp_path: Path, name: str, gender: str):
 def test_gender_of_the_file_wins(tmp_path: Path):
     path = write_npz(tmp_path / "SMPLX_NEUTRAL.npz", body_arrays() | {"gender": np.array("male")})
     assert load_body(path).gender == "male"
+
+
+def test_a_body_in_use_is_not_read_again_and_a_changed_file_is(tmp_path: Path):
+    arrays = body_arrays("smplx")
+    path = write_npz(tmp_path / "SMPLX_NEUTRAL.npz", arrays)
+    body = load_body(path)
+    assert load_body(path) is body
+    os.utime(write_npz(path, arrays | {"v_template": 1.1 * arrays["v_template"]}), ns=(1, 1))
+    np.testing.assert_array_equal(load_body(path).template, 1.1 * body.template)

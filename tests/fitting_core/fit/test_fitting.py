@@ -89,7 +89,7 @@ def all_finite(result: FitResult) -> bool:
 
 def test_known_parameters_are_recovered_from_exact_keypoints(free_body: BodyModel):
     """Pose, hands, face, shape and depth: vertices under 5 mm, nothing aligned."""
-    truth = arms_in_motion(5)
+    truth = arms_in_motion(3)
     result = fit_clip(clip_of(keypoints_of(free_body, truth)), free_body, EXACT)
     assert float(vertex_errors(free_body, result.phases[0].params, truth).mean(1).max()) < 5
     final = result.last.params
@@ -358,7 +358,7 @@ def test_the_shortest_clips(free_body: BodyModel, mode: str, frames: int):
     assert all_finite(result) and len(result.last.params) == frames
 
 
-def absurd(kind: str, frames: int = 4) -> Keypoints:
+def absurd(kind: str, frames: int = 3) -> Keypoints:
     rng = np.random.default_rng(3)
     xy, confidence = rng.uniform(0, 800, (frames, 137, 2)), rng.uniform(0, 1, (frames, 137))
     if kind == "far away":
@@ -375,7 +375,7 @@ def absurd(kind: str, frames: int = 4) -> Keypoints:
 def few_steps(preset: str) -> FitConfig:
     weights = replace(PRESETS[preset].weights, collision=(0.0,) * 5)
     config = replace(PRESETS[preset], weights=weights, settings=SolverSettings(iterations=8))
-    return replace(config, temporal=replace(config.temporal, window_size=3))
+    return replace(config, temporal=replace(config.temporal, window_size=2))
 
 
 @pytest.mark.parametrize("kind", ["far away", "one place"])
