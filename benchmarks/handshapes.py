@@ -28,18 +28,18 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, default_focal, project
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.fit.events import drained
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free
-from fitting_core.generators import drained
 from fitting_core.keypoints import Keypoints
 from fitting_core.render.renderer import Renderer
 from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.synthetic.acting.performance import standing_root
-from fitting_core.synthetic.studio.world_camera import in_camera
+from fitting_core.synthetic.studio.world_camera import WorldCamera, in_camera
 from tcfit_app.bench.five_stages import solved
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
@@ -142,8 +142,8 @@ def _truth(body: BodyModel, names: list[tuple[str, str]]) -> BodyParams:
         left_hand_pose=left - torch.as_tensor(body.hand_mean[0]),
         right_hand_pose=right - torch.as_tensor(body.hand_mean[1]),
     )
-    turn = np.diag([1.0, -1.0, -1.0])
-    return in_camera(posed, rest[0], turn, np.array([0.0, middle[1] - _HEIGHT, _DISTANCE]))
+    before = np.array([0.0, middle[1] - _HEIGHT, _DISTANCE])
+    return in_camera(posed, rest[0], WorldCamera(rotation=np.diag([1.0, -1.0, -1.0]), translation=before))
 
 
 def fit_hands_alone(body: BodyModel, stages: Stages, truth: BodyParams, starts: Sequence[float]) -> BodyParams:

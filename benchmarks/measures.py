@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.clips import Sample
@@ -15,9 +15,8 @@ from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.pose_prior.contact import Contact
 from fitting_core.build_assets.pose_prior.dataset import matrices
-from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
+from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.synthetic.demo_clip import keypoints_in_space
 
@@ -96,11 +95,23 @@ def low_passed(points: Float[np.ndarray, "T N 3"], frame_rate: float) -> Float[n
     return sosfiltfilt(butter(2, 6.0, fs=frame_rate, output="sos"), points, axis=0)
 
 
+def wrists_in_front(joints: Float[np.ndarray, "T 55 3"]) -> Bool[np.ndarray, "T 2"]:
+    """Whether the left and the right wrist are nearer to the camera than the chest (joint spine3).
+
+    For people who face the camera and sign: hands inside or behind the trunk show a depth that the image did not hold.
+
+    Args:
+        joints: SMPL-X's joints in camera space (z away from the camera).
+    """
+    wrists = joints[:, [JOINT["left_wrist"], JOINT["right_wrist"]], 2]
+    return wrists < joints[:, JOINT["spine3"], 2, None]
+
+
 def uprightness(posed: Posed) -> Figures:
     """Where there is no reference and the person is known to sit or stand upright before the camera, hands in front."""
     if posed.sample.truth is not None:
         return {}
-    lean, in_front = metrics.torso_lean(posed.joints), metrics.wrists_in_front(posed.joints)
+    lean, in_front = metrics.torso_lean(posed.joints), wrists_in_front(posed.joints)
     return {
         "lean °": float(lean.mean()),
         "worst lean °": float(lean.max()),

@@ -17,7 +17,7 @@ from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from benchmarks.sections import Section, Spent, Stopwatch
 from fitting_core.body.model import BodyModel
-from fitting_core.body.points.points import BodyPoints
+from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit import objective

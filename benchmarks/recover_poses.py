@@ -28,11 +28,11 @@ from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.generators import drained
 from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import procrustes
 from fitting_core.render.renderer import DEFAULT_COLOR

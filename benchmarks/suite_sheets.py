@@ -16,7 +16,7 @@ from tqdm import tqdm
 from fitting_core.camera import Camera
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import BODY, BONES
-from fitting_core.synthetic.studio.view import View
+from fitting_core.synthetic.studio.world_camera import View
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence, render_frames
 from fitting_core.synthetic.truth import write_truth
 from fitting_core.video.encoding import video_writer

@@ -22,6 +22,9 @@ class Similarity:
     translation: Float[np.ndarray, "T 3"]
     scale: Float[np.ndarray, "T"]
 
+    def __getitem__(self, frames: slice) -> "Similarity":
+        return Similarity(**{name: values[frames] for name, values in vars(self).items()})
+
     def __call__(self, points: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K 3"]:
         """The points of each frame, moved by that frame's transformation."""
         turned = points @ self.rotation.transpose(0, 2, 1)
@@ -187,12 +190,6 @@ def shape_variation(betas: Float[np.ndarray, "T 10"]) -> float:
 # --- how a body stands before the camera, for people who are known to be upright ---
 
 
-def lean(up: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T"]:
-    """Angle between a body's up axis and the image's vertical (y down), in degrees."""
-    cosine = -up[:, 1] / np.linalg.norm(up, axis=-1)
-    return np.degrees(np.arccos(cosine.clip(-1, 1)))
-
-
 def torso_lean(joints: Float[np.ndarray, "T 55 3"]) -> Float[np.ndarray, "T"]:
     """Angle in degrees between the line from the middle of the hip joints to the neck joint and the image's vertical.
 
@@ -203,16 +200,6 @@ def torso_lean(joints: Float[np.ndarray, "T 55 3"]) -> Float[np.ndarray, "T"]:
         joints: SMPL-X's joints in camera space (y down).
     """
     hips = joints[:, [JOINT["left_hip"], JOINT["right_hip"]]].mean(1)
-    return lean(joints[:, JOINT["neck"]] - hips)
-
-
-def wrists_in_front(joints: Float[np.ndarray, "T 55 3"]) -> Bool[np.ndarray, "T 2"]:
-    """Whether the left and the right wrist are nearer to the camera than the chest (joint spine3).
-
-    For people who face the camera and sign: hands inside or behind the trunk show a depth that the image did not hold.
-
-    Args:
-        joints: SMPL-X's joints in camera space (z away from the camera).
-    """
-    wrists = joints[:, [JOINT["left_wrist"], JOINT["right_wrist"]], 2]
-    return wrists < joints[:, JOINT["spine3"], 2, None]
+    up = joints[:, JOINT["neck"]] - hips
+    cosine = -up[:, 1] / np.linalg.norm(up, axis=-1)
+    return np.degrees(np.arccos(cosine.clip(-1, 1)))

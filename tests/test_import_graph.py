@@ -16,7 +16,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors generators keypoints rotations
+        errors keypoints
         camera config files body
         clip metrics priors video
         fit

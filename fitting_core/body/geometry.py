@@ -1,15 +1,13 @@
-"""Rotations between directions, mirror images, and nearest points on triangles."""
+"""Rotations between directions, mirror images, and the normals of a mesh."""
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 """Multiplies positions: swaps the body's left and right."""
 MIRROR_ROTATION = np.array([1.0, -1.0, -1.0])
 """Multiplies axis-angle vectors: the same swap for rotations."""
-_CANDIDATES = 48  # triangles tried per point: the nearest by their centres
 
 
 def unit(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
@@ -24,58 +22,35 @@ def axis_angle(vector: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]
     return Rotation.from_rotvec(vector.reshape(-1, 3)).as_matrix().reshape(*vector.shape[:-1], 3, 3)
 
 
-def shortest_rotation(source: Float[np.ndarray, "3"], target: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """The rotation by the smallest angle that turns one direction to another (not to its opposite)."""
+def shortest_rotation(
+    source: Float[np.ndarray, "*n 3"], target: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n 3 3"]:
+    """The rotations by the smallest angle that turn directions to others (not to their opposites)."""
     source, target = unit(source), unit(target)
     axis = np.cross(source, target)
-    sine = np.linalg.norm(axis)
-    if sine < 1e-9:
-        return np.eye(3)
-    return axis_angle(axis / sine * np.arctan2(sine, source @ target))
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (source * target).sum(-1, keepdims=True))
+    return axis_angle(np.where(sine > 1e-12, axis / np.maximum(sine, 1e-12), 0.0) * angle)
 
 
-def frame(first: Float[np.ndarray, "3"], second: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def twist(rotations: Rotation, axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n"]:
+    """Angles (radians, -pi to pi) by which rotations turn about a unit axis: swing-twist decomposition."""
+    q = rotations.as_quat()
+    angle = 2 * np.arctan2(q[:, :3] @ axis, q[:, 3])
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def frame(first: Float[np.ndarray, "*n 3"], second: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     """Right-handed axes as columns: along `first`, and `second` made orthogonal to it."""
     first = unit(first)
-    second = unit(second - (second @ first) * first)
-    return np.stack([first, second, np.cross(first, second)], axis=1)
+    second = unit(second - (second * first).sum(-1, keepdims=True) * first)
+    return np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
-def nearest_on_triangles(
-    points: Float[np.ndarray, "P 3"], triangles: Float[np.ndarray, "F 3 3"]
-) -> tuple[Int[np.ndarray, "P"], Float[np.ndarray, "P 3"]]:
-    """The nearest point on a mesh for each point.
-
-    Returns:
-        The triangle of each nearest point, and its barycentric coordinates there (not negative, sum 1).
-    """
-    count = min(_CANDIDATES, len(triangles))
-    candidates = np.asarray(KDTree(triangles.mean(1)).query(points, count)[1]).reshape(len(points), count)
-    barycentric = _nearest_barycentric(points[:, None], triangles[candidates])
-    found = np.einsum("pck,pckd->pcd", barycentric, triangles[candidates])
-    best = np.linalg.norm(found - points[:, None], axis=-1).argmin(1)
-    rows = np.arange(len(points))
-    return candidates[rows, best], barycentric[rows, best]
-
-
-def _nearest_barycentric(
-    points: Float[np.ndarray, "P C 3"], triangles: Float[np.ndarray, "P C 3 3"]
-) -> Float[np.ndarray, "P C 3"]:
-    """Of each triangle, the point nearest to the given one: inside it, or on its nearest edge."""
-    a, b, c = np.moveaxis(triangles, -2, 0)
-    normal = np.cross(b - a, c - a)
-    area = np.maximum((normal**2).sum(-1), 1e-30)
-    u = (np.cross(c - b, points - b) * normal).sum(-1) / area
-    v = (np.cross(a - c, points - c) * normal).sum(-1) / area
-    options = [np.stack([u, v, 1 - u - v], axis=-1)]
-    for i in range(3):
-        start, end = triangles[..., i, :], triangles[..., (i + 1) % 3, :]
-        along = ((points - start) * (end - start)).sum(-1) / np.maximum(((end - start) ** 2).sum(-1), 1e-30)
-        along = np.clip(along, 0, 1)
-        edge = np.zeros((*along.shape, 3))
-        edge[..., i], edge[..., (i + 1) % 3] = 1 - along, along
-        options.append(edge)
-    stacked = np.stack(options)
-    distance = np.linalg.norm(np.einsum("opck,pckd->opcd", stacked, triangles) - points, axis=-1)
-    distance[0] = np.where((options[0] >= 0).all(-1), distance[0], np.inf)
-    return np.take_along_axis(stacked, distance.argmin(0)[None, ..., None], axis=0)[0]
+def vertex_normals(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, "V 3"]:
+    """Unit normals of the vertices, the mean over their faces, weighted by area; 0 for a vertex of no face."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    normals = np.cross(b - a, c - a)
+    sums = [np.bincount(faces.reshape(-1), np.repeat(normals[:, axis], 3), len(vertices)) for axis in range(3)]
+    total = np.stack(sums, 1)
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20)

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.geometry import unit
 from fitting_core.body.model import JOINT
 
@@ -39,10 +39,6 @@ class HandSkeleton:
         chains = [[joints[JOINT[f"left_{finger}{k}"]] for k in (1, 2, 3)] for finger in FINGERS]
         points = np.concatenate([chains, tips[:, None]], axis=1) - joints[JOINT["left_wrist"]]
         return HandSkeleton(points=points, axes=finger_axes(joints))
-
-    def axis_angle(self, angles: Float[np.ndarray, "*n 45"]) -> Float[np.ndarray, "*n 45"]:
-        """From anatomical angles to axis-angle about the world's axes: an orthogonal map."""
-        return axis_angle_of(angles, self.axes)
 
     def pose(self, angles: Float[Tensor, "*n 5 3 3"]) -> Float[Tensor, "*n 5 4 3"]:
         """Joints and tips of posed hands, metres from the wrist."""

@@ -136,15 +136,8 @@ def joint_ranges(body: BodyModel) -> dict[str, JointRange]:
     joints = body.rest_joints
     limbs = {f"left_{name}": limb for name, limb in _LIMBS.items()}
     limbs |= {f"right_{name}": limb.mirrored() for name, limb in _LIMBS.items()}
-    return _TRUNK | limbs | _left_fingers(joints, "left") | _mirrored(_left_fingers(_mirror_image(joints), "right"))
-
-
-def _mirror_image(joints: Float[np.ndarray, "55 3"]) -> Float[np.ndarray, "55 3"]:
-    return joints * MIRROR
-
-
-def _mirrored(ranges: dict[str, JointRange]) -> dict[str, JointRange]:
-    return {name: joint.mirrored() for name, joint in ranges.items()}
+    right = {name: joint.mirrored() for name, joint in _left_fingers(joints * MIRROR, "right").items()}
+    return _TRUNK | limbs | _left_fingers(joints, "left") | right
 
 
 def _left_fingers(joints: Float[np.ndarray, "55 3"], named: str) -> dict[str, JointRange]:

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose

@@ -21,6 +21,14 @@ JOINTS = (
 """SMPL-X's 55 kinematic joints, in its order."""
 JOINT = {name: i for i, name in enumerate(JOINTS)}
 N_JOINTS = len(JOINTS)
+
+
+def other_side(name: str) -> str:
+    """The name of the same part on the body's other side: right_hip for left_hip, neck for neck."""
+    swapped = {"left": "right", "right": "left"}
+    return "_".join(swapped.get(word, word) for word in name.split("_"))
+
+
 POSE_JOINTS: dict[str, slice] = {
     "global_orient": slice(0, 1),
     "body_pose": slice(1, 22),

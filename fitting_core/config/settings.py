@@ -225,17 +225,15 @@ def _check_ranges(config: FitConfig, origin: str, names: list[str]) -> None:
             raise InputError(f"{origin}: {name} is {wrong[0]:g}; expected {allowed}.")
         if value == ():
             raise InputError(f"{origin}: {name} is empty; expected at least one number, {allowed}.")
-    if "pose_prior" in names and not _is_pose_prior(config.pose_prior):
+    prior = config.pose_prior
+    known = prior in POSE_PRIORS or (prior != "" and Path(prior).expanduser().exists())
+    if "pose_prior" in names and not known:
         raise InputError(
-            f"{origin}: pose_prior is {config.pose_prior!r}, neither a name nor an existing file; expected one of "
+            f"{origin}: pose_prior is {prior!r}, neither a name nor an existing file; expected one of "
             f"{', '.join(POSE_PRIORS)}, or the path of VPoser (folder, snapshot or download) or of a pose prior's npz."
         )
     if "device" in names and not _DEVICE.fullmatch(config.device):
         raise InputError(f"{origin}: device is {config.device!r}; expected cpu, cuda, cuda:1 (or another number), mps.")
-
-
-def _is_pose_prior(text: str) -> bool:
-    return text in POSE_PRIORS or (text != "" and Path(text).expanduser().exists())
 
 
 def _form(kind: Any) -> str:

@@ -4,43 +4,15 @@ Top-down: a box model finds people, one of them is followed (`tracking`), and a 
 the box. Without a box model the box follows the points themselves. `detecting` goes through a clip.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
-
-import numpy as np
-from jaxtyping import Float, UInt8
+from typing import Any, Literal
 
 from fitting_core.detect import rtmdet, simcc, yolox
-from fitting_core.detect.boxes import Boxes
-from fitting_core.detect.model_kinds import what_it_is
-from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.detect.boxes import BoxModel
+from fitting_core.detect.onnx_model import OnnxModel, what_it_is
 from fitting_core.errors import InputError
-
-
-class PoseModel(Protocol):
-    """Finds the points of one person in a box."""
-
-    model: OnnxModel
-    size: tuple[int, int]
-    """Width and height of what it sees."""
-
-    def points(
-        self, images: Sequence[UInt8[np.ndarray, "H W 3"]], boxes: Float[np.ndarray, "n 4"]
-    ) -> Float[np.ndarray, "n 133 3"]:
-        """Of one person in each RGB image: x, y in pixels, and what `simcc.confidence` takes."""
-        ...
-
-
-class BoxModel(Protocol):
-    """Finds people."""
-
-    model: OnnxModel
-
-    def find(self, images: Sequence[UInt8[np.ndarray, "H W 3"]]) -> list[Boxes]:
-        """The people in each RGB image."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,13 +27,13 @@ class Family:
 
 DETECTORS: dict[str, Family] = {
     "simcc": Family(title="RTMPose, DWPose, RTMW", finds="points", recognises=simcc.recognises, make=simcc.SimCC),
-    "rtmdet": Family(title="RTMDet", finds="boxes", recognises=rtmdet.recognises, make=rtmdet.RTMDet),
-    "yolox": Family(title="YOLOX", finds="boxes", recognises=yolox.recognises, make=yolox.YOLOX),
+    "rtmdet": Family(title="RTMDet", finds="boxes", recognises=rtmdet.recognises, make=rtmdet.make),
+    "yolox": Family(title="YOLOX", finds="boxes", recognises=yolox.recognises, make=yolox.make),
 }
 """By name; the first that recognises a model runs it."""
 
 
-def load_pose_model(path: Path, *, provider: str = "cpu", threads: int = 0) -> PoseModel:
+def load_pose_model(path: Path, *, provider: str = "cpu", threads: int = 0) -> simcc.SimCC:
     """Open a whole-body model.
 
     Raises:

@@ -1,12 +1,13 @@
 """Boxes around people, and what all models that find them have in common."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.detect.onnx_model import OnnxModel, Tensor, consumers
 
 SCORE = 0.3
 """Boxes of a lower score are left out."""
@@ -33,6 +34,65 @@ class Boxes:
 
     def __len__(self) -> int:
         return len(self.scores)
+
+
+Decode = Callable[[tuple[np.ndarray, ...], tuple[int, int]], tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]]
+"""From one image's outputs and the input's width and height to corners in input pixels, and scores of people."""
+
+
+class BoxModel:
+    """Finds people.
+
+    Args:
+        model: What is run.
+        decode: Of its outputs.
+        mean: Of the channels blue, green and red, which is taken off the pixels; before that they are 0 to 255.
+        deviation: Of these channels, by which pixels are divided.
+    """
+
+    def __init__(
+        self,
+        model: OnnxModel,
+        decode: Decode,
+        mean: Float32[np.ndarray, "3"] | float = 0.0,
+        deviation: Float32[np.ndarray, "3"] | float = 1.0,
+    ) -> None:
+        self.model, self.size = model, input_size(model)
+        self._decode, self._mean, self._deviation = decode, mean, deviation
+
+    def find(self, images: Sequence[UInt8[np.ndarray, "H W 3"]]) -> list[Boxes]:
+        """The people in each RGB image."""
+        prepared = [letterboxed(image, self.size) for image in images]
+        outputs = self.model.run([(pixels - self._mean) / self._deviation for pixels, _ in prepared])
+        found = []
+        for image, (_, scale), output in zip(images, prepared, outputs, strict=True):
+            corners, scores = self._decode(output, self.size)
+            found.append(without_doubles(people(corners, scores, scale, (image.shape[1], image.shape[0]))))
+        return found
+
+
+def has_focus(model: OnnxModel) -> bool:
+    """Whether a model begins with YOLOX's Focus layer, which slices the image into every second row and column.
+
+    RTMDet begins with a convolution. With non-maximum suppression in the model nothing else tells the two apart, and
+    their images are prepared in different ways.
+    """
+    return "Slice" in consumers(model.path, model.inputs[0].name)
+
+
+def is_end2end(outputs: tuple[Tensor, ...]) -> bool:
+    """Whether outputs are boxes after non-maximum suppression, as MMDeploy exports them."""
+    by_name = {output.name: output for output in outputs}
+    return {"dets", "labels"} <= set(by_name) and len(by_name["dets"].shape) == 3
+
+
+def decode_end2end(
+    output: tuple[np.ndarray, ...], size: tuple[int, int]
+) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n"]]:
+    """Corners and scores of the people among boxes with labels, for whichever order the two outputs have."""
+    dets, labels = sorted(output[:2], key=lambda array: -array.ndim)
+    mine = dets[labels.reshape(-1) == PERSON]
+    return mine[:, :4], mine[:, 4]
 
 
 def input_size(model: OnnxModel) -> tuple[int, int]:

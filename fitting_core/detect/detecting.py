@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from fitting_core.detect import BoxModel, PoseModel, simcc
+from fitting_core.detect import BoxModel, simcc
 from fitting_core.detect.boxes import Boxes
 from fitting_core.detect.stored import DetectionSettings, StoredDetection
 from fitting_core.detect.tracking import box_around, follow, whole
@@ -55,7 +55,7 @@ class Detection:
     source: FrameSource
     frames: range
     """Numbers of consecutive frames of the source."""
-    pose: PoseModel
+    pose: simcc.SimCC
     boxes: BoxModel | None = None
     """None: the person is looked for in the whole first frame, and in later ones where the points of the frame before
     lie."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitting_core.detect.known_models import KnownModel, Origin, model_path, pin, pinned, write_origin
+from fitting_core.detect.known_models import KnownModel, model_path, pin, pinned
 from fitting_core.detect.onnx_model import OnnxModel
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
@@ -159,7 +159,9 @@ def _installed(model: KnownModel, part: Path, folder: Path) -> Downloaded:
         OnnxModel(draft, threads=1)
     if not model.sha256:
         pin(model.name, found, folder)
-    write_origin(target, Origin(url=model.url, sha256=found, checked=bool(expected), licence=model.licence))
+    origin = {"url": model.url, "sha256": found, "checked": bool(expected), "licence": model.licence}
+    with replacing(target.with_suffix(".json")) as draft:
+        draft.write_text(json.dumps(origin, indent=1), encoding="utf-8")
     return Downloaded(path=target, sha256=found, checked=bool(expected))
 
 

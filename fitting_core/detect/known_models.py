@@ -4,7 +4,7 @@ Nothing of them ships with tcfit. `download` fetches one when the user asks for 
 """
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -95,17 +95,6 @@ KNOWN_MODELS: dict[str, KnownModel] = {model.name: model for model in _TABLE}
 """By name."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Origin:
-    """Where a model on this computer comes from."""
-
-    url: str
-    sha256: str
-    checked: bool
-    """Whether the checksum was one that was known before the download."""
-    licence: str
-
-
 def models_folder() -> Path:
     """Where downloaded models are kept for the user."""
     return platformdirs.user_data_path("tcfit", appauthor=False) / "detectors"
@@ -149,12 +138,6 @@ def pin(name: str, sha256: str, folder: Path) -> None:
     """Remember the checksum of a model's first download."""
     with replacing(folder / _PINS) as draft:
         draft.write_text(json.dumps(_pins(folder) | {name: sha256}, indent=1), encoding="utf-8")
-
-
-def write_origin(path: Path, origin: Origin) -> None:
-    """Say beside a model where it comes from."""
-    with replacing(path.with_suffix(".json")) as draft:
-        draft.write_text(json.dumps(asdict(origin), indent=1), encoding="utf-8")
 
 
 _PINS = "checksums.json"

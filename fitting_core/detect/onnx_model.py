@@ -1,8 +1,8 @@
-"""A neural network in an ONNX file: what goes in, what comes out, and running it on images."""
+"""A neural network in an ONNX file: what goes in, what comes out, running it on images, and what it probably is."""
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ import onnxruntime
 from jaxtyping import Float32
 
 from fitting_core.errors import InputError
-from fitting_core.files.regular import refusal
+from fitting_core.files.regular import refusal, regular_file
 
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 """Where a model can run -> onnxruntime's name for it."""
@@ -161,3 +161,130 @@ def _tensor(given: onnxruntime.NodeArg) -> Tensor:
 
 def _first_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0].rstrip(".")[:300] if str(error).strip() else type(error).__name__
+
+
+# onnxruntime does not tell which operators take the image. ONNX files are protocol buffers, and only four fields of
+# them are needed here, so they are read as such, without the `onnx` package (its onnx.proto has their numbers).
+_GRAPH, _NODE, _NODE_INPUT, _OPERATOR = 7, 1, 1, 4
+"""Numbers of the fields ModelProto.graph, GraphProto.node, NodeProto.input and NodeProto.op_type."""
+_VARINT, _EIGHT_BYTES, _LENGTH, _FOUR_BYTES = 0, 1, 2, 5
+"""Ways in which a field's value is written."""
+
+
+def consumers(path: Path, tensor: str) -> tuple[str, ...]:
+    """The operators that take a tensor, such as ("Conv",), in the order of the file.
+
+    Raises:
+        InputError: The file is no ONNX model, or cut off.
+    """
+    try:
+        content = memoryview(regular_file(path).read_bytes())
+        found = [
+            _texts(node, _OPERATOR)[0]
+            for graph in _parts(content, _GRAPH)
+            for node in _parts(graph, _NODE)
+            if tensor in _texts(node, _NODE_INPUT)
+        ]
+    except (ValueError, IndexError) as error:
+        raise InputError(f"{path}: is not an ONNX model, or was not fully copied ({error}).") from error
+    return tuple(found)
+
+
+def _texts(message: memoryview, field: int) -> list[str]:
+    return [bytes(part).decode() for part in _parts(message, field)]
+
+
+def _parts(message: memoryview, field: int) -> Iterator[memoryview]:
+    """All values of a field that holds bytes: texts and other messages."""
+    place = 0
+    while place < len(message):
+        key, place = _varint(message, place)
+        kind = key & 7
+        if kind == _VARINT:
+            _, place = _varint(message, place)
+        elif kind in (_EIGHT_BYTES, _FOUR_BYTES):
+            place += 8 if kind == _EIGHT_BYTES else 4
+        elif kind == _LENGTH:
+            length, place = _varint(message, place)
+            if place + length > len(message):
+                raise ValueError("a part of it is longer than the file")
+            if key >> 3 == field:
+                yield message[place : place + length]
+            place += length
+        else:
+            raise ValueError(f"it has a field of the unknown kind {kind}")
+
+
+def _varint(message: memoryview, place: int) -> tuple[int, int]:
+    """A number of seven bits for each byte, lowest first, and where it ends."""
+    value = shift = 0
+    while True:
+        byte = message[place]
+        value |= (byte & 0x7F) << shift
+        place, shift = place + 1, shift + 7
+        if not byte & 0x80:
+            return value, place
+
+
+POINT_SETS = {
+    17: "a body (COCO)",
+    21: "a hand",
+    25: "a body (BODY_25)",
+    26: "a body with feet (Halpe)",
+    33: "a body (MediaPipe)",
+    66: "a face (OpenSeeFace)",
+    68: "a face (iBUG)",
+    98: "a face (WFLW)",
+    106: "a face (LaPa)",
+    133: "the whole body (COCO-WholeBody)",
+    136: "the whole body (Halpe)",
+    468: "a face (MediaPipe)",
+}
+"""By their number, what points published models find."""
+
+
+def what_it_is(model: OnnxModel) -> str:
+    """What a model probably finds, and its inputs and outputs, for messages."""
+    found = next((words for tell in _TELLS if (words := tell(model.outputs))), "a model of an unknown kind")
+    return f"{found}: {model.describe()}"
+
+
+def _boxes(outputs: tuple[Tensor, ...]) -> str:
+    ends = [output.shape[-1] for output in outputs if len(output.shape) == 3]
+    if {"dets", "labels"} <= {output.name for output in outputs} or 5 in ends or 85 in ends:
+        return "a detector of boxes"
+    return ""
+
+
+def _simcc(outputs: tuple[Tensor, ...]) -> str:
+    if len(outputs) == 2 and all(len(output.shape) == 3 for output in outputs):
+        counts = {output.shape[1] for output in outputs}
+        if len(counts) == 1 and (count := counts.pop()):
+            return f"{_named(count)}, as SimCC"
+    return ""
+
+
+def _maps(outputs: tuple[Tensor, ...]) -> str:
+    for output in outputs:
+        if len(output.shape) == 4 and (channels := output.shape[1]):
+            # OpenSeeFace has a map of the place and two of the offsets for each point.
+            count = channels // 3 if channels % 3 == 0 and channels // 3 in POINT_SETS else channels
+            return f"{_named(count)}, as heat maps"
+    return ""
+
+
+def _coordinates(outputs: tuple[Tensor, ...]) -> str:
+    for output in outputs:
+        if len(output.shape) == 2 and (length := output.shape[1]):
+            for each in (3, 2):
+                if length % each == 0 and length // each in POINT_SETS:
+                    return f"{_named(length // each)}, as coordinates"
+    return ""
+
+
+def _named(count: int) -> str:
+    known = POINT_SETS.get(count)
+    return f"a model of {count} points" + (f", those of {known}" if known else "")
+
+
+_TELLS: tuple[Callable[[tuple[Tensor, ...]], str], ...] = (_boxes, _simcc, _maps, _coordinates)

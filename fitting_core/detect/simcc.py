@@ -17,8 +17,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from fitting_core.detect.model_kinds import what_it_is
-from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.detect.onnx_model import OnnxModel, what_it_is
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.coco_wholebody_layout import WHOLEBODY_COUNT
 
@@ -34,7 +33,7 @@ _SCALES = (1.0, 10.0)
 
 
 class SimCC:
-    """A pose model; see `detect.PoseModel`.
+    """A pose model: finds the points of one person in a box.
 
     Raises:
         InputError: The model's input and outputs do not fit each other.

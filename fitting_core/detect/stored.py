@@ -12,6 +12,7 @@ from jaxtyping import Float
 from fitting_core.detect.boxes import Boxes
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.npz import write_npz
 
 _SETTINGS = "settings.json"
 _VERSION = 1
@@ -107,8 +108,7 @@ class StoredDetection:
 
     def _write(self, name: str, **arrays: np.ndarray) -> None:
         try:
-            with replacing(self.folder / f"{name}.npz") as draft:
-                np.savez_compressed(draft, allow_pickle=False, **arrays)
+            write_npz(self.folder / f"{name}.npz", arrays)
         except OSError as error:
             raise InputError(
                 f"{self.folder}: cannot be written ({error.strerror or error}). Free space there."

@@ -138,7 +138,7 @@ def box_around(
     """The box in which to look for a person in the next frame; None if the person is lost.
 
     Args:
-        points: Of this frame, as `PoseModel.points` gives them.
+        points: Of this frame, as `SimCC.points` gives them.
         highest: Height of the highest peak of a point in all frames so far.
         size: Of the image.
     """

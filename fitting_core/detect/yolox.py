@@ -5,14 +5,11 @@ own, and DWPose's yolox_l.onnx); or dets (N, n, 5) and labels (N, n), with non-m
 (MMDeploy's). Both take BGR images of 0 to 255.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
-from fitting_core.detect.boxes import PERSON, STRIDES, Boxes, grid, input_size, letterboxed, people, without_doubles
+from fitting_core.detect.boxes import PERSON, STRIDES, BoxModel, decode_end2end, grid, has_focus, input_size, is_end2end
 from fitting_core.detect.onnx_model import OnnxModel
-from fitting_core.detect.rtmdet import decode_end2end, has_focus, is_end2end
 
 _BEFORE_CLASSES = 5
 """Numbers of a cell before those of the classes: centre, size, and whether there is anything."""
@@ -20,23 +17,9 @@ _MOST_EXPONENT = 12.0
 """Of sizes: larger ones are larger than any image, and would not be numbers any more."""
 
 
-class YOLOX:
-    """A box model; see `detect.BoxModel`."""
-
-    def __init__(self, model: OnnxModel) -> None:
-        assert recognises(model)
-        self.model, self.size = model, input_size(model)
-        self._decode = decode_end2end if is_end2end(model.outputs) else decode_grid
-
-    def find(self, images: Sequence[UInt8[np.ndarray, "H W 3"]]) -> list[Boxes]:
-        """The people in each of some RGB images."""
-        prepared = [letterboxed(image, self.size) for image in images]
-        outputs = self.model.run([pixels for pixels, _ in prepared])
-        found = []
-        for image, (_, scale), output in zip(images, prepared, outputs, strict=True):
-            corners, scores = self._decode(output, self.size)
-            found.append(without_doubles(people(corners, scores, scale, (image.shape[1], image.shape[0]))))
-        return found
+def make(model: OnnxModel) -> BoxModel:
+    """The model, which `recognises`, ready to find people."""
+    return BoxModel(model, decode_end2end if is_end2end(model.outputs) else decode_grid)
 
 
 def recognises(model: OnnxModel) -> bool:

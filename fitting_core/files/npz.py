@@ -1,19 +1,30 @@
-"""npz archives that somebody else made: plain arrays, of the sizes that they declare, and nothing pickled."""
+"""npz archives: written whole, and read with care, for somebody else may have made them: plain arrays alone."""
 
 import math
 import zipfile
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 from numpy.lib import format as npy
 
+from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import refusal
 
 MAX_BYTES = 2 * 2**30
 """Unpacked size of what is read of one archive; an hour of poses has 0.2 GB."""
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays by their names, whole or not at all; equal ones give equal bytes.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    with replacing(path) as draft:
+        np.savez_compressed(draft, allow_pickle=False, **arrays)
 
 
 def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX_BYTES) -> dict[str, np.ndarray]:

@@ -1,6 +1,8 @@
-"""What the fitting generator yields. Events carry detached copies on the CPU."""
+"""What the fitting generator yields, detached copies on the CPU; and generators that return a value, run or changed."""
 
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.result import FitResult, PhaseResult
@@ -55,3 +57,32 @@ class Finished:
 
 
 FitEvent = PhaseStarted | Iteration | WindowFinished | PhaseFinished | Finished
+
+
+Value = TypeVar("Value")
+Other = TypeVar("Other")
+Returned = TypeVar("Returned")
+
+
+def drained(generator: Generator[Any, None, Returned]) -> Returned:
+    """What a generator returns; what it yields is left aside."""
+    while True:
+        try:
+            next(generator)
+        except StopIteration as stop:
+            return stop.value
+
+
+def mapped(
+    generator: Generator[Value, None, Returned], change: Callable[[Value], Other]
+) -> Generator[Other, None, Returned]:
+    """The same generator with `change` of each of its values; closing it closes the other one."""
+    try:
+        while True:
+            try:
+                value = next(generator)
+            except StopIteration as stop:
+                return stop.value
+            yield change(value)
+    finally:
+        generator.close()

@@ -15,7 +15,16 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.fit.events import (
+    Finished,
+    FitEvent,
+    Iteration,
+    PhaseFinished,
+    PhaseStarted,
+    WindowFinished,
+    drained,
+    mapped,
+)
 from fitting_core.fit.observations import SEEN
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
@@ -26,7 +35,6 @@ from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
-from fitting_core.generators import drained, mapped
 from fitting_core.video.frame_names import spans
 
 Outcome = TypeVar("Outcome")
@@ -135,11 +143,7 @@ class _Fit:
         state = yield from self._first()
         if self.config.last_phase >= 2:
             state = yield from self._second(state)
-        if self.config.last_phase >= 3:
-            yield from self._third(state)
-        result = self._result()
-        yield Finished(result=result)
-        return result
+        return (yield from self._last(state))
 
     def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
         """The phases after the first, from another fit's first one on."""
@@ -152,6 +156,10 @@ class _Fit:
         # Poses as they came: a latent prior does not bring them back exactly.
         state = self.stages.parametrisation.from_params(first.params)
         state = yield from self._second(state, poses=first.params)
+        return (yield from self._last(state))
+
+    def _last(self, state: State) -> Generator[FitEvent, None, FitResult]:
+        """Phase 3, if it is the configured last one, and the end."""
         if self.config.last_phase >= 3:
             yield from self._third(state)
         result = self._result()
@@ -228,7 +236,6 @@ def evaluated(
     params: BodyParams,
     *,
     phase: int = 3,
-    seconds: float = 0.0,
 ) -> PhaseResult:
     """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
 
@@ -238,10 +245,9 @@ def evaluated(
         config: its weights are those of the costs.
         params: all frames; they are kept as they are.
         phase: 3 counts E_T too.
-        seconds: what making them took.
     """
     stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=seconds)
+    result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
 

@@ -88,11 +88,6 @@ class Provenance:
         """Nothing is known of any frame."""
         return Provenance(np.zeros(frames, np.uint8), np.zeros(frames, np.uint8))
 
-    @staticmethod
-    def all_of(frames: int, start: Start, stopped: Stopped) -> "Provenance":
-        """The same of every frame."""
-        return Provenance(np.full(frames, start, np.uint8), np.full(frames, stopped, np.uint8))
-
     def __len__(self) -> int:
         return len(self.start)
 

@@ -1,7 +1,7 @@
 """From a clip, a body and a configuration to the objective of each stage."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -9,18 +9,87 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import BodyModel
+from fitting_core.body.kinematics import contour_bins
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.points.body_points import BodyPoints
+from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.fitted_body import FittedBody
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.observations import Observations
 from fitting_core.fit.terms.collision.term import CollidingBody
 from fitting_core.fit.terms.data import Data
-from fitting_core.fit.terms.table import camera_terms, stage_terms
+from fitting_core.fit.terms.table import Setting, camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
+from fitting_core.priors.pose import make_prior
+
+
+class FittedBody:
+    """A body model, how a solver's numbers become its pose, and what of it can be looked at.
+
+    Args:
+        model: the body model.
+        config: its pose prior, hands, precision and device count.
+    """
+
+    def __init__(self, model: BodyModel, config: FitConfig) -> None:
+        self.model = model
+        self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
+        self.parametrisation = Parametrisation(
+            model,
+            make_prior(config.pose_prior, dtype=self.dtype, device=self.device),
+            hand_components=config.hand_components,
+            dtype=self.dtype,
+            device=self.device,
+        )
+        self.keypoint_points: list[Point | None] = keypoint_points(model)
+        self.known = torch.tensor([p is not None for p in self.keypoint_points], device=self.device)
+        """Keypoints that the body has, (137,) bool."""
+
+    @cached_property
+    def colliding(self) -> CollidingBody:
+        """The whole mesh, made when the first stage asks for collisions."""
+        return CollidingBody(self.model, dtype=self.dtype, device=self.device)
+
+    @cached_property
+    def rest_joints(self) -> Float[Tensor, "55 3"]:
+        """Joints of the mean shape at rest, metres."""
+        joints = self.model.rest_joints
+        return torch.as_tensor(joints, dtype=self.dtype, device=self.device)
+
+    def points(self, indices: Int[Tensor, "N"]) -> BodyPoints:
+        """What some keypoints are on the body."""
+        return _compiled(self.model, tuple(indices.tolist()), self.dtype, self.device)
+
+    def contour_bins(self, points: BodyPoints, state: State) -> Int[Tensor, "B"]:
+        """The face contour's table of each frame, from the head's yaw in `state`."""
+        p = self.parametrisation
+        return contour_bins(points.world_rotations(state.orient, p.pose(state, p.body_pose(state))))
+
+    def turned_by(self, seen: Bool[Tensor, "T 137"]) -> Bool[np.ndarray, "T 55"]:
+        """Joints with one of these keypoints below them in the tree, so that the image says how they are turned."""
+        return (seen.cpu().numpy().astype(int) @ _turning(self.model)) > 0
+
+
+@lru_cache(maxsize=16)
+def _compiled(body: BodyModel, indices: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> BodyPoints:
+    """The points of some keypoints. Remembered beyond a fit: 0.1 s that each drag of a keypoint would wait."""
+    known = keypoint_points(body)
+    points = [point for i in indices if (point := known[i]) is not None]
+    return BodyPoints(body, points, dtype=dtype, device=device)
+
+
+@lru_cache(maxsize=4)
+def _turning(body: BodyModel) -> Int[np.ndarray, "137 55"]:
+    """1 where a joint turns a keypoint. Remembered: to compile all keypoints takes 0.3 s, which a drag would wait."""
+    known = {i: p for i, p in enumerate(keypoint_points(body)) if p is not None}
+    points = BodyPoints(body, list(known.values()))
+    hangs = np.zeros((kp.COUNT, N_JOINTS), int)
+    hangs[np.array(list(known))[points.entry_point.numpy()], points.entry_joint.numpy()] = 1
+    return hangs
+
 
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
@@ -107,34 +176,35 @@ class Stages:
         """Pixels of the detections."""
         return self.observations.xy
 
-    @property
-    def leg_seen(self) -> Bool[Tensor, "T"]:
-        """Frames that show a hip and its knee."""
-        return self.observations.leg_seen
-
-    @property
-    def colliding_body(self) -> CollidingBody:
-        """The whole mesh."""
-        return self.fitted.colliding
-
     @cached_property
     def all_frames(self) -> Int[Tensor, "T"]:
         """Their indices."""
         return torch.arange(len(self), device=self.device)
 
-    @property
+    @cached_property
     def observed(self) -> Bool[np.ndarray, "T 55"]:
         """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
-        return self._observed
-
-    @cached_property
-    def _observed(self) -> Bool[np.ndarray, "T 55"]:
         return self.fitted.turned_by(self.observations.seen)
 
     @cached_property
     def _shown(self) -> Bool[Tensor, "137"]:
         """Keypoints that the body has and that any frame of the clip shows."""
         return self.fitted.known & self.observations.shown
+
+    @cached_property
+    def setting(self) -> Setting:
+        """What the terms are made from."""
+        return Setting(
+            config=self.config,
+            body=self.body,
+            parametrisation=self.parametrisation,
+            xy=self.xy,
+            leg_seen=self.observations.leg_seen,
+            hands_shown=self.has(kp.HANDS),
+            observed=self.observed,
+            temporal_weight=self.temporal_weight,
+            colliding=lambda: self.fitted.colliding,
+        )
 
     def has(self, group: slice) -> bool:
         """Whether any keypoint of the group was detected that the body has."""
@@ -199,7 +269,7 @@ class Stages:
             free: what moves.
         """
         selection = self._select(self._joint_weights(stage).expand(len(self), -1))
-        terms = [self._data(selection), *stage_terms(self, stage)]
+        terms = [self._data(selection), *stage_terms(self.setting, stage)]
         return FrameObjective(terms, self.view(selection.indices, state), free)
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
@@ -213,6 +283,6 @@ class Stages:
         headed[:, _HEAD] = 1
         weights = torch.where(self.observations.hips_seen[:, None], weights, weights + headed)
         selection = self._select(weights)
-        terms = [self._data(selection), *camera_terms(self, depth)]
+        terms = [self._data(selection), *camera_terms(self.setting, depth)]
         free = Free(body=False, hands=False, face=False, betas=False)
         return FrameObjective(terms, self.view(selection.indices, None), free)

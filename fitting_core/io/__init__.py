@@ -55,10 +55,7 @@ def read_detections(path: Path) -> Detections:
     """
     if not path.exists():
         raise InputError(f"No keypoints at {path}: there is no such file or folder.")
-    try:
-        start = b"" if path.is_dir() else _first_bytes(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+    start = b"" if path.is_dir() else _first_bytes(path)
     for recognises, reader in READERS.items():
         if recognises(path, start):
             module, function = reader.split(":")
@@ -101,11 +98,8 @@ def read_motion(
 
 def _may_hold_results(path: Path) -> bool:
     """Whether a file is a pickle of protocol 2 or later, or an archive, or was to be one."""
-    try:
-        start = _first_bytes(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    return path.suffix.lower() in (".pkl", ".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2") or start[:1] == b"\x80"
+    packed = path.suffix.lower() in (".pkl", ".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2")
+    return packed or _first_bytes(path)[:1] == b"\x80"
 
 
 def _holds_arrays(path: Path) -> bool:
@@ -120,5 +114,8 @@ def _holds_arrays(path: Path) -> bool:
 
 
 def _first_bytes(path: Path) -> bytes:
-    with regular_file(path).open("rb") as file:
-        return file.read(_START)
+    try:
+        with regular_file(path).open("rb") as file:
+            return file.read(_START)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error

@@ -9,7 +9,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import camera_of, focal_option
-from fitting_core.io.keypoints.alignment import Timeline, align, select, timeline_of_keypoints
+from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io.keypoints.detections import Detections, to_pixels
 from fitting_core.io.keypoints.person import choose_person
 from fitting_core.keypoints import COUNT, Keypoints
@@ -83,7 +83,8 @@ def read_clip(
     size, size_notes = (size, ()) if size else _guess_size(detections)
     timeline = footage.timeline or timeline_of_keypoints(detections)
     detections, alignment_notes = align(detections, timeline)
-    detections, first = select(detections, timeline, first_frame, last_frame)
+    part = chosen(timeline, first_frame, last_frame)
+    detections, first = detections[part], timeline.numbers[part.start]
     choice = choose_person(detections, person=person, first_frame=first)
     rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
     return Clip(
@@ -128,26 +129,16 @@ def read_footage(
     footage = _footage(images)
     size = _known_size(footage, image_size)
     assert size is not None and footage.timeline is not None
-    nothing = _nothing(footage.timeline)
-    chosen, first = select(nothing, footage.timeline, first_frame, last_frame)
+    frames = footage.timeline.numbers[chosen(footage.timeline, first_frame, last_frame)]
     rate, rate_notes = _frame_rate(frame_rate, footage, None)
     return Clip(
-        keypoints=Keypoints(xy=np.zeros((len(chosen), COUNT, 2)), confidence=np.zeros((len(chosen), COUNT))),
+        keypoints=Keypoints(xy=np.zeros((len(frames), COUNT, 2)), confidence=np.zeros((len(frames), COUNT))),
         camera=camera_of(size, center, focal),
         frame_rate=rate,
         name=_name(video),
         source=images,
-        first_frame=first,
+        first_frame=frames[0],
         notes=(*footage.notes, *rate_notes),
-    )
-
-
-def _nothing(timeline: Timeline) -> Detections:
-    """No people in all frames of a timeline."""
-    return Detections(
-        frames=(np.zeros((0, COUNT, 3)),) * len(timeline.numbers),
-        stems=tuple(map(str, timeline.numbers)),
-        source=timeline.source or Path(),
     )
 
 
@@ -169,8 +160,7 @@ def read_keypoints(
     detections, scale_notes = to_pixels(detections, clip.camera.size, keypoint_scale=keypoint_scale)
     timeline = _footage(clip.source).timeline or _timeline_around(clip, detections)
     detections, alignment_notes = align(detections, timeline)
-    last = clip.first_frame + len(clip) - 1
-    detections, _ = select(detections, timeline, clip.first_frame, last)
+    detections = detections[chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)]
     choice = choose_person(detections, person=person, first_frame=clip.first_frame)
     found = _check_inside(choice.keypoints, clip.camera.size)
     return choice.keypoints, (

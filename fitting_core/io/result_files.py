@@ -40,11 +40,11 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.files.npz import read_npz
+from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.fit.provenance import STARTS, STOPS, Provenance
 from fitting_core.fit.result import FitResult
 from fitting_core.io.motion.animation_npz import pose_arrays
-from fitting_core.io.motion.motion import Motion
+from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.summary import summary
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
@@ -109,8 +109,7 @@ def write_result(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / OVERLAY_NAME).unlink(missing_ok=True)
-        with replacing(folder / FIT_NAME) as draft:
-            np.savez_compressed(draft, allow_pickle=False, **fit_arrays(fit, clip, body, complete=complete))
+        write_npz(folder / FIT_NAME, fit_arrays(fit, clip, body, complete=complete))
         with replacing(folder / SUMMARY_NAME) as draft:
             content = summary(fit, clip, body, complete=complete, command=command)
             draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")

@@ -14,7 +14,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.measure.mesh.errors import MeshErrors
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.reference import Reference
 
 _NEAR = 0.01
 """Metres: points nearer to the camera's plane, or behind it, are in no image."""

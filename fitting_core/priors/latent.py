@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.priors.files.network import INPUTS, Activation, Layer, PriorNetwork
 
 N_JOINTS = 21

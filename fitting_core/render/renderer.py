@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse
 from jaxtyping import Float, Int, UInt8
 
+from fitting_core.body.geometry import vertex_normals
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.render.off_screen import BACKENDS, prepare
@@ -173,7 +173,6 @@ class Renderer:
         self.camera = camera
         self._target = _target()
         self._pyrender = self._target.pyrender
-        self._normal_sums: dict[tuple[int, int], tuple[np.ndarray, scipy.sparse.csr_matrix]] = {}
 
     def draw(self, surfaces: Sequence[Surface]) -> Picture:
         """Several meshes in one picture, hiding each other by depth."""
@@ -211,7 +210,7 @@ class Renderer:
         vertices = np.asarray(surface.vertices, np.float64) * _CAMERA_TO_GL
         primitive = self._pyrender.Primitive(
             positions=vertices,
-            normals=self._smooth_normals(vertices, surface.faces),
+            normals=vertex_normals(vertices, surface.faces),
             indices=surface.faces,
             material=self._pyrender.MetallicRoughnessMaterial(
                 baseColorFactor=(*surface.color, 1.0), metallicFactor=0.0, roughnessFactor=0.6
@@ -219,23 +218,6 @@ class Renderer:
             mode=self._pyrender.GLTF.TRIANGLES,
         )
         return self._pyrender.Mesh([primitive])
-
-    def _smooth_normals(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """Unit normals of the vertices: the mean over their faces, weighted by area."""
-        key = (id(faces), len(vertices))
-        if key not in self._normal_sums:
-            # The faces are kept beside the matrix, so that their id stays theirs.
-            self._normal_sums[key] = faces, _faces_to_vertices(faces, len(vertices))
-        corners = vertices[faces]
-        normals = self._normal_sums[key][1] @ np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-
-
-def _faces_to_vertices(faces: np.ndarray, count: int) -> scipy.sparse.csr_matrix:
-    """Sparse (V, F) matrix that adds up over each vertex what its faces have."""
-    face_of_corner = np.repeat(np.arange(len(faces)), 3)
-    ones = np.ones(3 * len(faces))
-    return scipy.sparse.csr_matrix((ones, (faces.reshape(-1), face_of_corner)), shape=(count, len(faces)))
 
 
 def _depth_range(surfaces: Sequence[Surface]) -> tuple[float, float]:

@@ -28,6 +28,7 @@ _GAP = 6
 _CAPTION_HEIGHT = 18
 _FONT, _FONT_SCALE, _INK = cv2.FONT_HERSHEY_SIMPLEX, 0.4, (40, 40, 40)
 _SUBPIXEL_BITS = 4
+_BONE_WIDTH = 0.035  # metres
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +79,6 @@ def fitted_views(
     points: Float[np.ndarray, "N 3"],
     degrees: Sequence[float],
     *,
-    above: float = 0.0,
     size: tuple[int, int] = (240, 320),
     extent: float | None = None,
 ) -> list[View]:
@@ -86,11 +86,11 @@ def fitted_views(
 
     Args:
         points: What must be seen.
-        degrees: One for each view; see View, as for `above` and `size`.
+        degrees: One for each view; see View, as for `size`.
         extent: Metres of the shorter side; by default as few as show all points in all views.
     """
     center = (points.min(axis=0) + points.max(axis=0)) / 2
-    views = [View(center=tuple(center), extent=1.0, degrees=angle, above=above, size=size) for angle in degrees]
+    views = [View(center=tuple(center), extent=1.0, degrees=angle, size=size) for angle in degrees]
     if extent is None:
         aspect = np.array(size) / min(size)
         spread = max(float((abs(view.camera_space(points)[:, :2]) / aspect).max()) for view in views)
@@ -115,24 +115,20 @@ def skeleton_picture(
     view: View,
     *,
     colors: Sequence[tuple[int, int, int]] | None = None,
-    width: float = 0.035,
-    background: Image | None = None,
 ) -> Image:
-    """Bones as thick lines, the near over the far.
+    """Bones as thick lines over white, the near over the far.
 
     Args:
         positions: Joints in the body's world, metres.
         parents: Parent of each joint; -1 where no bone ends.
         view: Where to look from.
         colors: sRGB of the bone that ends at each joint.
-        width: Metres.
-        background: What to draw on; white by default.
     """
-    picture = np.full((view.size[1], view.size[0], 3), 255, np.uint8) if background is None else background.copy()
+    picture = np.full((view.size[1], view.size[0], 3), 255, np.uint8)
     at = np.round(view.pixels(positions) * 2**_SUBPIXEL_BITS).astype(int)
     depth = view.camera_space(positions)[:, 2]
     bones = [joint for joint, parent in enumerate(parents) if parent >= 0]
-    thick = max(1, round(width / view.extent * min(view.size)))
+    thick = max(1, round(_BONE_WIDTH / view.extent * min(view.size)))
     for joint in sorted(bones, key=lambda j: -(depth[j] + depth[parents[j]])):
         ends = tuple(map(int, at[parents[joint]])), tuple(map(int, at[joint]))
         cv2.line(picture, *ends, (255, 255, 255), thick + 2, cv2.LINE_AA, _SUBPIXEL_BITS)
@@ -149,7 +145,6 @@ def pose_cells(
     degrees: Sequence[float] = (0.0, 90.0),
     size: tuple[int, int] = (240, 320),
     extent: float | None = None,
-    color: tuple[float, float, float] = DEFAULT_COLOR,
 ) -> list[Cell]:
     """One cell for each pose, with the body as seen from each of `degrees` side by side.
 
@@ -160,13 +155,12 @@ def pose_cells(
         degrees: See View.
         size: Pixels of one view.
         extent: Metres of every view's shorter side; by default each body is as large as its views show it whole.
-        color: Linear RGB of the body.
     """
     assert len(captions) == len(params)
     cells = []
     for vertices, caption in zip(mesh(params).double().cpu().numpy(), captions, strict=True):
         views = fitted_views(vertices, degrees, size=size, extent=extent)
-        pictures = [body_picture(vertices, mesh.body.faces, view, color=color) for view in views]
+        pictures = [body_picture(vertices, mesh.body.faces, view) for view in views]
         cells.append(Cell(picture=beside(pictures), caption=caption))
     return cells
 

@@ -13,27 +13,26 @@ from pathlib import Path
 
 import numpy as np
 import platformdirs
-import torch
 from jaxtyping import Bool, Float
 from tqdm import tqdm
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
-from fitting_core.camera import Camera, project
+from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.synthetic.acting.performance import perform, standing_root
-from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import detect, visible
 from fitting_core.synthetic.studio.clothing import Outfit
-from fitting_core.synthetic.studio.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio, vertex_normals
+from fitting_core.synthetic.studio.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio
 from fitting_core.synthetic.studio.world_camera import in_camera
-from fitting_core.synthetic.truth import Truth, write_truth
+from fitting_core.synthetic.truth import Truth, fingerprint, truth_of, write_truth
 from fitting_core.video.encoding import video_writer
 
 NAME = "demo"
@@ -145,21 +144,8 @@ def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) ->
     times = np.arange(round(demo_script.SECONDS * frame_rate)) / frame_rate
     world = perform(body, demo_script.SCRIPT, times, np.random.default_rng([seed, 0]), betas=demo_script.BETAS)
     rest, _ = standing_root(body, demo_script.BETAS)
-    params = in_camera(world, rest[0], *VIEW.pose())
-    points, exists = keypoints_in_space(body, params)
-    pixels = np.zeros((*points.shape[:2], 2))
-    pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
-    truth = Truth(
-        params=params,
-        joints=Mesh(body, dtype=torch.float64).joints(params).numpy(),
-        keypoints=pixels,
-        visible=np.zeros(points.shape[:2], bool),
-        exists=exists,
-        camera=camera,
-        frame_rate=frame_rate,
-        body_hash=body.hash,
-    )
-    return truth, world
+    params = in_camera(world, rest[0], VIEW.pose())
+    return truth_of(body, params, camera, frame_rate), world
 
 
 def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams, *, progress: bool) -> Bool[np.ndarray, "T 137"]:

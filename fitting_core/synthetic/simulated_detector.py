@@ -10,8 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from fitting_core.camera import Camera
 from fitting_core.keypoints import BODY_25, COUNT, GROUPS, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
-from fitting_core.synthetic.acting.keyframes import wander
-from fitting_core.synthetic.acting.script import Failure
+from fitting_core.synthetic.acting.script import Failure, wander
 
 MISSING = 0.05
 """Points of lower confidence are not reported, as with OpenPose."""

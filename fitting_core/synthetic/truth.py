@@ -1,5 +1,7 @@
-"""What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; and its file (npz)."""
+"""What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; its file (npz), and the
+short name that changes with all that a clip depends on."""
 
+import hashlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -7,11 +9,12 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.camera import Camera, project
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
-from fitting_core.files.npz import read_npz
+from fitting_core.files.npz import read_npz, write_npz
 
 _PLAIN = ("joints", "keypoints", "visible", "exists", "frame_rate", "body_hash")
 _CAMERA = ("focal", "center", "size", "source")
@@ -36,6 +39,23 @@ class Truth:
     """Of the body model's file."""
 
 
+def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: float) -> Truth:
+    """What really happens when a body moves so before a camera; as yet nothing of it is visible."""
+    points, exists = keypoints_in_space(body, params)
+    pixels = np.zeros((*points.shape[:2], 2))
+    pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
+    return Truth(
+        params=params,
+        joints=joints_in_space(body, params),
+        keypoints=pixels,
+        visible=np.zeros(points.shape[:2], bool),
+        exists=exists,
+        camera=camera,
+        frame_rate=frame_rate,
+        body_hash=body.hash,
+    )
+
+
 def write_truth(path: Path, truth: Truth) -> None:
     """Write a truth as npz.
 
@@ -44,8 +64,7 @@ def write_truth(path: Path, truth: Truth) -> None:
     params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
     camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
     rest = {name: np.array(getattr(truth, name)) for name in _PLAIN}
-    with replacing(path) as draft:
-        np.savez_compressed(draft, allow_pickle=False, **params, **camera, **rest)
+    write_npz(path, {**params, **camera, **rest})
 
 
 def read_truth(path: Path) -> Truth:
@@ -68,3 +87,28 @@ def read_truth(path: Path) -> Truth:
         raise InputError(
             f"{path} holds no truth of a generated clip ({error}): delete its folder and make it anew."
         ) from error
+
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SOURCES = (
+    "*.py",
+    "body/**/*.py",
+    "files/**/*.py",
+    "io/keypoints/**/*.py",
+    "synthetic/**/*.py",
+    "video/**/*.py",
+)
+"""All modules that take part in generating; a test follows the imports of both generators."""
+
+
+def fingerprint(*parts: str, package: Path = _PACKAGE) -> str:
+    """Changes whenever a module that shapes generated clips does, or one of the parts.
+
+    Args:
+        parts: What else a clip depends on: its description, the body's hash.
+        package: The folder of fitting_core.
+    """
+    digest = hashlib.sha256(" ".join(parts).encode())
+    for module in sorted({path for pattern in _SOURCES for path in package.glob(pattern)}):
+        digest.update(module.read_bytes())
+    return digest.hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""Frame numbers in file names, and the order in which people expect numbered files."""
+"""Frames by their numbers: in file names, in words, and of two recordings whose frame rates differ."""
 
 import re
 from collections.abc import Iterable
@@ -44,3 +44,22 @@ def spans(frames: list[int], most: int = 5) -> str:
     """Ascending frame numbers in words: ``3, 7-12``; after ``most`` spans, how many follow."""
     words = [str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs(frames)]
     return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
+
+
+_SAME = 1.5e-3
+"""Share by which two frame rates that mean the same may differ: 29.97 and 30 do, by 1.001e-3."""
+
+
+def frames_for_one(rate: float, clip_rate: float) -> float:
+    """How many frames of a recording at `rate` pass in one frame of a clip; whole, or one by a whole number, if nearly.
+
+    59.94 beside 30 frames per second is 2: taken as 1.998, frame 4000 would be 8 frames off.
+
+    Args:
+        rate: Frames per second, above 0.
+        clip_rate: The same of the clip.
+    """
+    ratio = rate / clip_rate
+    whole = float(round(max(ratio, 1 / ratio)))
+    near = whole if ratio >= 1 else 1 / whole
+    return near if abs(ratio / near - 1) < _SAME else ratio

@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -15,32 +14,6 @@ from fitting_core.video.decoding import VideoFile
 from fitting_core.video.frame_names import natural_key
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-
-
-class _Decoder(Protocol):
-    """What video files and image folders have in common."""
-
-    declared_count: int
-    """What the header says, if the file ends early; else count."""
-    count: int
-    """What can be decoded."""
-    declared_frame_rate: float | None
-    """What the header says."""
-    frame_rate: float | None
-    """What the frames' times say, where they are uneven; else the header's."""
-    uneven: bool
-    """Whether times between frames differ."""
-    stems: tuple[str, ...] | None
-
-    def read(self, index: int) -> np.ndarray | None:
-        """Frame as BGR; None if it cannot be decoded."""
-        ...
-
-    def label(self, index: int) -> str:
-        """The frame in words."""
-        ...
-
-    def close(self) -> None: ...
 
 
 class FrameSource:
@@ -70,42 +43,24 @@ class FrameSource:
         images = path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES
         self.path = path
         self._lock = threading.Lock()
-        self._decoder: _Decoder = _Images(path) if images else VideoFile(path)
+        self._decoder = _Images(path) if images else VideoFile(path)
+        self.count = self._decoder.count
+        """Number of frames that can be decoded."""
+        self.declared_count = self._decoder.declared_count
+        """Number of frames that a truncated file says it has; count for a whole one, whatever its header says."""
+        self.frame_rate = self._decoder.frame_rate
+        """Frames per second, on average where they are uneven; None for images and for files that do not say it."""
+        self.declared_frame_rate = self._decoder.declared_frame_rate
+        """Frames per second that the file's header says: far off in some files of uneven frames."""
+        self.uneven = self._decoder.uneven
+        """Whether the times between frames differ by more than half, as in many videos from phones."""
+        self.stems: tuple[str, ...] | None = self._decoder.stems
+        """Per frame, the image's file name without its suffix; None for a video."""
         first = self._decoder.read(0)
         if first is None:
             raise InputError(f"The first frame of {path} cannot be decoded; re-encode it.")
         self.size: tuple[int, int] = (first.shape[1], first.shape[0])
         """Width and height in pixels, of the upright image."""
-
-    @property
-    def count(self) -> int:
-        """Number of frames that can be decoded."""
-        return self._decoder.count
-
-    @property
-    def declared_count(self) -> int:
-        """Number of frames that a truncated file says it has; count for a whole one, whatever its header says."""
-        return self._decoder.declared_count
-
-    @property
-    def frame_rate(self) -> float | None:
-        """Frames per second, on average where they are uneven; None for images and for files that do not say it."""
-        return self._decoder.frame_rate
-
-    @property
-    def declared_frame_rate(self) -> float | None:
-        """Frames per second that the file's header says: far off in some files of uneven frames."""
-        return self._decoder.declared_frame_rate
-
-    @property
-    def uneven(self) -> bool:
-        """Whether the times between frames differ by more than half, as in many videos from phones."""
-        return self._decoder.uneven
-
-    @property
-    def stems(self) -> tuple[str, ...] | None:
-        """Per frame, the image's file name without its suffix; None for a video."""
-        return self._decoder.stems
 
     def __len__(self) -> int:
         return self.count

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float, Float32, Int
 from scipy.sparse import csr_matrix
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose

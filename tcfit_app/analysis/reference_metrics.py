@@ -5,7 +5,7 @@ from collections.abc import Callable
 from fitting_core.body.model import BodyModel
 from fitting_core.measure.comparison import compare, figure_titles
 from fitting_core.measure.pairing import Estimate
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import Metric
 

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import rerun_events
-from fitting_core.generators import drained
 from tcfit_app.fitting.live import Correction, LiveCorrection
 
 Times = list[tuple[float, float]]

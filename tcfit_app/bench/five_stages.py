@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from fitting_core.fit.initialize import guess_depth, starting_state
+from fitting_core.fit.events import drained
 from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.phases.initialize import guess_depth, starting_state
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
-from fitting_core.generators import drained
 
 
 @dataclass(frozen=True, kw_only=True)

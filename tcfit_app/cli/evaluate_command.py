@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from fitting_core.errors import InputError
-from fitting_core.measure.reference.files import read_reference
+from fitting_core.measure.references.files import read_reference
 from tcfit_app.evaluation.evaluated_fits import evaluated_fit
 from tcfit_app.evaluation.evaluating import drawable, evaluated
 from tcfit_app.evaluation.files import REPORT_NAME, print_table, write_evaluation

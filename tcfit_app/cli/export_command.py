@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
-from fitting_core.io.motion.motion import Motion, Progress
+from fitting_core.io.motion.fitted_motion import Motion, Progress
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, StoredFit, read_fit
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.exports.exporting import file_name, write_export

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.options.clip_input import clip_of, clip_options, described, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReviewOptions
 from tcfit_app.options.reference import ReferenceOptions
@@ -78,7 +78,7 @@ def reference_given(options: ReferenceOptions, frame_rate: float) -> Reference |
         if options.reference_first_frame is not None:
             raise InputError("--reference-first-frame says where a reference begins: give --reference too.")
         return None
-    from fitting_core.measure.reference.files import read_reference
+    from fitting_core.measure.references.files import read_reference
 
     found, first = read_reference(options.reference, camera=options.reference_camera), options.reference_first_frame
     return found if first is None else found.starting_at(first, frame_rate)

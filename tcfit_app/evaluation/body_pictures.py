@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from fitting_core.body.geometry import vertex_normals
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.render.renderer import Renderer
 from fitting_core.synthetic.studio.rasterize import rasterize
-from fitting_core.synthetic.studio.studio import vertex_normals
 
 SIZE = (260, 320)
 """Width and height in pixels."""

@@ -11,8 +11,8 @@ from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import FIT_NAME, read_fit
 from fitting_core.measure.pairing import Estimate
-from fitting_core.measure.reference.bodies import body_of
-from fitting_core.measure.reference.reference import BodyOf, Reference
+from fitting_core.measure.references.bodies import body_of
+from fitting_core.measure.references.reference import BodyOf, Reference
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project

@@ -9,8 +9,8 @@ from tqdm import tqdm
 
 from fitting_core.measure.comparison import compare
 from fitting_core.measure.records import Evaluation, Record
-from fitting_core.measure.reference.bodies import body_of
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.bodies import body_of
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit
 from tcfit_app.evaluation.worst_frames import Drawable
 

@@ -29,8 +29,8 @@ from fitting_core.io.summary import versions
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.records import BASELINE, PHASE_1, Record
-from fitting_core.measure.reference.bodies import reference_of
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.bodies import reference_of
+from fitting_core.measure.references.reference import Reference
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from tcfit_app.fitting.jobs import FitShape
 

@@ -11,8 +11,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.measure.curves import CURVES
 from fitting_core.measure.records import Record, baseline_of, methods, of, sequences
+from fitting_core.measure.report.plots import style_of
 from fitting_core.measure.report.sections import View, WorstFrame
-from fitting_core.measure.report.style import style_of
 from tcfit_app.evaluation.body_pictures import PlacedBody, camera_around, from_the_side, picture, side_camera
 
 _RANKED = ("vertex_to_surface", "pa_mpjpe", "reprojection")

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from fitting_core.clip import Clip
-from fitting_core.io.motion.motion import Progress
+from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.io.summary import summary
 from tcfit_app.analysis.curves import CURVES
 from tcfit_app.exports.source import ExportSource

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from fitting_core.io.motion.motion import Progress
+from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.measure.report.page import report_page
 from tcfit_app.evaluation.evaluated_fits import of_run
 from tcfit_app.evaluation.evaluating import drawable, evaluated

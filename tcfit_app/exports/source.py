@@ -12,7 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
-from fitting_core.io.motion.motion import Motion
+from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
 from tcfit_app.analysis.meshes import Meshes

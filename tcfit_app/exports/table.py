@@ -12,8 +12,8 @@ from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.keypoints.pose_file import write_pose
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.bvh import write_bvh
+from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
-from fitting_core.io.motion.motion import Progress, stated_by_frame
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.video.frames import image_files

@@ -8,8 +8,8 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.measure.reference.bodies import body_of
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.bodies import body_of
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.project.storage.runs import BodyRecord
 
 

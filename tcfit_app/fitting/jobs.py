@@ -8,11 +8,10 @@ from typing import Protocol
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.events import FitEvent, Iteration, WindowFinished
+from fitting_core.fit.events import FitEvent, Iteration, WindowFinished, mapped
 from fitting_core.fit.fitting import Refit, fit_events, patched, rerun_events, shape_events
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
-from fitting_core.generators import mapped
 from tcfit_app.project.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}

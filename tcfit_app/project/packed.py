@@ -26,7 +26,7 @@ import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.motion import Progress
+from fitting_core.io.motion.fitted_motion import Progress
 from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage import database, media, runs
 from tcfit_app.project.storage.clip import DETECTIONS, copy_detections, creation_time

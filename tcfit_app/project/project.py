@@ -31,7 +31,7 @@ import numpy as np
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
 from tcfit_app.project.edits.kinds import Edit

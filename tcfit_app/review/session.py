@@ -13,7 +13,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import PhaseStarted, WindowFinished
 from fitting_core.fit.result import FitResult
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.following import Following

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 
 IDENTITY = torch.eye(3, dtype=torch.float64)
 _COMPONENT = st.floats(-1, 1, allow_nan=False)

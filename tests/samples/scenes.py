@@ -10,12 +10,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import keypoint_points
-from fitting_core.body.points.points import BodyPoints
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig

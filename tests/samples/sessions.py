@@ -13,7 +13,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.project import Project

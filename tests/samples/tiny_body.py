@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fitting_core.body.files.forms import parents_of_55
+from fitting_core.body.files.forms import PARENTS
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, SURFACE_KEYPOINTS, BodyModel
 
 PER_JOINT = 8
@@ -37,7 +37,7 @@ def rest_joints() -> np.ndarray:
 def make_tiny_body(seed: int = 0) -> BodyModel:
     """440 vertices: clouds around the joints, skinned to these and up to three above them; random directions."""
     rng = np.random.default_rng(seed)
-    parents, joints = parents_of_55(), rest_joints()
+    parents, joints = np.array(PARENTS), rest_joints()
     owner = np.repeat(np.arange(N_JOINTS), PER_JOINT)
     small = np.array([j >= JOINT["jaw"] for j in range(N_JOINTS)])
     template = joints[owner] + rng.normal(0, 1, (len(owner), 3)) * np.where(small, 0.008, 0.04)[owner, None]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, POSE_JOINTS, SURFACE_KEYPOINTS
 
@@ -104,11 +104,6 @@ KINDS: dict[str, Form] = {form.kind: form for form in FORMS.values()}
 assert len(PARENTS) == len(JOINTS)
 
 
-def regressor_in_55(form: Form, regressor: Float[np.ndarray, "J V"]) -> Float[np.ndarray, "55 V"]:
-    """Joint regressor of the 55 joints; a joint that the file lacks sits on its nearest ancestor in the file."""
-    return regressor[list(form.regressor_rows)]
-
-
 def weights_in_55(form: Form, weights: Float[np.ndarray, "V J"]) -> Float[np.ndarray, "V 55"]:
     """Skinning weights of the 55 joints; SMPL's two hand joints give theirs to the wrists."""
     merged = np.zeros((len(weights), N_JOINTS))
@@ -139,8 +134,3 @@ def plain_hand_components() -> Float[np.ndarray, "45 45"]:
     """
     order = [3 * joint + axis for axis in (2, 1, 0) for joint in range(15)]
     return np.eye(45)[order]
-
-
-def parents_of_55() -> Int[np.ndarray, "55"]:
-    """PARENTS as an array."""
-    return np.array(PARENTS, dtype=np.int64)

@@ -1,16 +1,16 @@
 """Open a body model file, npz or pickle, and hand out its arrays checked."""
 
 import hashlib
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.errors import InputError
+from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import refusal
 
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
@@ -55,8 +55,9 @@ class RawFile:
                 "Save it again as a plain numeric array (numpy.asarray(..., dtype=float)).",
             )
         if value.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, value.shape, strict=True)):
+            found = " x ".join(map(str, value.shape)) or "of a single number"
             expected = " x ".join("any" if n is None else str(n) for n in shape)
-            raise self.error(f"'{key}' has the shape {_shape(value)}, expected {expected}")
+            raise self.error(f"'{key}' has the shape {found}, expected {expected}")
         if value.dtype.kind == "f" and not np.isfinite(value).all():
             bad = value.size - int(np.isfinite(value).sum())
             raise self.error(f"'{key}' holds {bad} values that are not finite (NaN or infinity), expected none")
@@ -116,45 +117,25 @@ def _values(path: Path, keys: tuple[str, ...]) -> tuple[dict[str, Any], str]:
     try:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-            file.seek(0)
-            return READERS[path.suffix.lower()](file, keys), digest
-    except InputError as error:
+        return READERS[path.suffix.lower()](path, keys), digest
+    except ValueError as error:
         raise InputError(f"{path}: {error}. {ADVICE}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}). Check its permissions.") from error
 
 
-def _read_npz(file: BinaryIO, keys: tuple[str, ...]) -> dict[str, Any]:
+def _read_npz(path: Path, keys: tuple[str, ...]) -> dict[str, Any]:
     """Only these keys: official files carry others (joint2num, part2num) that hold pickled objects."""
-    try:
-        with zipfile.ZipFile(file) as members:
-            size = sum(m.file_size for m in members.infolist() if Path(m.filename).stem in keys)
-        if size > MAX_BYTES:
-            raise InputError(f"unpacks to {size / 2**30:.1f} GB, expected at most {MAX_BYTES / 2**30:.0f} GB")
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as archive:
-            return {key: _npz_array(archive, key) if key in keys else None for key in archive.files}
-    except InputError:
-        raise
-    # One changed byte makes zipfile and numpy raise any of a dozen types (40,000 tries): all mean the same to the user.
-    except Exception as error:
-        raise InputError(f"is no complete npz archive, it is damaged or was cut off ({error})") from error
+    arrays = read_npz(path, keys, most=MAX_BYTES)
+    return {**dict.fromkeys(npz_names(path)), **arrays}
 
 
-def _npz_array(archive: Any, key: str) -> np.ndarray:
-    try:
-        return archive[key]
-    except Exception as error:
-        if isinstance(error, ValueError) and "allow_pickle" in str(error):
-            raise InputError(f"'{key}' is an array of Python objects, expected numbers") from error
-        raise InputError(f"'{key}' is damaged ({error})") from error
+def _read_pickle(path: Path, keys: tuple[str, ...]) -> dict[str, Any]:
+    with path.open("rb") as file:
+        return {key: value if key in keys else None for key, value in read_pickle(file).items()}
 
 
-def _read_pickle(file: BinaryIO, keys: tuple[str, ...]) -> dict[str, Any]:
-    return {key: value if key in keys else None for key, value in read_pickle(file).items()}
-
-
-READERS: dict[str, Callable[[BinaryIO, tuple[str, ...]], dict[str, Any]]] = {".npz": _read_npz, ".pkl": _read_pickle}
+READERS: dict[str, Callable[[Path, tuple[str, ...]], dict[str, Any]]] = {".npz": _read_npz, ".pkl": _read_pickle}
 """By the file's suffix."""
 
 
@@ -168,7 +149,3 @@ def _check_keys(raw: RawFile) -> None:
     if missing:
         has = ", ".join(sorted(raw.values)[:12]) or "nothing"
         raise raw.error(f"has no {', '.join(missing)} (it has {has}), expected a SMPL-X, SMPL-H or SMPL model")
-
-
-def _shape(value: np.ndarray) -> str:
-    return " x ".join(str(n) for n in value.shape) or "of a single number"

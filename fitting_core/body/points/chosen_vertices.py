@@ -1,6 +1,6 @@
 """A few vertices of a body, chosen anew for every frame, with the closed-form derivatives of what is built on them.
 
-For lists that stay the same over a fit, `points.BodyPoints` is faster; compiling one takes a second, though, and which
+For lists that stay the same over a fit, `BodyPoints` is faster; compiling one takes a second, though, and which
 vertices collide changes with every step.
 """
 
@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh, Skeleton
 from fitting_core.body.model import N_JOINTS
 
@@ -82,7 +82,7 @@ class ChosenVertices:
     def by_joint(self, posed: PosedVertices, pulls: Pulls) -> Float[Tensor, "R 55 3"]:
         """The pulls' derivatives by the joints' axis-angles, without the way through the pose correctives.
 
-        Turning joint a about a world axis e moves a vertex by e x m with m = q_a - W_a t_a (see points.py).
+        Turning joint a about a world axis e moves a vertex by e x m with m = q_a - W_a t_a (see body_points.py).
         """
         skeleton, weights = posed.skeleton, self.mesh.weights[posed.ids]
         carried = posed.rest @ skeleton.world.flatten(1, 2).transpose(1, 2)

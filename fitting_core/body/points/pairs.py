@@ -1,4 +1,4 @@
-"""What a body's points are made of: constant tables of (point, bone) pairs (see points.py)."""
+"""What a body's points are made of: constant tables of (point, bone) pairs (see body_points.py)."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint, keypoint_points
-from fitting_core.body.points.points import BodyPoints
 
 _CHUNK = 64
 """Frames evaluated together: the face contour's tables of each frame take 0.4 MB."""

@@ -6,10 +6,16 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from fitting_core.build_assets.free_body.body_file import write_body
-from fitting_core.build_assets.free_body.build import build_body, read_layout
-from fitting_core.build_assets.free_body.shape.shapes import GENDERS
+from fitting_core.build_assets.free_body.build import BodyArrays, build_body, read_layout
+from fitting_core.build_assets.free_body.shapes import GENDERS
 from fitting_core.errors import InputError
+from fitting_core.files.npz import write_npz
+
+
+def write_body(path: Path, arrays: BodyArrays) -> None:
+    """Writes a body's file, and its folder if it is not there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_npz(path, arrays)
 
 
 def main(arguments: list[str] | None = None) -> int:

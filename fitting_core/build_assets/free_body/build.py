@@ -8,22 +8,21 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fitting_core.body.files.forms import PARENTS
-from fitting_core.body.geometry import MIRROR, nearest_on_triangles
+from fitting_core.body.geometry import MIRROR
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.build_assets.free_body.body_file import BodyArrays
 from fitting_core.build_assets.free_body.face.contour import contour_points, contour_skin
 from fitting_core.build_assets.free_body.face.expressions import expression_directions
 from fitting_core.build_assets.free_body.face.landmarks import eye_height, face_of, landmark_points
-from fitting_core.build_assets.free_body.hand.basis import left_hand_basis, read_hand_space
+from fitting_core.build_assets.free_body.hand.hand_space import left_hand_basis, read_hand_space
 from fitting_core.build_assets.free_body.makehuman import DataFolder, Rig
-from fitting_core.build_assets.free_body.regressor import joint_regressor
 from fitting_core.build_assets.free_body.rest_pose import RestBody, rest_body
-from fitting_core.build_assets.free_body.shape.shapes import ShapeTargets, read_shape_targets, sample_bodies
-from fitting_core.build_assets.free_body.shape_space import SampledBodies, ShapeSpace, shape_space
+from fitting_core.build_assets.free_body.shape_space import SampledBodies, ShapeSpace, joint_regressor, shape_space
+from fitting_core.build_assets.free_body.shapes import ShapeTargets, read_shape_targets, sample_bodies
 from fitting_core.build_assets.free_body.skin.correctives import pose_correctives
 from fitting_core.build_assets.free_body.skin.skinning import Skinning, joints_of_bone, skin_body
 from fitting_core.build_assets.free_body.skin.surface import Surface, VertexOrder, order_vertices, read_surface
 from fitting_core.build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES, pick_surface_keypoints
+from fitting_core.measure.mesh.closest_point import SurfaceTree
 
 _SEED = 1
 _BODIES = 300
@@ -31,6 +30,10 @@ _CHUNK = 50  # bodies sampled at a time, to bound memory
 _TYPICAL_BODIES = 24
 _ON_NECK = 0.02  # skinning weight
 _GRID = 2.0**-21  # metres: what lengths in the file are rounded to; random digits do not compress
+
+
+BodyArrays = dict[str, np.ndarray]
+"""The arrays of one body's file by their keys."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,5 +189,5 @@ def _on_parts(
 ) -> tuple[Int[np.ndarray, "P"], Float[np.ndarray, "P 3"]]:
     """The nearest points on some of the surface's quads: triangles of the whole surface, barycentric coordinates."""
     triangles = surface.triangles_of(quads)
-    found, barycentric = nearest_on_triangles(points, positions[surface.triangles[triangles]])
-    return triangles[found], barycentric
+    closest = SurfaceTree.of(positions, surface.triangles[triangles]).closest(points)
+    return triangles[closest.face], closest.weights

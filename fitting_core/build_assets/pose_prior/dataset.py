@@ -9,11 +9,10 @@ from jaxtyping import Float
 from scipy.cluster.vq import kmeans2, vq
 from scipy.spatial.transform import Rotation
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
-from fitting_core.build_assets.pose_prior.contact import Contact
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import MotionClip, mirrored
-from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
+from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.build_assets.pose_prior.synthesis import SYNTHESIS, group_rows
 
 HELD_OUT = ("cmu05", "cmu13", "cmu14")

@@ -6,12 +6,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.build_assets.pose_prior.autoencoder import LATENT, PoseAutoencoder
-from fitting_core.build_assets.pose_prior.contact import Contact
-from fitting_core.build_assets.pose_prior.motion_capture.skeleton import N_POSED, Skeleton
+from fitting_core.build_assets.pose_prior.skeleton import N_POSED, Contact, Skeleton
 from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.pose import relaxed_pose
 

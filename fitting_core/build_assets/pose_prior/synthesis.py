@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.geometry import MIRROR_ROTATION
+from fitting_core.body.geometry import MIRROR_ROTATION, shortest_rotation
 from fitting_core.body.model import JOINT
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import collar_rotation
 
@@ -68,7 +68,8 @@ def _leg(angles: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 4 3"]:
     direction = np.stack(
         [np.sin(abduction), -np.cos(abduction) * np.cos(flexion), np.cos(abduction) * np.sin(flexion)], 1
     )
-    hip = swing((0.0, -1.0, 0.0), direction) * Rotation.from_euler("y", twist[:, None])
+    swing = Rotation.from_matrix(shortest_rotation(np.array([0.0, -1.0, 0.0]), direction))
+    hip = swing * Rotation.from_euler("y", twist[:, None])
     zero = np.zeros_like(knee)
     return np.stack(
         [hip.as_rotvec(), np.stack([np.clip(knee, 0, None), zero, zero], 1), np.stack([ankle, zero, tilt], 1),
@@ -126,7 +127,8 @@ def _arm(angles: Float[np.ndarray, "n 7"]) -> Float[np.ndarray, "n 4 3"]:
     direction = np.stack(
         [np.cos(elevation) * np.cos(azimuth), np.sin(elevation), np.cos(elevation) * np.sin(azimuth)], 1
     )
-    upper = swing((1.0, 0.0, 0.0), direction) * Rotation.from_euler("x", twist[:, None])
+    swing = Rotation.from_matrix(shortest_rotation(np.array([1.0, 0.0, 0.0]), direction))
+    upper = swing * Rotation.from_euler("x", twist[:, None])
     collar = Rotation.from_matrix(collar_rotation(direction, "left"))
     shoulder = collar.inv() * upper
     fore = Rotation.from_euler("y", (-np.clip(elbow, 0, None))[:, None]) * Rotation.from_euler(
@@ -163,10 +165,3 @@ SYNTHESIS: dict[tuple[str, ...], Callable[[np.random.Generator, int], tuple[np.n
     ("head",): head,
 }
 """What draws limbs for which groups."""
-
-
-def swing(rest: tuple[float, float, float], direction: Float[np.ndarray, "n 3"]) -> Rotation:
-    """The smallest rotations that take `rest` to unit vectors `direction`."""
-    axis = np.cross(np.asarray(rest), direction)
-    sine, cosine = np.linalg.norm(axis, axis=1), direction @ np.asarray(rest)
-    return Rotation.from_rotvec(axis / np.maximum(sine, 1e-9)[:, None] * np.arctan2(sine, cosine)[:, None])

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
 from fitting_core.build_assets.pose_prior.autoencoder import NetworkSize, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.loss import Loss, Precision

@@ -7,9 +7,9 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from fitting_core.fit.initialize import guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.frame_fits import FrameFits
+from fitting_core.fit.phases.initialize import guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
 from fitting_core.fit.phases.limb_flips import LimbFlips
 from fitting_core.fit.phases.progress import Step, reported
 from fitting_core.fit.provenance import TURNED, Start

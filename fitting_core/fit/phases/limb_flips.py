@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
 from fitting_core.fit.provenance import Start
 from fitting_core.fit.stages import Stages

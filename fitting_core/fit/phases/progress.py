@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import torch
 
 from fitting_core.body.params import BodyParams
+from fitting_core.fit.events import mapped
 from fitting_core.fit.solvers.solution import Progress, Solution
-from fitting_core.generators import mapped
 
 
 @dataclass(frozen=True)

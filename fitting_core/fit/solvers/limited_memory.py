@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
-from fitting_core.fit.solvers.lbfgs import Limits, Reason, lbfgs_steps
+from fitting_core.fit.events import mapped
+from fitting_core.fit.solvers.lbfgs import Limits, Reason, Standing, lbfgs_steps
 from fitting_core.fit.solvers.problem import Problem
 from fitting_core.fit.solvers.solution import Ending, Progress, Solution
 from fitting_core.fit.variables.state import State
@@ -36,19 +37,16 @@ class LimitedMemory:
         A group whose start is not finite is returned as it came. `final` makes no difference.
         """
         x0 = start.vector.new_zeros(problem.groups, problem.unknowns)
-        steps = lbfgs_steps(_CostOf(problem, start), x0, self.limits)
-        while True:
-            try:
-                standing = next(steps)
-            except StopIteration as stop:
-                result = stop.value
-                break
-            yield Progress(
+
+        def progress(standing: Standing) -> Progress:
+            return Progress(
                 iteration=standing.iterations,
                 cost=standing.cost,
                 running=standing.running,
-                terms=lambda x=standing.x: problem.terms(start.moved(problem.spread(x))),
+                terms=lambda: problem.terms(start.moved(problem.spread(standing.x))),
             )
+
+        result = yield from mapped(lbfgs_steps(_CostOf(problem, start), x0, self.limits), progress)
         state = start.moved(problem.spread(result.x))
         reason: tuple[Ending, ...] = tuple(_OUTCOME.get(r, "converged") for r in result.reasons)
         return Solution(state=state, cost=result.cost, reason=reason, evaluations=int(result.evaluations.sum()))

@@ -1,8 +1,6 @@
 """The problem of frames that are fitted together: consecutive frames of a clip move, all others are held."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import torch
 from jaxtyping import Float
@@ -47,21 +45,6 @@ def _estimate(objective: FrameObjective, state: State, frames: range) -> Estimat
     return Estimate(objective.view, state, torch.arange(frames.start, frames.stop, device=state.vector.device))
 
 
-class _Coupled(Protocol):
-    """A term over the free frames."""
-
-    def cost(self, state: State) -> Tensor:
-        """Summed over its residuals; `state` holds the free frames."""
-        ...
-
-    def add(self, state: State, gradient: Float[Tensor, "n d"], bands: list[Tensor]) -> Tensor:
-        """Adds its half gradient and half matrix, and gives its cost.
-
-        The matrix is known by its blocks: band k couples each frame with the one k frames later.
-        """
-        ...
-
-
 class _ByStencil:
     """A term that combines a quantity of single frames, whose Jacobian it knows.
 
@@ -88,7 +71,11 @@ class _ByStencil:
         return self._residuals(quantity).square().sum()
 
     def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
-        """In chunks of frames, which need the Jacobians of the last frames before them as well."""
+        """Adds its half gradient and half matrix, and gives its cost.
+
+        The matrix is known by its blocks: band k couples each frame with the one k frames later. In chunks of frames,
+        which need the Jacobians of the last frames before them as well.
+        """
         bandwidth = len(self.factors) - 1
         quantities: list[Tensor] = []
         jacobians: list[Tensor] = []
@@ -141,7 +128,7 @@ class _Differentiated:
         return self._residual(state).square().sum()
 
     def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
-        """Block by block: the residual of frame c with the frames at two offsets from it."""
+        """As of `_ByStencil`, block by block: the residual of frame c with the frames at two offsets from it."""
         residual, jacobian = self._jacobian(state)
         offsets = range(jacobian.shape[1])
         first = torch.arange(len(residual), device=self.local.device) - self.coupling.local.start
@@ -172,7 +159,7 @@ class _Differentiated:
         return residual.detach(), jacobian.detach()
 
 
-_COUPLED: dict[Derivative, Callable[[Term, FrameObjective, State, Coupling], _Coupled]] = {
+_COUPLED: dict[Derivative, type[_ByStencil | _Differentiated]] = {
     Derivative.STENCIL: _ByStencil,
     Derivative.AUTOMATIC: _Differentiated,
 }
@@ -201,7 +188,7 @@ class Sequence(OnFrames):
         self.unknowns = len(free) * len(objective.index)
         self.bandwidth = 2 * max((term.reach for term in objective.coupling), default=0)
         """Frames to either side that a frame is coupled to."""
-        self.coupled: dict[str, _Coupled] = {}
+        self.coupled: dict[str, _ByStencil | _Differentiated] = {}
         for term in objective.coupling:
             coupling = Coupling.of(free, len(clip), term.reach, windowed=windowed)
             self.coupled[term.name] = _COUPLED[term.derivative](term, objective, clip, coupling)

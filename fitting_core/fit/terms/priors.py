@@ -8,10 +8,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import JOINT, POSE_COLUMNS
+from fitting_core.body.rotations import hat
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
-from fitting_core.rotations import hat
 
 
 @dataclass(frozen=True)

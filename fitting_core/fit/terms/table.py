@@ -2,14 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from fitting_core import keypoints as kp
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import N_BETAS, POSE_JOINTS, BodyModel
 from fitting_core.config.schema import FitConfig
@@ -24,57 +22,28 @@ DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 
 
-class Setting(Protocol):
-    """What is constant over a fit, as far as terms look at it; `stages.Stages` is one."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setting:
+    """What is constant over a fit, as far as terms look at it."""
 
-    @property
-    def config(self) -> FitConfig:
-        """Weights and all other settings."""
-        ...
-
-    @property
-    def body(self) -> BodyModel:
-        """What is fitted."""
-        ...
-
-    @property
-    def parametrisation(self) -> Parametrisation:
-        """How a solver's numbers become the body's pose."""
-        ...
-
-    @property
-    def device(self) -> torch.device:
-        """Where the fit computes."""
-        ...
-
-    @property
-    def xy(self) -> Float[Tensor, "T 137 2"]:
-        """Pixels of the detections."""
-        ...
-
-    @property
-    def leg_seen(self) -> Bool[Tensor, "T"]:
-        """Frames that show a hip and its knee."""
-        ...
-
-    @property
-    def temporal_weight(self) -> float:
-        """w_T for this clip."""
-        ...
-
-    def has(self, group: slice) -> bool:
-        """Whether the clip shows any keypoint of the group."""
-        ...
-
-    @property
-    def observed(self) -> Bool[np.ndarray, "T 55"]:
-        """Joints that the image turns."""
-        ...
-
-    @property
-    def colliding_body(self) -> CollidingBody:
-        """The whole mesh."""
-        ...
+    config: FitConfig
+    """Weights and all other settings."""
+    body: BodyModel
+    """What is fitted."""
+    parametrisation: Parametrisation
+    """How a solver's numbers become the body's pose."""
+    xy: Float[Tensor, "T 137 2"]
+    """Pixels of the detections."""
+    leg_seen: Bool[Tensor, "T"]
+    """Frames that show a hip and its knee."""
+    hands_shown: bool
+    """Whether the clip shows any keypoint of the hands."""
+    observed: Bool[np.ndarray, "T 55"]
+    """Joints that the image turns."""
+    temporal_weight: float
+    """w_T for this clip."""
+    colliding: Callable[[], CollidingBody]
+    """Makes the whole mesh the first time."""
 
 
 def _quadratic(setting: Setting, name: str, where: slice, weight: float, target: Tensor | None = None) -> Quadratic:
@@ -133,22 +102,21 @@ def _limits(setting: Setting, s: int) -> Term | None:
     weight = setting.config.weights.limits[s]
     if not weight:
         return None
-    return Limits.of(weight, joint_ranges(setting.body), fingers=setting.has(kp.HANDS), like=setting.xy)
+    return Limits.of(weight, joint_ranges(setting.body), fingers=setting.hands_shown, like=setting.xy)
 
 
 def _rest(setting: Setting, s: int) -> Term | None:
     weight, prior = setting.config.weights.rest[s], setting.parametrisation.prior
     if not weight:
         return None
-    unseen = ~torch.as_tensor(setting.observed[:, POSE_JOINTS["body_pose"]], device=setting.device).repeat_interleave(
-        3, 1
-    )
+    observed = torch.as_tensor(setting.observed[:, POSE_JOINTS["body_pose"]], device=setting.xy.device)
+    unseen = ~observed.repeat_interleave(3, 1)
     return Rest(weight * unseen.to(setting.xy), prior.decode(prior.neutral.to(setting.xy)[None])[0])
 
 
 def _collision(setting: Setting, s: int) -> Term | None:
     weight = setting.config.weights.collision[s]
-    return Collision(weight, setting.colliding_body) if weight else None
+    return Collision(weight, setting.colliding()) if weight else None
 
 
 def _temporal(setting: Setting, s: int) -> Term | None:

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint
-from fitting_core.body.points.points import BodyPoints
 from fitting_core.fit.terms.term import Derivative, Rows, Stencil, Term
 from fitting_core.fit.variables.estimate import Estimate, View
 from fitting_core.fit.variables.point_jacobian import PointJacobian

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.points.points import BodyPoints, Posed
+from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.fit.variables.state import Columns, Parametrisation, State
 
 NEAREST = 0.1

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, POSE_COLUMNS, POSE_JOINTS
-from fitting_core.body.points.points import N_COEFFICIENTS, BodyPoints, Posed
+from fitting_core.body.points.body_points import N_COEFFICIENTS, BodyPoints, Posed
 from fitting_core.fit.variables.state import Columns, Free
 
 _JAW = JOINT["jaw"]

@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams, hand_basis
-from fitting_core.body.points.points import whole_pose
+from fitting_core.body.points.body_points import whole_pose
 from fitting_core.priors.pose import PosePrior
 
 _HALF_FIST = [[(0, 0, -55), (0, 0, -66), (0, 0, -42)]] * 4 + [[(21, 17, -8), (8, 18, -7), (7, 23, -8)]]

@@ -73,10 +73,8 @@ def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple
     return replace(detections, frames=frames, stems=stems), notes
 
 
-def select(
-    detections: Detections, timeline: Timeline, first_frame: int | None, last_frame: int | None
-) -> tuple[Detections, int]:
-    """The part from first_frame to last_frame (both included), and the number of its first frame.
+def chosen(timeline: Timeline, first_frame: int | None, last_frame: int | None) -> slice:
+    """Places in the timeline of the frames from first_frame to last_frame, both included; None: its first, its last.
 
     Raises:
         InputError: The frames asked for are not in the clip.
@@ -89,8 +87,7 @@ def select(
             f"Frames {first} to {last} were asked for (first_frame, last_frame); expected two frames in order out of "
             f"{numbers[0]} to {numbers[-1]}, which the clip has."
         )
-    part = slice(first - numbers[0], last - numbers[0] + 1)
-    return replace(detections, frames=detections.frames[part], stems=detections.stems[part]), first
+    return slice(first - numbers[0], last - numbers[0] + 1)
 
 
 def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, int], str]:

@@ -46,6 +46,9 @@ class Detections:
     def __len__(self) -> int:
         return len(self.frames)
 
+    def __getitem__(self, frames: slice) -> "Detections":
+        return replace(self, frames=self.frames[frames], stems=self.stems[frames])
+
     @property
     def most_people(self) -> int:
         """The largest number of people in one frame."""

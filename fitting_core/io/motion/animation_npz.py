@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, POSE_COLUMNS
-from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.motion import AXES, Motion, stated
+from fitting_core.files.npz import write_npz
+from fitting_core.io.motion.fitted_motion import AXES, Motion, stated
 
 _BETAS = 16
 POSE_KEYS: dict[str, slice] = {
@@ -41,8 +41,7 @@ def write_animation_npz(path: Path, motion: Motion) -> None:
     Raises:
         OSError: The file cannot be written; nothing is left of it.
     """
-    with replacing(path) as draft:
-        np.savez_compressed(draft, allow_pickle=False, **animation_arrays(motion))
+    write_npz(path, animation_arrays(motion))
 
 
 def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:

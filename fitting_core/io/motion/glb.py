@@ -12,9 +12,10 @@ import numpy as np
 import pygltflib as gltf
 from jaxtyping import Float
 
+from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.model import JOINTS, N_JOINTS
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.motion import Motion, Progress, stated
+from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
 from fitting_core.io.motion.rig import Deviation, Rig, deviation, rig_of
 
 _AXES = "y-up"
@@ -169,14 +170,9 @@ def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
 
 
 def _normals(rig: Rig) -> Float[np.ndarray, "V 3"]:
-    """Unit normals of the rest pose, by area."""
-    corners = rig.vertices[rig.faces].astype(float)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(rig.vertices, float)
-    for k in range(3):
-        np.add.at(normals, rig.faces[:, k], across)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > 0, normals / np.maximum(length, 1e-20), (0.0, 1.0, 0.0)).astype(np.float32)
+    """Unit normals of the rest pose."""
+    normals = vertex_normals(rig.vertices.astype(float), rig.faces)
+    return np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)
 
 
 def _animation(rig: Rig, motion: Motion, buffer: _Buffer) -> gltf.Animation:

@@ -9,14 +9,13 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.io.motion.motion import Motion
-from fitting_core.video.frame_names import image_numbers, spans
-from fitting_core.video.frame_rates import frames_for_one
+from fitting_core.io.motion.fitted_motion import rest_joints
+from fitting_core.video.frame_names import frames_for_one, image_numbers, spans
 
 _NEAREST = 0.5
 """Metres: a body of which something is nearer to the camera is not in front of it."""
@@ -86,7 +85,7 @@ class ImportedMotion:
 
     def pelvis(self, body: BodyModel) -> Float[Tensor, "T 3"]:
         """The root joint at rest."""
-        return _pelvis(body, self.params)
+        return rest_joints(body, self.params)[:, 0]
 
     def _over_mean_hands(self, body: BodyModel) -> BodyParams:
         """Hands as BodyParams has them."""
@@ -100,21 +99,15 @@ class ImportedMotion:
 
 
 def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -> BodyParams:
-    pelvis = _pelvis(body, params)
+    pelvis = rest_joints(body, params)[:, 0]
     orient = rotations.log(turn @ rotations.exp(params.global_orient))
     moved = (turn @ pelvis[..., None])[..., 0] - pelvis
     return replace(params, global_orient=orient, camera_translation=params.camera_translation + moved)
 
 
-def _pelvis(body: BodyModel, params: BodyParams) -> Float[Tensor, "T 3"]:
-    """The root joint at rest."""
-    anywhere = Camera(focal=(1.0, 1.0), center=(0.0, 0.0), size=(1, 1))
-    return Motion(body=body, params=params, camera=anywhere, frame_rate=1.0, name="").rest_joints[:, 0]
-
-
 def _in_view(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParams:
     """The same motion moved as a whole: its middle before the camera, and so far away that a standing body is seen."""
-    at = _pelvis(body, params) + params.camera_translation
+    at = rest_joints(body, params)[:, 0] + params.camera_translation
     reach = at.amax(0) - at.amin(0)
     half = (torch.as_tensor(camera.size, dtype=at.dtype) / 2 / torch.as_tensor(camera.focal, dtype=at.dtype)).tolist()
     depth = max((float(reach[0]) / 2 + _IN_VIEW) / half[0], (float(reach[1]) / 2 + _IN_VIEW) / half[1])

@@ -16,8 +16,8 @@ import torch
 from jaxtyping import Float
 from scipy.sparse import csr_matrix
 
-from fitting_core import rotations
-from fitting_core.io.motion.motion import CHUNK, Motion
+from fitting_core.body import rotations
+from fitting_core.io.motion.fitted_motion import CHUNK, Motion
 
 MOST = 64
 """Correctives in a file, at most: each takes 160 kB."""
@@ -70,7 +70,7 @@ def expression_morphs(motion: Motion) -> Morphs:
     )
 
 
-def corrective_morphs(motion: Motion, *, most: int = MOST) -> Morphs:
+def corrective_morphs(motion: Motion) -> Morphs:
     """The principal components of the pose correctives over the motion, and the shape from which they are counted.
 
     With C the correctives (3 V, F) and f the features of all frames (T, F), the displacements are f C'. C is Q S P with
@@ -82,7 +82,7 @@ def corrective_morphs(motion: Motion, *, most: int = MOST) -> Morphs:
     scale = np.sqrt(variance[kept])
     left, size, right = np.linalg.svd(features @ (axes[:, kept] * scale), full_matrices=False)
     weights, to_shapes = left * size, (axes[:, kept] / scale) @ right.T
-    count = _enough(table, weights, to_shapes, min(most, weights.shape[1]))
+    count = _enough(table, weights, to_shapes, min(MOST, weights.shape[1]))
     shapes = np.asarray(table @ to_shapes[:, :count]).T.reshape(count, len(motion.body.template), 3)
     return _from_lowest(weights[:, :count], shapes)
 

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS
+from fitting_core.io.motion.fitted_motion import CHUNK, Motion, Progress
 from fitting_core.io.motion.morphs import Morphs, corrective_morphs, expression_morphs, joined
-from fitting_core.io.motion.motion import CHUNK, Motion, Progress
 
 WEIGHTS = 4
 """Joints that a vertex follows at most: what programs for real-time graphics take."""

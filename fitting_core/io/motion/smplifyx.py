@@ -31,8 +31,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
-from fitting_core.io.motion.motion import AXES
 from fitting_core.io.motion.smplifyx_pickle import CAMERA, LATENT, WIDTHS, ResultFrame, pickled, read_result
 from fitting_core.video.frame_names import natural_key, split_number
 
@@ -141,10 +141,11 @@ def write_smplifyx(
     """
     assert len(stems) == len(set(stems)) == len(params)
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
+    intrinsics = (camera.focal, camera.center, camera.size)
     for t, stem in enumerate(stems):
         arrays = {f.name: getattr(params, f.name)[t : t + 1].detach().cpu().numpy() for f in fields(BodyParams)}
         arrays |= {"camera_rotation": np.eye(3)[None], "pose_embedding": np.zeros((1, 0))}
-        arrays |= {name: np.array(value)[None] for name, value in zip(CAMERA, _intrinsics(camera), strict=True)}
+        arrays |= {name: np.array(value)[None] for name, value in zip(CAMERA, intrinsics, strict=True)}
         if embedding is None:
             del arrays["pose_embedding"]
         else:
@@ -168,10 +169,6 @@ def write_smplifyx(
     )
     with replacing(folder / RESULTS / ABOUT) as draft:
         draft.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=2) + b"\n")
-
-
-def _intrinsics(camera: Camera) -> tuple[tuple[float, float], tuple[float, float], tuple[int, int]]:
-    return camera.focal, camera.center, camera.size
 
 
 def _about(path: Path, member: Member) -> About:

@@ -57,7 +57,8 @@ def read_result(path: Path, member: Member) -> ResultFrame:
     Raises:
         InputError: It is damaged, asks for code, lacks a key, or holds what cannot be.
     """
-    where = path if path.is_file() and member.path.name == path.name else path / member.path.relative_to(_top(member))
+    itself = path.is_file() and member.path.name == path.name
+    where = path if itself else path / member.path.relative_to(member.path.parts[0])
     if member.size > _MAX_BYTES:
         raise InputError(f"{where}: has {member.size / 2**20:.0f} MB; expected a result of SMPLify-X, some kilobytes.")
     try:
@@ -71,10 +72,6 @@ def read_result(path: Path, member: Member) -> ResultFrame:
     except InputError as error:
         raise InputError(f"{where}: {error}. Expected a result of SMPLify-X; write it again.") from error
     return ResultFrame(stem=member.path.parent.name, values=values, rotation=rotation)
-
-
-def _top(member: Member) -> str:
-    return member.path.parts[0]
 
 
 def _values(content: dict[str, Any], key: str, widths: tuple[int, ...]) -> Float[np.ndarray, "n"]:

@@ -5,18 +5,21 @@ from collections.abc import Sequence
 from fitting_core.measure.records import Evaluation, sequences
 from fitting_core.measure.report.ablations import Ablation, ablation_plots
 from fitting_core.measure.report.markup import Markup, joined, tag
+from fitting_core.measure.report.plots import CSS
 from fitting_core.measure.report.sections import (
+    SURFACE,
+    VOLUME,
     WorstFrame,
     all_figures,
     bars,
     over_time,
+    paper_table,
     provenance,
     section,
     together,
+    verdict,
     worst_frames,
 )
-from fitting_core.measure.report.style import CSS
-from fitting_core.measure.report.summary import SURFACE, VOLUME, paper_table, verdict
 
 _TABLE = (
     "The paper's table: mean and standard deviation over all frames. Vertex to surface: the fitted mesh is aligned "

@@ -8,8 +8,7 @@ import platformdirs
 
 from fitting_core.body.files.archives import open_members
 from fitting_core.errors import InputError
-from fitting_core.priors.files.network import PriorNetwork
-from fitting_core.priors.files.network_file import read_network, write_network
+from fitting_core.priors.files.network import PriorNetwork, read_network, write_network
 from fitting_core.priors.files.vposer import read_vposer, snapshots_among
 
 SHIPPED = Path(__file__).resolve().parents[3] / "assets" / "pose_prior" / "tcfit_pose_prior.npz"

@@ -25,7 +25,7 @@ MAX_BYTES = 2**30
 LICENCE = "VPoser's own: non-commercial research, see https://smpl-x.is.tue.mpg.de/modellicense.html"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Step:
     """One layer by the names of its tensors, and of the batch normalisation before it."""
 
@@ -41,43 +41,33 @@ class _Version:
     encoder: tuple[_Step, ...]
 
 
-def _version_1() -> _Version:
-    leaky: Activation = "leaky_relu_0.2"
-    name = "bodyprior_{}".format
-    return _Version(
+_STEEP: Activation = "leaky_relu_0.2"
+_FLAT: Activation = "leaky_relu_0.01"
+VERSIONS = (
+    _Version(
         title="VPoser 1",
         decoder=(
-            _Step(linear=name("dec_fc1"), activation=leaky),
-            _Step(linear=name("dec_fc2"), activation=leaky),
-            _Step(linear=name("dec_out")),
+            _Step("bodyprior_dec_fc1", _STEEP),
+            _Step("bodyprior_dec_fc2", _STEEP),
+            _Step("bodyprior_dec_out"),
         ),
         encoder=(
-            _Step(norm=name("enc_bn1"), linear=name("enc_fc1"), activation=leaky),
-            _Step(norm=name("enc_bn2"), linear=name("enc_fc2"), activation=leaky),
-            _Step(linear=name("enc_mu")),
+            _Step("bodyprior_enc_fc1", _STEEP, norm="bodyprior_enc_bn1"),
+            _Step("bodyprior_enc_fc2", _STEEP, norm="bodyprior_enc_bn2"),
+            _Step("bodyprior_enc_mu"),
         ),
-    )
-
-
-def _version_2() -> _Version:
-    leaky: Activation = "leaky_relu_0.01"
-    return _Version(
+    ),
+    _Version(
         title="VPoser 2",
-        decoder=(
-            _Step(linear="decoder_net.0", activation=leaky),
-            _Step(linear="decoder_net.3", activation=leaky),
-            _Step(linear="decoder_net.5"),
-        ),
+        decoder=(_Step("decoder_net.0", _FLAT), _Step("decoder_net.3", _FLAT), _Step("decoder_net.5")),
         encoder=(
-            _Step(norm="encoder_net.1", linear="encoder_net.2", activation=leaky),
-            _Step(norm="encoder_net.4", linear="encoder_net.6"),
-            _Step(linear="encoder_net.7"),
-            _Step(linear="encoder_net.8.mu"),
+            _Step("encoder_net.2", _FLAT, norm="encoder_net.1"),
+            _Step("encoder_net.6", norm="encoder_net.4"),
+            _Step("encoder_net.7"),
+            _Step("encoder_net.8.mu"),
         ),
-    )
-
-
-VERSIONS = (_version_1(), _version_2())
+    ),
+)
 
 
 def read_vposer(path: Path) -> PriorNetwork:

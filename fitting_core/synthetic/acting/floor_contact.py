@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.synthetic.acting.keyframes import through
-from fitting_core.synthetic.acting.script import ArmKey
+from fitting_core.synthetic.acting.script import ArmKey, through
 
 _SINK = 0.008
 """How deep the seat sinks into the floor, metres: flesh is soft."""
@@ -70,29 +69,18 @@ class FootShape:
             lift: Of the foot's lowest point above the floor, metres.
         """
         ball = foot @ self.ball
-        tips = (foot @ self.toe_joint)[:, 1] + _lowest(self.toes, foot @ toes)
-        lowest = np.minimum(_lowest(self.sole, foot), tips)
-        return np.stack([place[:, 0] - ball[:, 0], lift - lowest, place[:, 1] - ball[:, 2]], 1)
+        tips = (foot @ self.toe_joint)[:, 1] + lowest(self.toes, foot @ toes)
+        bottom = np.minimum(lowest(self.sole, foot), tips)
+        return np.stack([place[:, 0] - ball[:, 0], lift - bottom, place[:, 1] - ball[:, 2]], 1)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HandShape:
-    """A flat hand, seen from its wrist."""
-
-    points: Float[np.ndarray, "P 3"]
-
-    @staticmethod
-    def of(
-        body: BodyModel, shaped: Float[np.ndarray, "V 3"], joints: Float[np.ndarray, "55 3"], side: str
-    ) -> "HandShape":
-        """The left or right hand of a shape; arguments as of FootShape."""
-        first = 25 if side == "left" else 40
-        weights = body.skinning_weights[:, [JOINT[f"{side}_wrist"], *range(first, first + 15)]].sum(1)
-        return HandShape(points=shaped[weights > 0.9] - joints[JOINT[f"{side}_wrist"]])
-
-    def height(self, hand: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T"]:
-        """Height of the wrist above the floor (metres) when the hand touches it, by the hand's world rotation."""
-        return -_lowest(self.points, hand)
+def hand_points(
+    body: BodyModel, shaped: Float[np.ndarray, "V 3"], joints: Float[np.ndarray, "55 3"], side: str
+) -> Float[np.ndarray, "P 3"]:
+    """Points of the left or right hand of a shape in the rest pose, seen from its wrist; arguments as of FootShape."""
+    first = 25 if side == "left" else 40
+    weights = body.skinning_weights[:, [JOINT[f"{side}_wrist"], *range(first, first + 15)]].sum(1)
+    return shaped[weights > 0.9] - joints[JOINT[f"{side}_wrist"]]
 
 
 def seat_gap(body: BodyModel, vertices: Float[np.ndarray, "T V 3"]) -> Float[np.ndarray, "T"]:
@@ -135,5 +123,6 @@ def _shift(wrist: np.ndarray, shoulder: np.ndarray, length: float) -> Float[np.n
     return whole
 
 
-def _lowest(points: Float[np.ndarray, "P 3"], rotation: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T"]:
+def lowest(points: Float[np.ndarray, "P 3"], rotation: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T"]:
+    """Height of the lowest of some points after each rotation."""
     return (rotation[:, 1] @ points.T).min(1)

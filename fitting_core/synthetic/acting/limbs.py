@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.body.geometry import axis_angle, frame, shortest_rotation, twist, unit
 from fitting_core.body.model import JOINT, N_JOINTS
 
 
@@ -86,11 +87,12 @@ class Figure:
         bones = self.rest[middle] - self.rest[first], self.rest[last] - self.rest[middle]
         origin, parent = self._socket(first)
         upper, lower = _two_bones(origin, target, pole, *(float(np.linalg.norm(b)) for b in bones))
-        rest_frame = _frame(bones[0], np.array(limb.rest_pole))
-        first_world = _frame(upper, _pole_of(upper, lower, pole)) @ np.swapaxes(rest_frame, -1, -2)
-        middle_world = _shortest_turn(first_world @ bones[1], lower) @ first_world
-        twist = _twist(np.swapaxes(middle_world, -1, -2) @ end, bones[1])
-        middle_world = middle_world @ Rotation.from_rotvec(limb.twist_share * twist).as_matrix()
+        rest_frame = frame(bones[0], np.array(limb.rest_pole))
+        first_world = frame(upper, _pole_of(upper, lower, pole)) @ np.swapaxes(rest_frame, -1, -2)
+        middle_world = shortest_rotation(first_world @ bones[1], lower) @ first_world
+        along = unit(bones[1])
+        turned = twist(Rotation.from_matrix(np.swapaxes(middle_world, -1, -2) @ end), along)[:, None] * along
+        middle_world = middle_world @ axis_angle(limb.twist_share * turned)
         self.local[:, first] = np.swapaxes(parent, -1, -2) @ first_world
         self.local[:, middle] = np.swapaxes(first_world, -1, -2) @ middle_world
         self.local[:, last] = np.swapaxes(middle_world, -1, -2) @ end
@@ -110,8 +112,8 @@ def hand_rotation(
 
     The palm's direction is made perpendicular to the fingers'. At rest fingers point sideways and palms face down.
     """
-    rest = _frame(np.array([1.0 if side == "left" else -1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]))
-    return _frame(fingers, palm) @ rest.T
+    rest = frame(np.array([1.0 if side == "left" else -1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]))
+    return frame(fingers, palm) @ rest.T
 
 
 def _two_bones(
@@ -122,7 +124,7 @@ def _two_bones(
     length = np.linalg.norm(line, axis=-1, keepdims=True)
     line = line / length
     distance = np.clip(length, abs(upper - lower) + 1e-3, 0.995 * (upper + lower))
-    side = _unit(pole - (pole * line).sum(-1, keepdims=True) * line)
+    side = unit(pole - (pole * line).sum(-1, keepdims=True) * line)
     cosine = (upper**2 + distance**2 - lower**2) / (2 * upper * distance)
     first = upper * (cosine * line + np.sqrt(1 - cosine**2) * side)
     return first, distance * line - first
@@ -130,33 +132,5 @@ def _two_bones(
 
 def _pole_of(upper: np.ndarray, lower: np.ndarray, pole: np.ndarray) -> np.ndarray:
     """The direction that the bent joint points to: in the limb's plane, on the side of the pole."""
-    line = _unit(upper + lower)
+    line = unit(upper + lower)
     return pole - (pole * line).sum(-1, keepdims=True) * line
-
-
-def _frame(along: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """Rotation with columns: `along`, `towards` made perpendicular to it, and their cross product."""
-    a = _unit(along)
-    b = _unit(towards - (towards * a).sum(-1, keepdims=True) * a)
-    return np.stack([a, b, np.cross(a, b)], -1)
-
-
-def _shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Rotations (T, 3, 3) that turn vectors a into the directions b, by the shortest way."""
-    a, b = _unit(a), _unit(b)
-    axis = np.cross(a, b)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, (a * b).sum(-1, keepdims=True))
-    return Rotation.from_rotvec(np.where(sine > 1e-12, axis / np.maximum(sine, 1e-12), 0.0) * angle).as_matrix()
-
-
-def _twist(rotation: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """The part of rotations (T, 3, 3) about an axis, as axis-angle (T, 3): swing-twist decomposition of quaternions."""
-    axis = _unit(axis)
-    q = Rotation.from_matrix(rotation).as_quat()
-    angle = 2 * np.arctan2(q[:, :3] @ axis, q[:, 3])
-    return ((angle + np.pi) % (2 * np.pi) - np.pi)[:, None] * axis
-
-
-def _unit(v: np.ndarray) -> np.ndarray:
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)

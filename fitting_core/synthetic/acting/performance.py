@@ -1,4 +1,4 @@
-"""Plays a script: from its keyframes to the parameters of a body, by inverse kinematics.
+"""Plays a script: from its keyframes to the parameters of a body, by inverse kinematics; the face by what it does.
 
 World: x to the person's left, y up, z forward, metres, seconds; the origin lies on the floor between the feet.
 """
@@ -15,12 +15,45 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.synthetic.acting.floor_contact import FootShape, HandShape, seat_gap, within_reach
-from fitting_core.synthetic.acting.gestures import expressions
+from fitting_core.synthetic.acting.floor_contact import FootShape, hand_points, lowest, seat_gap, within_reach
 from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger_angles
-from fitting_core.synthetic.acting.keyframes import Key, directions_through, through, wander
 from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
-from fitting_core.synthetic.acting.script import SIDES, FootKey, Script
+from fitting_core.synthetic.acting.script import SIDES, FootKey, Key, Script, directions_through, through, wander
+
+# Among the 51 inner landmarks, right ones of the person first.
+_BROWS = range(10)
+_UPPER_LIDS, _LOWER_LIDS = (20, 21, 26, 27), (23, 24, 29, 30)
+_RIGHT_CORNER, _LEFT_CORNER = 31, 37
+
+GESTURES: dict[str, dict[int, tuple[float, float, float]]] = {
+    "blink": {k: (0.0, -8.0, 0.0) for k in _UPPER_LIDS} | {k: (0.0, 1.0, 0.0) for k in _LOWER_LIDS},
+    "smile": {_RIGHT_CORNER: (-6.0, 5.0, -2.0), _LEFT_CORNER: (6.0, 5.0, -2.0)},
+    "raised_brows": {k: (0.0, 4.0, 0.0) for k in _BROWS},
+    "lowered_brows": {k: (0.0, -3.0, 0.0) for k in _BROWS},
+}
+"""Millimetres by which landmarks move (x to the person's left, y up, z forward); the others should stay."""
+_RIDGE_MM = 1.0
+"""Weight of one unit of a component against one millimetre at one landmark; holds components near 0."""
+
+
+def expression_of(body: BodyModel, gesture: str) -> Float[np.ndarray, "10"]:
+    """Expression coefficients that come closest to a gesture of GESTURES at full strength, by least squares.
+
+    Bodies order and mix their expression components as they like, so coefficients mean nothing across bodies.
+    """
+    wanted = np.zeros((len(body.landmark_vertices), 3))
+    for landmark, move in GESTURES[gesture].items():
+        wanted[landmark] = move
+    moves = body.expression_directions[body.landmark_vertices] * body.landmark_weights[..., None, None]
+    by_component = 1000 * moves.sum(1).reshape(-1, moves.shape[-1])
+    ridge = _RIDGE_MM**2 * np.eye(moves.shape[-1])
+    return np.linalg.solve(by_component.T @ by_component + ridge, by_component.T @ wanted.reshape(-1))
+
+
+def expressions(body: BodyModel, strengths: Mapping[str, Float[np.ndarray, "T"]]) -> Float[np.ndarray, "T 10"]:
+    """Sum of gestures, each with its strength over time (0 to 1)."""
+    return sum((strength[:, None] * expression_of(body, name) for name, strength in strengths.items()), np.zeros(10))
+
 
 _AROUND = 0.32
 """Seconds before and after sitting on the floor in which the hips must not be below it either."""
@@ -90,7 +123,7 @@ class _Actor:
         self.rest, self.floor = standing_root(body, betas)
         shaped = body.with_shape(betas).template
         self.feet = {side: FootShape.of(body, shaped, self.rest, side) for side in SIDES}
-        self.hands = {side: HandShape.of(body, shaped, self.rest, side) for side in SIDES}
+        self.hands = {side: hand_points(body, shaped, self.rest, side) for side in SIDES}
 
     def scripted_root(self) -> Float[np.ndarray, "T 3"]:
         """Where the script wants the pelvis joint."""
@@ -203,7 +236,8 @@ def _from_knee(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, han
 
 
 def _from_floor(actor: _Actor, figure: Figure, side: str, offset: np.ndarray, hand: np.ndarray) -> np.ndarray:
-    wrist = offset + np.stack([0 * actor.times, actor.hands[side].height(hand), 0 * actor.times], 1)
+    touching = -lowest(actor.hands[side], hand)  # the wrist's height
+    wrist = offset + np.stack([0 * actor.times, touching, 0 * actor.times], 1)
     shoulder, elbow, end = (actor.rest[JOINT[f"{side}_{name}"]] for name in ("shoulder", "elbow", "wrist"))
     length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(end - elbow))
     _, origin = figure.world(f"{side}_shoulder")

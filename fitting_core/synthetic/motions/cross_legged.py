@@ -10,10 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from fitting_core.synthetic.acting.build import Build
-from fitting_core.synthetic.acting.hazards import Hazard
-from fitting_core.synthetic.acting.keyframes import Key
-from fitting_core.synthetic.acting.script import SIDES, ArmKey, FootKey, Script, mirrored
+from fitting_core.synthetic.acting.script import (
+    SIDES,
+    ArmKey,
+    Build,
+    FootKey,
+    Hazard,
+    Key,
+    Script,
+    hanging,
+    mirrored,
+    mirrored_hazards,
+)
 
 _ACTIVE_SECONDS = 6.6
 """All of it but the rest on the floor."""
@@ -88,9 +96,7 @@ def cross_legged(build: Build, seconds: float, rng: np.random.Generator) -> tupl
         on_floor=[(clock(t), v) for t, v in _ON_FLOOR],
     )
     hazards = [replace(h, start=clock(h.start), stop=clock(h.stop)) for h in _HAZARDS]
-    if manner.mirror:
-        return mirrored(script), [replace(h, groups=tuple(_OTHER_SIDE.get(g, g) for g in h.groups)) for h in hazards]
-    return script, hazards
+    return (mirrored(script), mirrored_hazards(hazards)) if manner.mirror else (script, hazards)
 
 
 class _Clock:
@@ -206,16 +212,11 @@ _FEET = {
 
 def _arm(side: str, build: Build, manner: Manner) -> list[ArmKey]:
     """An arm that supports the body, or balances it, on the way down and on the way up."""
-    keys = [_hanging(0.0, build), _hanging(1.15, build)]
+    keys = [hanging(0.0, build), hanging(1.15, build)]
     keys += _landing(side, 1.9, build, manner) if side == manner.down else _balancing(1.7, 2.25, build)
     keys += [_on_knee(3.42, build), _on_knee(3.6, build)]
     keys += _rising(side, 4.0, build, manner) if side == manner.up else _balancing(4.3, 4.85, build)
-    return [*keys, _hanging(5.45, build, 0.09), _hanging(6.6, build)]
-
-
-def _hanging(time: float, build: Build, forward: float = 0.055) -> ArmKey:
-    wrist = (0.235 + build.stout, -0.445 * build.arm, forward)
-    return ArmKey(time, wrist, (0.06, -1.0, 0.42), (-1.0, 0.0, -0.15), "relaxed", (0.35, -0.1, -1.0))
+    return [*keys, hanging(5.45, build, 0.09), hanging(6.6, build)]
 
 
 def _on_knee(time: float, build: Build) -> ArmKey:
@@ -272,13 +273,7 @@ def _support(side: str, build: Build, manner: Manner, place: tuple[float, float]
     return float(build.leg * out), float(build.leg * (_SEAT + place[1]))
 
 
-_FOOT_POINTS = ("ankle", "big_toe", "small_toe", "heel")
-_OTHER_SIDE = {
-    f"{a}_{part}": f"{b}_{part}"
-    for a, b in (("left", "right"), ("right", "left"))
-    for part in ("hand", "wrist", "elbow", *_FOOT_POINTS)
-}
-_LEFT_FOOT = tuple(f"left_{part}" for part in _FOOT_POINTS)
+_LEFT_FOOT = tuple(f"left_{part}" for part in ("ankle", "big_toe", "small_toe", "heel"))
 _HAZARDS = (
     Hazard("swapped", 0.75, 1.5, ("legs",)),
     Hazard("swapped", 1.5, 2.3, ("legs",)),

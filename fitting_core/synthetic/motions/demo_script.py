@@ -6,8 +6,7 @@ World: x to the person's left, y up, z forward, metres, seconds; the origin lies
 from collections.abc import Sequence
 from typing import Any
 
-from fitting_core.synthetic.acting.keyframes import Key
-from fitting_core.synthetic.acting.script import ArmKey, Failure, Script
+from fitting_core.synthetic.acting.script import ArmKey, Failure, Key, Script
 
 SECONDS = 5.8
 BETAS = (0.5, -0.7, 0.4, -0.3, 0.3, 0.2, -0.2, 0.1, 0.0, 0.1)

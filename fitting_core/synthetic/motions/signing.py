@@ -8,10 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting_core.synthetic.acting.build import Build
-from fitting_core.synthetic.acting.hazards import Hazard
-from fitting_core.synthetic.acting.keyframes import Key
-from fitting_core.synthetic.acting.script import SIDES, ArmKey, Script, mirrored
+from fitting_core.synthetic.acting.script import SIDES, ArmKey, Build, Hazard, Key, Script, mirrored
 from fitting_core.synthetic.motions.demo_script import SCRIPT
 
 _FIRST, _LAST = 0.4, 3.62

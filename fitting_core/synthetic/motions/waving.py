@@ -3,15 +3,20 @@
 World: x to the person's left, y up, z forward, metres, seconds; the origin lies on the floor between the feet.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from fitting_core.synthetic.acting.build import Build
-from fitting_core.synthetic.acting.hazards import Hazard
-from fitting_core.synthetic.acting.keyframes import Key
-from fitting_core.synthetic.acting.script import ArmKey, Script, Vector, mirrored
+from fitting_core.synthetic.acting.script import (
+    ArmKey,
+    Build,
+    Hazard,
+    Script,
+    Vector,
+    hanging,
+    mirrored,
+    mirrored_hazards,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,14 +66,17 @@ def waving(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Scri
     manner = Manner.draw(rng)
     start = min(0.15 + 0.1 * (seconds - 2.0), 0.4)
     up, down = start + 0.55, seconds - 0.75 - start / 2
-    arm = [_hanging(0.0, build), _hanging(start, build), _rising(start + 0.32, build, manner)]
-    arm += [*_waves(up, down, build, manner), _rising(down + 0.25, build, manner), _hanging(down + 0.62, build)]
+    arm = [hanging(0.0, build), hanging(start, build), _rising(start + 0.32, build, manner)]
+    arm += [*_waves(up, down, build, manner), _rising(down + 0.25, build, manner), hanging(down + 0.62, build)]
+    lean = (0.0, 2.0, -manner.lean)
+    # The hips never stand at the very height of straight legs: all of them a little lower.
+    hips = [(0.0, (0, 0, 0)), (up, (0.02, -0.006, 0)), (down, (0.025, -0.007, 0)), (seconds, (0, 0, 0))]
     script = Script(
         seconds=seconds,
-        arms={"right": arm, "left": [_hanging(0.0, build)]},
-        hips_path=_moved([(0.0, (0, 0, 0)), (up, (0.02, -0.006, 0)), (down, (0.025, -0.007, 0)), (seconds, (0, 0, 0))]),
+        arms={"right": arm, "left": [hanging(0.0, build)]},
+        hips_path=[(time, np.add(value, (0, -0.006, 0))) for time, value in hips],
         hips_turn=[(0.0, (0, 0, 0)), (up, (0, 2, -1)), (down, (0, 2, -1)), (seconds, (0, 0, 0))],
-        spine_turn=_leaning(start, up, down, manner),
+        spine_turn=[(start, (0, 0, 0)), (up, lean), (down, lean), (down + 0.6, (1, 0, 0))],
         head_turn=[
             (0.0, (2, 0, 0)),
             (start + 0.1, (2, 0, 0)),
@@ -87,19 +95,7 @@ def waving(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Scri
         Hazard("occluded", up, seconds, ("left_wrist", "left_elbow", "left_hand")),
         Hazard("swapped", up, seconds, ("legs",), likely=0.3),
     ]
-    if manner.mirror:
-        swap = {"right": "left", "left": "right"}
-        other = [
-            replace(h, groups=tuple("_".join(swap.get(word, word) for word in g.split("_")) for g in h.groups))
-            for h in hazards
-        ]
-        return mirrored(script), other
-    return script, hazards
-
-
-def _hanging(time: float, build: Build) -> ArmKey:
-    wrist = (0.235 + build.stout, -0.445 * build.arm, 0.055)
-    return ArmKey(time, wrist, (0.06, -1.0, 0.42), (-1.0, 0.0, -0.15), "relaxed", (0.35, -0.1, -1.0))
+    return (mirrored(script), mirrored_hazards(hazards)) if manner.mirror else (script, hazards)
 
 
 def _rising(time: float, build: Build, manner: Manner) -> ArmKey:
@@ -121,16 +117,6 @@ def _waves(up: float, down: float, build: Build, manner: Manner) -> list[ArmKey]
         palm = (0.12 * side, -0.12, 1.0)
         keys.append(ArmKey(time, _vector(wrist), fingers, palm, manner.shape, (0.85, -0.8, -0.15)))
     return keys
-
-
-def _leaning(start: float, up: float, down: float, manner: Manner) -> list[Key]:
-    lean = (0.0, 2.0, -manner.lean)
-    return [(start, (0, 0, 0)), (up, lean), (down, lean), (down + 0.6, (1, 0, 0))]
-
-
-def _moved(keys: Sequence[Key]) -> list[Key]:
-    """The hips never stand at the very height of straight legs."""
-    return [(time, np.add(value, (0, -0.006, 0))) for time, value in keys]
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -60,12 +60,9 @@ class Outfit:
         line = eyes[1] + 0.058 - 0.075 * behind**2 + 0.02 * (behind > 1.2)
         hair = np.maximum(_above(rest[:, 1], line, 0.004), _below(rest[:, 2], ears[2] - 0.02, 0.004))
         head = _above(rest[:, 1], ears[1] - 0.01, 0.006) * (abs(rest[:, 0]) < 0.15)
-        ear = _below(abs(rest[:, 0]), self._ear_width(), 0.002)
+        # Half the distance between the roots of the ears: what lies farther out at their height is an ear.
+        ear = _below(abs(rest[:, 0]), float(2.35 * self._at("left_eye")[0]), 0.002)
         return [*layers, (HAIR, hair * head * ear)]
-
-    def _ear_width(self) -> float:
-        """Half the distance between the roots of the ears: what lies farther out at their height is an ear."""
-        return float(2.35 * self._at("left_eye")[0])
 
     def _eyes(self, paint: np.ndarray) -> list[tuple[tuple[int, int, int], np.ndarray]]:
         """Whites where the eyeballs are, and an iris around the line straight ahead."""

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, UInt8
 from fitting_core.camera import Camera
 from fitting_core.synthetic.studio.clothing import Outfit
 from fitting_core.synthetic.studio.rasterize import rasterize
-from fitting_core.synthetic.studio.view import View
+from fitting_core.synthetic.studio.world_camera import View
 
 CAMERA = Camera(focal=(1400.0, 1400.0), center=(270.0, 360.0), size=(540, 720), source="the demo's own camera")
 VIEW = View(azimuth=24.0, height=1.25, distance=4.05, looking_at=(0.0, 0.87, -0.13))
@@ -49,7 +49,7 @@ class Studio:
 
     def __init__(self, camera: Camera = CAMERA, *, seat_height: float | None, view: View = VIEW) -> None:
         self.camera = camera
-        self.rotation, self.translation = view.pose()
+        self.to_camera = view.pose()
         factor = _SAMPLES
         self._large = Camera(
             focal=(camera.focal[0] * factor, camera.focal[1] * factor),
@@ -68,10 +68,6 @@ class Studio:
         shade = light(fragments.interpolate(solid.faces, solid.normals))
         self._color, covered = self._over(color, fragments.pixel, _WOOD * shade[:, None])
         self._floor = self._floor * (1 - covered)
-
-    def to_camera(self, points: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
-        """From the world to camera space."""
-        return points @ self.rotation.T + self.translation
 
     def draw(
         self,
@@ -112,11 +108,11 @@ class Studio:
         width, height = self.camera.size
         x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         flat = np.stack([x, y], -1) - self.camera.center
-        return np.concatenate([flat / self.camera.focal, np.ones((height, width, 1))], -1) @ self.rotation
+        return np.concatenate([flat / self.camera.focal, np.ones((height, width, 1))], -1) @ self.to_camera.rotation
 
     def _room(self) -> tuple[np.ndarray, np.ndarray]:
         """Linear colour (H, W, 3) of the empty room, and how much of each pixel is floor, 0 to 1."""
-        rays, place = self._rays(), -self.rotation.T @ self.translation
+        rays, place = self._rays(), -self.to_camera.rotation.T @ self.to_camera.translation
         to_floor = np.where(rays[..., 1] < 0, -place[1] / np.minimum(rays[..., 1], -1e-9), np.inf)
         to_wall = (_WALL_Z - place[2]) / rays[..., 2]
         behind = place[2] + np.minimum(to_floor, 1e3) * rays[..., 2]
@@ -145,15 +141,6 @@ class Studio:
             factor *= 1 - strength * np.minimum(gain * dark, 1.0)
         large = cv2.resize(factor, self.camera.size, interpolation=cv2.INTER_LINEAR)
         return 1 - self._floor * (1 - large)
-
-
-def vertex_normals(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, "V 3"]:
-    """Normals of the vertices, the mean over their faces, weighted by area."""
-    a, b, c = (vertices[corner] for corner in faces.T)
-    normals = np.cross(b - a, c - a)
-    sums = [np.bincount(faces.reshape(-1), np.repeat(normals[:, axis], 3), len(vertices)) for axis in range(3)]
-    unit = np.stack(sums, 1)
-    return unit / np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-20)
 
 
 def light(normals: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, "P"]:

@@ -1,4 +1,4 @@
-"""A calibrated camera in a world: where a reference's points get into the camera's space."""
+"""Cameras in a world: where one stands and looks, and how points and bodies get into its space."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +11,6 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
-
-_EXPECTED = "R (3, 3) and t (3,), with x_camera = R x_world + t in metres"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,18 +25,40 @@ class WorldCamera:
         return points @ self.rotation.T + self.translation
 
 
-def in_camera(
-    params: BodyParams,
-    rest_root: Float[np.ndarray, "*T 3"],
-    rotation: Float[np.ndarray, "3 3"],
-    translation: Float[np.ndarray, "3"],
-) -> BodyParams:
-    """The same bodies in camera space, where x_camera = rotation @ x_world + translation.
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A camera's place in the world (x to the person's left, y up, z forward; metres). It is held upright."""
+
+    azimuth: float
+    """Degrees to the person's left, of the way from what it looks at to the camera."""
+    height: float
+    """Above the floor."""
+    distance: float
+    """Horizontal, from the vertical line through x = 0 and what it looks at."""
+    looking_at: tuple[float, float, float]
+
+    def pose(self) -> WorldCamera:
+        """The way from the world to camera space."""
+        angle, middle = np.radians(self.azimuth), np.array(self.looking_at)
+        place = np.array([self.distance * np.sin(angle), self.height, middle[2] + self.distance * np.cos(angle)])
+        forward = middle - place
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 1.0, 0.0])
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        return WorldCamera(rotation=rotation, translation=-rotation @ place)
+
+
+_EXPECTED = "R (3, 3) and t (3,), with x_camera = R x_world + t in metres"
+
+
+def in_camera(params: BodyParams, rest_root: Float[np.ndarray, "*T 3"], camera: WorldCamera) -> BodyParams:
+    """The same bodies in camera space.
 
     A body turns about its root joint, which rests at `rest_root` and not at the origin.
     """
-    orient = Rotation.from_matrix(rotation) * Rotation.from_rotvec(params.global_orient.numpy())
-    root = (params.camera_translation.numpy() + rest_root) @ rotation.T + translation
+    orient = Rotation.from_matrix(camera.rotation) * Rotation.from_rotvec(params.global_orient.numpy())
+    root = camera(params.camera_translation.numpy() + rest_root)
     return replace(
         params,
         global_orient=torch.as_tensor(orient.as_rotvec()),

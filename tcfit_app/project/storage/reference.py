@@ -5,8 +5,8 @@ No row in the database tells of it: the file is there as a whole or not at all, 
 
 from pathlib import Path
 
-from fitting_core.measure.reference.files import read_reference
-from fitting_core.measure.reference.reference import Reference, write_reference
+from fitting_core.measure.references.files import read_reference
+from fitting_core.measure.references.reference import Reference, write_reference
 from tcfit_app.project.storage.durable import accessing, durable, sync
 
 NAME = "reference.npz"

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.motion import AXES
+from fitting_core.io.motion.fitted_motion import AXES
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group

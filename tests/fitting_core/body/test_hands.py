@@ -13,13 +13,19 @@ from assets import BODIES
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import unit
-from fitting_core.body.hand_skeleton import FINGERS, HandSkeleton
+from fitting_core.body.hand_skeleton import FINGERS, HandSkeleton, axis_angle_of
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
-from fitting_core.build_assets.free_body.hand.basis import left_hand_basis, read_hand_space
-from fitting_core.build_assets.free_body.hand.hand_space import _best_span, hand_of, main, position_metric
-from fitting_core.build_assets.free_body.hand.postures import postures
+from fitting_core.build_assets.free_body.hand.hand_space import (
+    _best_span,
+    hand_of,
+    left_hand_basis,
+    main,
+    position_metric,
+    postures,
+    read_hand_space,
+)
 from fitting_core.build_assets.free_body.hand.recordings import aligned, joint_angles, read_recording
 from fitting_core.errors import InputError
 from fitting_core.fit.variables.state import Parametrisation
@@ -61,7 +67,7 @@ def drawn(count: int) -> np.ndarray:
 
 def test_a_posed_skeleton_is_the_posed_body(body: BodyModel, hand: HandSkeleton) -> None:
     angles = drawn(6)
-    axis_angle = torch.as_tensor(hand.axis_angle(angles) - body.hand_mean[0])
+    axis_angle = torch.as_tensor(axis_angle_of(angles, hand.axes) - body.hand_mean[0])
     params = BodyParams.neutral(6, hand_components=45)
     keypoints, _ = keypoints_in_space(body, BodyParams(**{**vars(params), "left_hand_pose": axis_angle}))
     fingers = (keypoints[:, kp.LEFT_HAND][:, 1:] - keypoints[:, kp.LEFT_HAND.start, None]).reshape(6, 5, 4, 3)
@@ -82,7 +88,7 @@ def test_positive_angles_flex_and_spread(hand: HandSkeleton) -> None:
 
 
 def test_turning_angles_to_the_bodys_axes_keeps_lengths(hand: HandSkeleton) -> None:
-    assert np.allclose(hand.axis_angle(np.eye(45)) @ hand.axis_angle(np.eye(45)).T, np.eye(45))
+    assert np.allclose(axis_angle_of(np.eye(45), hand.axes) @ axis_angle_of(np.eye(45), hand.axes).T, np.eye(45))
 
 
 def test_joint_angles_are_found_from_directions(hand: HandSkeleton) -> None:

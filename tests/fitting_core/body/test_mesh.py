@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, POSE_COLUMNS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose, hand_basis

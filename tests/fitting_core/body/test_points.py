@@ -8,13 +8,13 @@ import torch
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, N_JOINTS, SURFACE_KEYPOINTS, BodyModel, KeypointOffset
 from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.body.points.pairs import Contour, Joint, Offset, Point, Surface, keypoint_points, vertex
-from fitting_core.body.points.points import BodyPoints, Posed
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Columns, Free, Parametrisation, State
 from fitting_core.priors.pose import AxisAnglePrior

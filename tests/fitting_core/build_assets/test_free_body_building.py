@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from assets import BODIES
 from fitting_core.body.files.forms import PARENTS
-from fitting_core.body.geometry import axis_angle, frame, nearest_on_triangles, shortest_rotation
+from fitting_core.body.geometry import axis_angle, frame, shortest_rotation
 from fitting_core.body.model import JOINTS
 from fitting_core.build_assets.free_body.__main__ import main, write_body
 from fitting_core.build_assets.free_body.build import build_body, read_layout
 from fitting_core.build_assets.free_body.makehuman import REQUIRED, DataFolder
 from fitting_core.build_assets.free_body.skin.skinning import joint_mirror, joints_of_bone, limit_influences
 from fitting_core.errors import InputError
+from fitting_core.measure.mesh.closest_point import SurfaceTree
 
 coordinate = st.floats(-1, 1, allow_nan=False).map(lambda value: round(value, 3))
 vector = st.tuples(coordinate, coordinate, coordinate).map(np.array)
@@ -56,7 +57,9 @@ def test_frame_is_a_rotation_that_starts_with_its_first_axis() -> None:
 @given(vector, st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=4))
 def test_nearest_point_is_as_near_as_any(point: np.ndarray, corners: list[tuple[np.ndarray, ...]]) -> None:
     triangles = np.array(corners)
-    face, barycentric = nearest_on_triangles(point[None], triangles)
+    vertices, faces = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
+    closest = SurfaceTree.of(vertices, faces).closest(point[None])
+    face, barycentric = closest.face, closest.weights
     assert (barycentric >= -1e-12).all() and barycentric.sum() == pytest.approx(1)
     found = np.linalg.norm(barycentric[0] @ triangles[face[0]] - point)
     steps = 24

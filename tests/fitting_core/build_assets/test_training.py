@@ -9,20 +9,19 @@ import torch
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.build_assets.pose_prior import dataset, synthesis
 from fitting_core.build_assets.pose_prior.__main__ import Options, exported, main
 from fitting_core.build_assets.pose_prior.autoencoder import LATENT, NetworkSize, PoseAutoencoder
-from fitting_core.build_assets.pose_prior.contact import Contact
 from fitting_core.build_assets.pose_prior.loss import Loss, Precision
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import MotionClip, mirrored
-from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
+from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.build_assets.pose_prior.training import Schedule, Training
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.limits import AngleTable
-from fitting_core.priors.files.network_file import read_network
+from fitting_core.priors.files.network import read_network
 from fitting_core.priors.latent import LatentPrior
 from tests.fitting_core.build_assets.captured import cmu_channels, write_cmu
 

@@ -5,12 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.detect import DETECTORS, family_of, load_box_model
-from fitting_core.detect.boxes import Boxes, grid, intersection_over_union, letterboxed, without_doubles
-from fitting_core.detect.onnx_graph import consumers
-from fitting_core.detect.onnx_model import OnnxModel
-from fitting_core.detect.rtmdet import RTMDet
-from fitting_core.detect.yolox import YOLOX
+from fitting_core.detect import DETECTORS, family_of, load_box_model, rtmdet
+from fitting_core.detect.boxes import Boxes, BoxModel, grid, intersection_over_union, letterboxed, without_doubles
+from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tests.fitting_core.detect.onnx_files import constant_model
@@ -24,23 +21,23 @@ LABELS = np.array([[0, 17, 0, 0]])
 """A person, a horse, the person again, and somebody below the threshold."""
 
 
-def only_box(model: RTMDet | YOLOX) -> tuple[list[float], float]:
+def only_box(model: BoxModel) -> tuple[list[float], float]:
     (found,) = model.find([IMAGE])
     assert len(found) == 1
     return found.corners[0].tolist(), float(found.scores[0])
 
 
-@pytest.mark.parametrize(("focus", "kind"), [(False, RTMDet), (True, YOLOX)])
-def test_boxes_of_a_model_with_suppression(tmp_path: Path, focus: bool, kind: type):
+@pytest.mark.parametrize(("focus", "kind"), [(False, "rtmdet"), (True, "yolox")])
+def test_boxes_of_a_model_with_suppression(tmp_path: Path, focus: bool, kind: str):
     outputs = {"dets": DETS, "labels": LABELS}
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT, focus=focus), threads=1)
-    assert isinstance(model, kind)
+    assert family_of(model.model) is DETECTORS[kind]
     assert only_box(model) == ([20.0, 10.0, 60.0, 80.0], pytest.approx(0.9))
 
 
 def test_labels_before_boxes(tmp_path: Path):
     path = constant_model(tmp_path / "m.onnx", {"labels": LABELS, "dets": DETS}, image=INPUT)
-    assert only_box(RTMDet(OnnxModel(path, threads=1)))[0] == [20.0, 10.0, 60.0, 80.0]
+    assert only_box(rtmdet.make(OnnxModel(path, threads=1)))[0] == [20.0, 10.0, 60.0, 80.0]
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -50,7 +47,7 @@ def test_rtmdet_as_corners_and_scores(tmp_path: Path, swapped: bool):
     corners[0, 9], scores[0, 9, 3] = (0, 0, 40, 40), 0.9
     outputs = {"scores": scores, "boxes": corners} if swapped else {"boxes": corners, "scores": scores}
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
-    assert isinstance(model, RTMDet)
+    assert family_of(model.model) is DETECTORS["rtmdet"]
     assert only_box(model) == ([16.0, 24.0, 40.0, 88.0], pytest.approx(0.6))
 
 
@@ -62,7 +59,7 @@ def test_rtmdet_as_the_head_is(tmp_path: Path):
     outputs["class16"][0, 0, 1, 2] = np.log(0.8 / 0.2)
     outputs["box16"][0, :, 1, 2] = (12, 6, 10, 20)
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
-    assert isinstance(model, RTMDet)
+    assert family_of(model.model) is DETECTORS["rtmdet"]
     corners, score = only_box(model)
     assert np.allclose(corners, [40, 20, 84, 72]) and score == pytest.approx(0.8)
 
@@ -74,7 +71,7 @@ def test_yolox_as_the_grid_is(tmp_path: Path):
     # Row 1, column 0 of the grid of stride 32: a dog.
     numbers[0, 64 + 16 + 2, [4, 5 + 16]] = 1.0
     model = load_box_model(constant_model(tmp_path / "m.onnx", {"output": numbers}, image=INPUT, focus=True), threads=1)
-    assert isinstance(model, YOLOX)
+    assert family_of(model.model) is DETECTORS["yolox"]
     corners, score = only_box(model)
     assert np.allclose(corners, [40, 12, 72, 60]) and score == pytest.approx(0.6)
 
@@ -136,7 +133,7 @@ PEOPLE = np.array([[515.0, 48, 735, 460], [1278, 543, 1502, 944]])
 
 def test_real_people_are_found(shared_data: Path):
     model = load_box_model(shared_data / "onnx" / "rtmdet_nano.onnx", threads=1)
-    assert isinstance(model, RTMDet)
+    assert family_of(model.model) is DETECTORS["rtmdet"]
     with FrameSource(shared_data / "video" / "walk_two_people.mp4") as video:
         found, nobody = model.find([video.frame(60), np.full((300, 400, 3), 90, np.uint8)])
     for person in PEOPLE:

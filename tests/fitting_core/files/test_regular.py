@@ -11,8 +11,7 @@ import pytest
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import register
 from fitting_core.config.toml import read_config
-from fitting_core.detect.onnx_graph import consumers
-from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import regular_file
@@ -22,7 +21,7 @@ from fitting_core.io.keypoints.coco_wholebody import read_coco_wholebody
 from fitting_core.io.keypoints.openpose import read_openpose
 from fitting_core.io.keypoints.pose_file import read_pose
 from fitting_core.io.result_files import read_fit
-from fitting_core.measure.reference.files import read_reference
+from fitting_core.measure.references.files import read_reference
 from fitting_core.priors.files.registry import read_prior
 from fitting_core.synthetic.studio.world_camera import read_world_camera
 from fitting_core.synthetic.truth import read_truth

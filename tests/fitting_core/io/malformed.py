@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting_core.io import read_detections
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, write_pose_file
-from fitting_core.io.keypoints.pose_components import openpose_components
+from fitting_core.io.keypoints.pose_file import openpose_components
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from fitting_core.body.files.archives import open_members
 from fitting_core.body.files.reading import load_body
 from fitting_core.config.toml import read_config
-from fitting_core.priors.files.network_file import read_network
+from fitting_core.priors.files.network import read_network
 from fitting_core.priors.files.vposer import read_vposer
 from fitting_core.video.frames import FrameSource
 from tcfit_app.project.project import Project
@@ -55,7 +55,7 @@ MODELS: dict[str, Case] = {
     "body face outside": body("'f' holds values from 99 to 99", f=np.full((40, 3), 99)),
     "body of a hand": body("16 joints like a MANO hand", J_regressor=np.full((16, 60), 1 / 60)),
     "body npz bomb": Case(content("SMPLX_MALE.npz", zip_bomb("v_template")), load_body, "SMPLX_MALE.npz"),
-    "body says 8 TB": Case(content("SMPLX_MALE.npz", endless_npz("v_template")), load_body, "'v_template' is damaged"),
+    "body says 8 TB": Case(content("SMPLX_MALE.npz", endless_npz("v_template")), load_body, "'v_template' declares"),
     "body pickle bomb": _pickled_body(PICKLE_BOMB, r"asks for (posix|nt).system, which no body model needs"),
     "body memo bomb": _pickled_body(FAR_MEMO, "numbers an object 2147483647"),
     "body list bomb": _pickled_body(

@@ -260,8 +260,13 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
 
 
 def test_unevenly_spaced_frames_are_noted(video, walk, monkeypatch):
-    monkeypatch.setattr(FrameSource, "uneven", True)
-    monkeypatch.setattr(FrameSource, "frame_rate", 14.98765)
+    opened = FrameSource.__init__
+
+    def open_uneven(self, path):
+        opened(self, path)
+        self.uneven, self.frame_rate = True, 14.98765
+
+    monkeypatch.setattr(FrameSource, "__init__", open_uneven)
     clip = read_clip(video(1), walk([0]))
     assert clip.frame_rate == 14.98765
     assert clip.notes[0].startswith(

@@ -11,8 +11,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.measure.comparison import compare, figure_titles
 from fitting_core.measure.pairing import Estimate
-from fitting_core.measure.reference.bodies import reference_of
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.bodies import reference_of
+from fitting_core.measure.references.reference import Reference
 from tests.samples.scenes import random_params
 
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))

@@ -9,9 +9,8 @@ import pytest
 from fitting_core.measure.comparison import Comparison, figure_titles
 from fitting_core.measure.records import BASELINE, Evaluation, Record, overall, pooled, wins
 from fitting_core.measure.report.ablations import Ablation, Trial
-from fitting_core.measure.report.axes import label, scale_of, ticks
 from fitting_core.measure.report.page import report_page
-from fitting_core.measure.report.plots import Series, bar_plot, line_plot
+from fitting_core.measure.report.plots import Series, bar_plot, label, line_plot, scale_of, ticks
 
 
 def record(sequence: str, method: str, errors: list[float | None], motion: str = "simple") -> Record:

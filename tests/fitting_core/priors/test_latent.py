@@ -12,15 +12,14 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import POSE_PRIORS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.priors import latent
-from fitting_core.priors.files.network import Activation, Layer, PriorNetwork
-from fitting_core.priors.files.network_file import write_network
+from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_network
 from fitting_core.priors.latent import ACTIVATIONS, LatentPrior
 from fitting_core.priors.pose import PRIORS, AxisAnglePrior, make_prior
 from tests.fitting_core.priors.networks import (

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
-from fitting_core.priors.files.network import Layer, PriorNetwork
-from fitting_core.priors.files.network_file import read_network, write_network
+from fitting_core.priors.files.network import Layer, PriorNetwork, read_network, write_network
 from tests.fitting_core.priors.networks import random_network
 
 

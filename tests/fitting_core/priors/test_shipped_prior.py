@@ -7,18 +7,17 @@ import pytest
 import torch
 
 from assets import FOLDER
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.pose_prior.contact import Contact
 from fitting_core.build_assets.pose_prior.dataset import matrices
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
-from fitting_core.build_assets.pose_prior.motion_capture.skeleton import Skeleton
+from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.terms.limits import AngleTable
-from fitting_core.priors.files.network_file import read_network
+from fitting_core.priors.files.network import read_network
 from fitting_core.priors.files.registry import SHIPPED
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior, relaxed_pose

@@ -6,7 +6,7 @@ import pytest
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
-from fitting_core.synthetic.acting.gestures import GESTURES, expression_of, expressions
+from fitting_core.synthetic.acting.performance import GESTURES, expression_of, expressions
 
 
 @pytest.fixture(scope="module")

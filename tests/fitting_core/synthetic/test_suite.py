@@ -14,7 +14,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, FACE, INDEX, LEFT_HAND
 from fitting_core.synthetic import suite
-from fitting_core.synthetic.acting.hazards import Hazard, Mishaps, failures
+from fitting_core.synthetic.acting.script import Hazard, Mishaps, failures
 from fitting_core.synthetic.suite import (
     LEVELS,
     SEQUENCES,

@@ -11,7 +11,7 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.video import decoding as video_file
-from fitting_core.video.container import ends_early
+from fitting_core.video.decoding import ends_early
 from fitting_core.video.frames import FrameSource
 
 STEP = 8

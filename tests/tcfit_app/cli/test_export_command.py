@@ -22,10 +22,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
-from fitting_core.io.motion.motion import AXES
+from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import INDEX
-from fitting_core.measure.reference.bodies import reference_of
+from fitting_core.measure.references.bodies import reference_of
 from fitting_core.priors.pose import make_prior
 from fitting_core.render.renderer import off_screen_gl
 from tcfit_app.cli.main import main

@@ -9,7 +9,7 @@ import pytest
 from fitting_core.body.files import registry
 from fitting_core.errors import InputError
 from fitting_core.priors.files import registry as priors
-from fitting_core.priors.files.network_file import write_network
+from fitting_core.priors.files.network import write_network
 from tcfit_app.cli.models_command import list_models, register_models
 from tests.fitting_core.priors.networks import random_network
 from tests.fitting_core.priors.test_vposer import folder_1, trained, version_1

@@ -16,10 +16,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
+from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.imported_motion import ImportedMotion
-from fitting_core.io.motion.motion import Motion
 from fitting_core.io.motion.smplifyx import write_smplifyx
-from fitting_core.priors.files.network_file import write_network
+from fitting_core.priors.files.network import write_network
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports import results as importing

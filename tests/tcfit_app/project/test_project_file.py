@@ -15,7 +15,7 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.measure.reference.files import read_reference
+from fitting_core.measure.references.files import read_reference
 from tcfit_app.cli.main import main, parse
 from tcfit_app.cli.review_command import opened
 from tcfit_app.project import packed as project_file

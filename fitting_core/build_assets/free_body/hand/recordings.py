@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.geometry import unit
 from fitting_core.body.hand_skeleton import FINGERS, FLEXION, SPREAD, TWIST, HandSkeleton
 from fitting_core.errors import InputError

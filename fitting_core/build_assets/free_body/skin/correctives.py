@@ -182,7 +182,7 @@ def _wanted_offset(bend: _Bend, rotation: Float[np.ndarray, "3"]) -> Float[np.nd
     # Only the swing is blended: a spherical twist does not bulge, and a linear one is what shrinks.
     target = (_BLEND * spherical + (1 - _BLEND) * linear) @ axis_angle(twist * bend.twist[:, None])
     skinned = (1 - share) * np.eye(3) + share * axis_angle(rotation)
-    missing = _turn(target - skinned, bend.offsets)
+    missing = np.einsum("nij,nj->ni", target - skinned, bend.offsets)
     return np.linalg.solve(skinned + _DAMPING * np.eye(3), missing[..., None])[..., 0]
 
 
@@ -196,10 +196,6 @@ def _swing_twist(
     x, y, z, w = whole.as_quat()
     twist = axis * 2 * np.arctan2(np.array([x, y, z]) @ axis, w)
     return (whole * Rotation.from_rotvec(-twist)).as_rotvec(), twist
-
-
-def _turn(matrices: Float[np.ndarray, "n 3 3"], offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return np.einsum("nij,nj->ni", matrices, offsets)
 
 
 def _jaw_corrective(

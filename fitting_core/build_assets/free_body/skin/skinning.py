@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fitting_core.body.geometry import axis_angle
-from fitting_core.body.model import JOINT, JOINTS, N_JOINTS
+from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, other_side
 from fitting_core.build_assets.free_body.makehuman import Offsets, Rig
 from fitting_core.build_assets.free_body.rest_pose import FINGER_BONES, SIDES
 from fitting_core.build_assets.free_body.skin.surface import VertexOrder
@@ -81,8 +81,9 @@ def skin_body(
             weights[:, JOINT[joint]] += column / len(joints)
     weights /= weights.sum(1, keepdims=True)
     opening = jaw_open[order.base]
-    weights = _mirrored_mean(_follow_jaw(weights, rest, jaw, opening), order.mirror)
-    return Skinning(weights=limit_influences(weights), jaw_open=opening)
+    weights = _follow_jaw(weights, rest, jaw, opening)
+    symmetric = (weights + weights[order.mirror][:, joint_mirror()]) / 2
+    return Skinning(weights=limit_influences(symmetric), jaw_open=opening)
 
 
 def joints_of_bone(bone: str) -> tuple[str, ...]:
@@ -102,9 +103,7 @@ def joints_of_bone(bone: str) -> tuple[str, ...]:
 
 def joint_mirror() -> Int[np.ndarray, "55"]:
     """The joint on the other side of the body."""
-    swap = {"left": "right", "right": "left"}
-    names = ["_".join(swap.get(word, word) for word in name.split("_")) for name in JOINTS]
-    return np.array([JOINT[name] for name in names])
+    return np.array([JOINT[other_side(name)] for name in JOINTS])
 
 
 def limit_influences(weights: Float[np.ndarray, "V 55"]) -> Float[np.ndarray, "V 55"]:
@@ -115,10 +114,6 @@ def limit_influences(weights: Float[np.ndarray, "V 55"]) -> Float[np.ndarray, "V
     largest_dropped = np.sort(weights, axis=1)[:, -MAX_INFLUENCES - 1, None]
     kept = np.where(weights > np.maximum(largest_dropped + 1e-9, _SMALLEST_WEIGHT), weights, 0)
     return kept / kept.sum(1, keepdims=True)
-
-
-def _mirrored_mean(weights: Float[np.ndarray, "V 55"], mirror: Int[np.ndarray, "V"]) -> Float[np.ndarray, "V 55"]:
-    return (weights + weights[mirror][:, joint_mirror()]) / 2
 
 
 def _follow_jaw(

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.body.geometry import twist
 from fitting_core.body.model import JOINT
 from fitting_core.build_assets.pose_prior.motion_capture.rigs import SIDES, axis_of_side
 
@@ -67,10 +68,3 @@ def _angle(rotations: Float[np.ndarray, "T 3"], limits: Range, side: str) -> Flo
     if limits.bone is not None:
         turned = turned * Rotation.align_vectors(axis, limits.bone)[0].inv()
     return np.degrees(twist(turned, axis))
-
-
-def twist(rotations: Rotation, axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "T"]:
-    """Angles (radians, -pi to pi) by which rotations turn about a unit axis: swing-twist decomposition."""
-    q = rotations.as_quat()
-    angle = 2 * np.arctan2(q[:, :3] @ axis, q[:, 3])
-    return (angle + np.pi) % (2 * np.pi) - np.pi

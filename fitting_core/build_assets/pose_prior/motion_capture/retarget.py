@@ -27,9 +27,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.model import JOINT
+from fitting_core.body.geometry import twist
+from fitting_core.body.model import JOINT, other_side
 from fitting_core.build_assets.pose_prior.motion_capture.mocap import SourceMotion, read_motions
-from fitting_core.build_assets.pose_prior.motion_capture.plausible import N_BODY_JOINTS, plausible, twist
+from fitting_core.build_assets.pose_prior.motion_capture.plausible import N_BODY_JOINTS, plausible
 from fitting_core.build_assets.pose_prior.motion_capture.rigs import BODY, RIGS, SIDES, Limb, Rig, axis_of_side
 from fitting_core.errors import InputError
 
@@ -110,12 +111,7 @@ def mirrored(pose: Float[np.ndarray, "T 63"]) -> Float[np.ndarray, "T 63"]:
     return (joints[:, _OTHER_SIDE] * (1, -1, -1)).reshape(len(pose), -1)
 
 
-def _other_side(name: str) -> str:
-    side, _, joint = name.partition("_")
-    return {"left": "right_", "right": "left_"}[side] + joint if side in SIDES else name
-
-
-_OTHER_SIDE = np.array([JOINT[_other_side(name)] - 1 for name in list(JOINT)[1 : N_BODY_JOINTS + 1]])
+_OTHER_SIDE = np.array([JOINT[other_side(name)] - 1 for name in list(JOINT)[1 : N_BODY_JOINTS + 1]])
 
 
 def _arm(motion: SourceMotion, rig: Rig, side: str, chest: np.ndarray) -> dict[str, np.ndarray]:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.body.geometry import frame
+
 SIDES = {"left": 1.0, "right": -1.0}
 """Sides and the sign of their x."""
 
@@ -25,12 +27,7 @@ class Limb:
 
     def frame(self, side: str) -> Float[np.ndarray, "3 3"]:
         """Columns: the bone, the hinge made perpendicular to it, and their cross product."""
-        bone = np.array(self.bone) * [SIDES[side], 1, 1]
-        bone = bone / np.linalg.norm(bone)
-        hinge = axis_of_side(self.hinge, side)
-        hinge = hinge - (hinge @ bone) * bone
-        hinge = hinge / np.linalg.norm(hinge)
-        return np.stack([bone, hinge, np.cross(bone, hinge)], -1)
+        return frame(np.array(self.bone) * [SIDES[side], 1, 1], axis_of_side(self.hinge, side))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.chosen_vertices import ChosenVertices, PosedVertices, Pulls

@@ -8,8 +8,8 @@ from pathlib import Path
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.measure.reference.files import read_reference
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references.files import read_reference
+from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
-from fitting_core.body.points.points import BodyPoints, Posed
+from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.progress import Step

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from fitting_core import keypoints as kp
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
-from fitting_core.fit.initialize import turned
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, _with_fresh_neighbour, fit_frames
+from fitting_core.fit.phases.initialize import turned
 from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages

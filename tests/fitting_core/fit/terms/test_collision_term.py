@@ -192,7 +192,7 @@ def test_float32_sees_the_same(objective, state, stages, params):
         clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle", precision="float32")
     )
     start = single.parametrisation.from_params(params)
-    term = Collision(0.7, single.colliding_body)
+    term = Collision(0.7, single.fitted.colliding)
     cost = FrameObjective([term], single.objective(5, start, objective.free).view, objective.free).costs(
         start, torch.arange(3)
     )

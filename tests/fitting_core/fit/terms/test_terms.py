@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -312,7 +312,7 @@ def test_terms_are_what_the_table_says_and_have_what_they_declare(free_body: Bod
     weights = replace(CONFIG.weights, limits=(37.0,) * 5, collision=(1.0,) * 5)
     detections = hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS)
     stages = stages_of(free_body, detections, replace(CONFIG, weights=weights))
-    term = TERMS[name].make(stages, 4)
+    term = TERMS[name].make(stages.setting, 4)
     assert type(term) is TERMS[name].kind and term.name == name
     own = {method for kind in type(term).mro() if kind is not Term for method in vars(kind)}
     closed = {method for methods in NEEDED.values() for method in methods}
@@ -325,7 +325,7 @@ def test_terms_of_weight_zero_are_not_made(tiny_body: BodyModel, name: str):
     zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision"), (0.0,) * 5)
     config = replace(CONFIG, weights=replace(CONFIG.weights, **zero), temporal=replace(CONFIG.temporal, weight=0.0))
     stages = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(2, 5)), *LEGS), config)
-    assert TERMS[name].make(stages, 4) is None
+    assert TERMS[name].make(stages.setting, 4) is None
 
 
 @pytest.mark.parametrize("name", BY_HAND)

@@ -11,8 +11,7 @@ from hypothesis import given
 from fitting_core.io import read_detections
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
-from fitting_core.io.keypoints.pose_components import COMPONENTS
-from fitting_core.io.keypoints.pose_file import write_pose
+from fitting_core.io.keypoints.pose_file import COMPONENTS, write_pose
 from fitting_core.keypoints import CONTOUR, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints
 

@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 from fitting_core.body.model import JOINTS, BodyModel
+from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.glb import write_glb
 from fitting_core.io.motion.morphs import corrective_morphs
-from fitting_core.io.motion.motion import Motion
 from fitting_core.io.motion.rig import four_weights, same_hemisphere
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import meshes, swinging

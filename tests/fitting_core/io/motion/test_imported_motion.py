@@ -11,7 +11,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
@@ -23,8 +23,8 @@ from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io import read_motion
 from fitting_core.io.motion.animation_npz import write_animation_npz
+from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.imported_motion import cover
-from fitting_core.io.motion.motion import Motion
 from fitting_core.io.motion.smplifyx import FOCAL, RESULTS, read_smplifyx, write_smplifyx
 from fitting_core.io.result_files import fit_arrays, read_fit
 from fitting_core.keypoints import Keypoints

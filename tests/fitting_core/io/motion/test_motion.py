@@ -8,7 +8,7 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.motion.motion import AXES, stated, stated_by_frame
+from fitting_core.io.motion.fitted_motion import AXES, stated, stated_by_frame
 from tests.fitting_core.io.motion.motions import meshes, swinging
 
 

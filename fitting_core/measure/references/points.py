@@ -11,7 +11,7 @@ from jaxtyping import Float
 from fitting_core import keypoints as kp
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.measure.reference.reference import Reference, stated_first_frame, stated_rate
+from fitting_core.measure.references.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.synthetic.studio.world_camera import WorldCamera
 
 FEWEST = 4

@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplx_npz import read_smplx_npz
 from fitting_core.io.result_files import read_fit
-from fitting_core.measure.reference.reference import BodyOf, Reference, of_body
+from fitting_core.measure.references.reference import BodyOf, Reference, of_body
 from fitting_core.synthetic.studio.world_camera import WorldCamera, in_camera
 from fitting_core.synthetic.truth import read_truth
 
@@ -106,7 +106,7 @@ def read_amass(path: Path, camera: WorldCamera | None, search: Path | None) -> R
     if camera is None and motion.placed:
         camera = WorldCamera(rotation=motion.turn[0].numpy(), translation=np.zeros(3))
     if camera is not None:
-        params = in_camera(params, motion.pelvis(body).numpy(), camera.rotation, camera.translation)
+        params = in_camera(params, motion.pelvis(body).numpy(), camera)
     kind, rate = f"AMASS-style npz of {body.kind.upper()}", motion.frame_rate
     found = reference_of(path.name, kind, body, params, frame_rate=rate, in_camera=camera is not None)
     return replace(found, first_frame=motion.numbers[0], first_frame_known=motion.numbered, notes=motion.notes)

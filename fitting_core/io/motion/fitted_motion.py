@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
@@ -114,13 +114,8 @@ class Motion:
 
     @cached_property
     def rest_joints(self) -> Float[torch.Tensor, "T 55 3"]:
-        """The joints of the rest pose with each frame's shape and expression, metres, double precision."""
-        body, params = self.body, self.params.to(dtype=torch.float64)
-        directions = np.concatenate([body.shape_directions, body.expression_directions], 2)
-        moved = np.einsum("jv,vac->jac", body.joint_regressor, directions)
-        coefficients = torch.cat([params.betas, params.expression], 1)
-        rest = torch.as_tensor(body.rest_joints, dtype=torch.float64)
-        return rest + torch.einsum("jac,tc->tja", torch.as_tensor(moved, dtype=torch.float64), coefficients)
+        """See `rest_joints`."""
+        return rest_joints(self.body, self.params)
 
     @property
     def pelvis(self) -> Float[np.ndarray, "T 3"]:
@@ -140,6 +135,16 @@ class Motion:
         """All vertices in the world (metres), frame by frame."""
         for start in range(0, len(self), CHUNK):
             yield from self.mesh(self.params[start : start + CHUNK]).numpy()
+
+
+def rest_joints(body: BodyModel, params: BodyParams) -> Float[torch.Tensor, "T 55 3"]:
+    """The joints of the rest pose with each frame's shape and expression, metres, double precision."""
+    params = params.to(dtype=torch.float64)
+    directions = np.concatenate([body.shape_directions, body.expression_directions], 2)
+    moved = np.einsum("jv,vac->jac", body.joint_regressor, directions)
+    coefficients = torch.cat([params.betas, params.expression], 1)
+    rest = torch.as_tensor(body.rest_joints, dtype=torch.float64)
+    return rest + torch.einsum("jac,tc->tja", torch.as_tensor(moved, dtype=torch.float64), coefficients)
 
 
 def stated(motion: Motion) -> dict[str, Any]:

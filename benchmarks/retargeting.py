@@ -1,6 +1,6 @@
 """Shows what retargeting does: a sheet of source skeletons beside the bodies that they became, and figures.
 
-    python -m fitting_core.build_assets.pose_prior.motion_capture.check_retarget DATA SHEET.png
+    python -m benchmarks.retargeting DATA SHEET.png
         [--poses 30] [--clips 13_18 13_26:200]
 
 Figures: by how many degrees bones point elsewhere than in the source, how much of the elbows' and knees' rotation is
@@ -20,11 +20,12 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.geometry import twist
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.build_assets.pose_prior.motion_capture.mocap import SourceMotion, read_motions
-from fitting_core.build_assets.pose_prior.motion_capture.plausible import plausible, twist
+from fitting_core.build_assets.pose_prior.motion_capture.plausible import plausible
 from fitting_core.build_assets.pose_prior.motion_capture.retarget import retarget
 from fitting_core.build_assets.pose_prior.motion_capture.rigs import RIGS, SIDES, Rig
 from fitting_core.errors import InputError
@@ -153,7 +154,7 @@ def report(clips: Sequence[Retargeted], mesh: Mesh) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(
-        prog="python -m fitting_core.build_assets.pose_prior.motion_capture.check_retarget",
+        prog="python -m benchmarks.retargeting",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -12,7 +12,8 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
-from fitting_core.video.frame_rates import frames_for_one
+from fitting_core.files.npz import write_npz
+from fitting_core.video.frame_names import frames_for_one
 
 FORMAT = "tcfit reference 1"
 
@@ -157,7 +158,7 @@ def write_reference(path: Path, reference: Reference) -> None:
     if reference.params is not None and reference.body is not None:
         arrays |= {f.name: getattr(reference.params, f.name).numpy() for f in fields(BodyParams)}
         arrays |= {f"body_{f.name}": getattr(reference.body, f.name) for f in fields(BodyOf)}
-    np.savez_compressed(path, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
+    write_npz(path, {name: np.asarray(value) for name, value in arrays.items()})
 
 
 def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:

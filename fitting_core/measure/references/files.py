@@ -9,10 +9,10 @@ import numpy as np
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.io.result_files import FIT_NAME
-from fitting_core.measure.reference import bodies as reference_bodies
-from fitting_core.measure.reference import points as reference_points
-from fitting_core.measure.reference import reference
-from fitting_core.measure.reference.reference import Reference
+from fitting_core.measure.references import bodies as reference_bodies
+from fitting_core.measure.references import points as reference_points
+from fitting_core.measure.references import reference
+from fitting_core.measure.references.reference import Reference
 from fitting_core.synthetic.studio.world_camera import WorldCamera, read_world_camera
 
 TRUTH_NAME = "truth.npz"

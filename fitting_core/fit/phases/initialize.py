@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core import rotations
+from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State

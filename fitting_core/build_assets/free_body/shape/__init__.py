@@ -1,1 +1,0 @@
-"""The shape space of the free bodies, from MakeHuman's phenotypes."""
