@@ -20,9 +20,8 @@ from fitting_core.fit.events import PhaseFinished, WindowFinished
 from fitting_core.fit.fitting import Refit, patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.fitting.jobs import Job, with_phases
+from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob, with_phases
 from tcfit_app.fitting.live import Correction
-from tcfit_app.fitting.run_jobs import CorrectionJob, RunJob
 from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Ended, Run, newest

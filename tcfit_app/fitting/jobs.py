@@ -1,7 +1,7 @@
-"""What the worker can be told to do, each as a generator of the fitter's events."""
+"""What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -141,3 +141,59 @@ def _as_part(events: Generator[FitEvent, None, Refit], part: int, parts: int) ->
         return replace(event, share=(part + event.share) / parts) if isinstance(event, Iteration) else event
 
     return (yield from mapped(events, of_part))
+
+
+@dataclass(kw_only=True)
+class RunJob:
+    """A job that makes a run."""
+
+    run_id: int
+    job: Job
+    start: Callable[[], FitResult] | None = None
+    """The fit that frames are fitted again in, where it is still to come: asked for when the job begins."""
+
+    @property
+    def title(self) -> str:
+        """As the job's."""
+        return self.job.title
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """As the job's."""
+        return self.job.phases
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """As the job's. Raises InputError if the fit to start from never came."""
+        if self.start is not None:
+            assert isinstance(self.job, RerunFrames)
+            self.job = replace(self.job, start=self.start())
+        return self.job.run()
+
+
+@dataclass(kw_only=True)
+class CorrectionJob:
+    """A re-run around some edits, whose windows go into the run's corrections."""
+
+    origin: int
+    frames: frozenset[int]
+    """That were edited."""
+    job: RerunFrames
+    edits_seen: int
+    """Id of the last log entry that the job's keypoints hold."""
+    renewed: Callable[[], tuple[RerunFrames, int]]
+    """The job and `edits_seen` as of now: drags go first, and have changed both by the time that it begins."""
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"Follow edits: {self.job.title.lower()}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """As the job's."""
+        return self.job.phases
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """As the job's, from what there is now."""
+        self.job, self.edits_seen = self.renewed()
+        return self.job.run()

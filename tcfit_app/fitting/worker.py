@@ -17,7 +17,7 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, WindowFinished
 from fitting_core.fit.fitting import Refit
 from fitting_core.fit.result import FitResult
-from tcfit_app.fitting.job_clock import JobClock
+from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection
 from tcfit_app.fitting.outbox import (

@@ -17,7 +17,8 @@ from fitting_core.measure.reference.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.following import Following
-from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
+from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.fitting.outbox import (
     DragAbandoned,
@@ -30,11 +31,8 @@ from tcfit_app.fitting.outbox import (
     JobStarted,
     Report,
 )
-from tcfit_app.fitting.run_jobs import RunJob
-from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.fitting.worker import Drag, Worker
-from tcfit_app.imports.result_uploads import upload
-from tcfit_app.imports.results import ImportChoices, import_run
+from tcfit_app.imports.results import ImportChoices, import_run, upload
 from tcfit_app.project.edits.edit_log import LogEntry, edits_since
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint
 from tcfit_app.project.project import Project

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from tcfit_app.analysis.between_runs import vertex_distances
+from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares
 from tcfit_app.review.browser.page_states import Poster as PosterPlace

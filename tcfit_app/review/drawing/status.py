@@ -1,6 +1,6 @@
 """What one tab says over its picture: what is being fitted, what was saved, what is wrong."""
 
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.gestures import Gestures
 

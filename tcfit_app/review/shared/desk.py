@@ -8,12 +8,10 @@ import numpy as np
 from jaxtyping import Float32
 
 from fitting_core.errors import InputError
-from tcfit_app.analysis.between_runs import between_runs
-from tcfit_app.analysis.curves import Curve, curve
+from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.reference_metrics import reference_metrics
-from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, run_metrics
+from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, reference_metrics, run_metrics
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.following import LiveWindow

@@ -18,9 +18,9 @@ from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting import following, live, worker
 from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import RerunFrames
 from tcfit_app.fitting.outbox import DragAbandoned, DragMoved, JobFinished
-from tcfit_app.fitting.running_job import RunningJob
 from tcfit_app.project.edits.edit_windows import around
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from tcfit_app.analysis.between_runs import peaks
+from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.gestures.gestures import Gestures

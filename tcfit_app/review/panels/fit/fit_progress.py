@@ -4,7 +4,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.drawing.status import PHASES, duration
 from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, progress_bar, row, words
 from tcfit_app.review.tab.tab import Tab

@@ -7,7 +7,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.settings import value_of
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.runs import Run, RunState
 from tcfit_app.review.drawing.status import PHASES, duration

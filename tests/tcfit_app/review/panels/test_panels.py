@@ -13,8 +13,7 @@ from viser._icons import svg_from_icon
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
-from tcfit_app.analysis.between_runs import BETWEEN
-from tcfit_app.analysis.curves import Curve
+from tcfit_app.analysis.curves import BETWEEN, Curve
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides

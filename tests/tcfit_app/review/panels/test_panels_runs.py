@@ -21,7 +21,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.motion.motion import Progress
-from tcfit_app.analysis.between_runs import peaks
+from tcfit_app.analysis.curves import peaks
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
 from tcfit_app.fitting.fits import FitChoice
