@@ -24,7 +24,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.synthetic.excerpts import mirrored
-from tcfit_app.bench.dragging import dragged, quick
+from tcfit_app.bench.measuring import dragged, quick
 from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
 
 

@@ -4,8 +4,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
@@ -14,7 +12,7 @@ from tcfit_app.options.clip_input import clip_of, clip_options, described, notes
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.clip import clip_store, creation_time, read_clip
+from tcfit_app.project.storage.clip import clip_store, creation_time, read_clip, same_detections
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
@@ -112,7 +110,7 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
         raise InputError(f"{folder}: is a project of another clip than {clip.source}. {choice}")
     if given and _frames_and_camera(made) != _frames_and_camera(clip):
         raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
-    if not _detected(clip.keypoints) or _same(made.keypoints, clip.keypoints):
+    if not _detected(clip.keypoints) or same_detections(made.keypoints, clip.keypoints):
         return
     if not _detected(made.keypoints):
         raise InputError(
@@ -140,7 +138,3 @@ def _frames_and_camera(clip: Clip) -> tuple[object, ...]:
 
 def _detected(keypoints: Keypoints) -> bool:
     return bool(keypoints.confidence.any())
-
-
-def _same(one: Keypoints, other: Keypoints) -> bool:
-    return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)

@@ -15,10 +15,8 @@ from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, bindings
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS
-from tcfit_app.review.panels.elements.panel import Panel
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings
+from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import TabState

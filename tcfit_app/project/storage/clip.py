@@ -113,6 +113,11 @@ def clip_store(folder: Path) -> Iterator[Database]:
         store.close()
 
 
+def same_detections(one: Keypoints, other: Keypoints) -> bool:
+    """Whether both are the same keypoints, whatever a person has said about them."""
+    return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
+
+
 def creation_time(folder: Path) -> str:
     """When a project was made, which tells it from others of its name. Raises InputError if it cannot be read."""
     with clip_store(folder) as store:

@@ -2,7 +2,7 @@
 
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
 
 PHASES = {1: "every frame", 2: "shape", 3: "over time"}
 """Phases in few words."""

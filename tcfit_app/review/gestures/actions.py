@@ -4,10 +4,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
 from tcfit_app.review.browser.page_states import KeyBinding
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.gestures.zooming import zoom_to_selection
+from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.fitting import Fitting
+from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.tab.state import MODES, Mode
+from tcfit_app.review.tab.tab import Tab
+
+
+class Gestures:
+    """The gestures of one tab; they raise InputError for what cannot be done, and then nothing changes."""
+
+    def __init__(self, tab: Tab) -> None:
+        self.tab = tab
+        self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,3 +277,28 @@ def bindings() -> tuple[KeyBinding, ...]:
         for name, action in ACTIONS.items()
         for key in action.keys
     )
+
+
+_LEAST_MARGIN, _MARGIN = 1 / 12, 1 / 4
+"""Around keypoints that are zoomed to: of the image's diagonal at least, and of their own extent."""
+
+
+def zoom_to_selection(tab: Tab) -> None:
+    """Zoom to the selected keypoints. Raises InputError without any that are in the picture."""
+    if not tab.state.selection or tab.state.mode == "space":
+        raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
+    chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))
+    # Undetected ones lie at (0, 0), and so do copies of them.
+    xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
+    if not len(xy):
+        raise InputError("None of the selected keypoints was detected in this frame: there is nothing to zoom to.")
+    low, high = surroundings(xy, tab.session.project.clip.camera.size)
+    tab.scene.zoom_to((*low.tolist(), *high.tolist()))
+
+
+def surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[np.ndarray, "2 2"]:
+    """A rectangle around points, with a margin as far as the image goes: first its least, then its largest corner."""
+    low, high = xy.min(0), xy.max(0)
+    margin = max(_LEAST_MARGIN * float(np.hypot(*size)), _MARGIN * float((high - low).max()))
+    inside = np.array([np.maximum(low - margin, 0), np.minimum(high + margin, size)])
+    return np.array([np.minimum(inside[0], low), np.maximum(inside[1], high)])

@@ -12,7 +12,7 @@ from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
 from tcfit_app.fitting.fits import TITLES, Shown
 from tcfit_app.project.frame_words import in_words, numbers
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,

@@ -12,7 +12,7 @@ from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.notices import Notice
 from tcfit_app.project.frame_words import in_words, numbers
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, line, paragraph, row, table
 
 _MOST = 40

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.keypoint_source import Going
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (

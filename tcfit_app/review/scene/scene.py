@@ -5,7 +5,7 @@ import viser
 
 from tcfit_app.review.scene.cameras import Cameras
 from tcfit_app.review.scene.layers import RGB
-from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.review.scene.nodes import MeshDressing
 from tcfit_app.review.scene.poses import Rectangle
 from tcfit_app.review.scene.poster import PosterNodes, Posters, world_of_pixels
 from tcfit_app.review.scene.space import Space, SpaceNodes

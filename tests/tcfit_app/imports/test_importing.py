@@ -11,6 +11,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import viser
+from tcfit_app.review.panels.compare import compare_panel as compare
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
@@ -25,8 +26,7 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports import results as importing
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels.compare import compare_panel as compare
-from tcfit_app.review.panels.compare.compare_panel import ComparePanel
+from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.priors.networks import random_latents, random_network

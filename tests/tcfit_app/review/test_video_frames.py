@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from fitting_core.video.frames import FrameSource
-from tcfit_app.review.shared.jpeg import FrameSize, encoded, placeholder, shown_size
-from tcfit_app.review.shared.video_frames import VideoFrames, _forward
+from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, _forward, encoded, placeholder, shown_size
 
 COUNT, SIZE, STEP = 24, (1200, 640), 10
 

@@ -20,7 +20,7 @@ from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfide
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag
 from tcfit_app.review.drawing.timeline import PLOTTED
-from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
+from tcfit_app.review.gestures.actions import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
