@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
@@ -17,13 +18,17 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_clip, fit_events, rerun_events, shape_events
+from fitting_core.fit.initialize import guess_depth, starting_state
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.result import FitResult
-from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers import Solver, make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import State
 from fitting_core.generators import drained
 from fitting_core.io.summary import CONFIDENT
 from fitting_core.synthetic.excerpts import picked
-from tcfit_app.bench.five_stages import camera_start, five_stages, stage_objective
 from tcfit_app.bench.machine import peak_memory
 from tcfit_app.bench.subject import Measured
 from tcfit_app.fitting.live import Correction, LiveCorrection
@@ -204,3 +209,52 @@ def dragged(correction: Correction, targets: list[Float[np.ndarray, "n 2"]], *, 
     times = {"begin": begins, "move": moves, "release": release, "plain re-run": plain}
     rerun = ends[1] if plain else None
     return Drag(times=times, on_the_way=on_the_way, released=ends[0], rerun=rerun)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Five stages over some frames."""
+
+    state: State
+    seconds: float
+    evaluations: int
+
+
+def solved(solver: Solver, problem: IndependentFrames, state: State, *, final: bool) -> Solution:
+    """The solution of a minimisation, without its progress."""
+    return drained(solver.minimise(problem, state, final=final))
+
+
+def camera_start(stages: Stages) -> State:
+    """What all solvers start from: the camera step, facing the camera, solved by lm."""
+    depth = guess_depth(stages).depth
+    problem = IndependentFrames(stages.camera_objective(depth), stages.all_frames)
+    solver = make_solver("lm", stages.config.settings)
+    return solved(solver, problem, starting_state(stages, depth, 0.0), final=True).state
+
+
+def five_stages(
+    stages: Stages,
+    solver: Solver,
+    state: State,
+    groups: list[Tensor],
+    *,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Outcome:
+    """All stages in a row; frames of one group are solved together. Only the solver's own time counts."""
+    evaluations, seconds = 0, 0.0
+    for frames in groups:
+        for stage in range(1, N_STAGES + 1):
+            problem = IndependentFrames(stage_objective(stages, stage, state), frames)
+            begin = clock()
+            solution = solved(solver, problem, state[frames], final=stage == N_STAGES)
+            seconds += clock() - begin
+            state = state.put(frames, solution.state)
+            evaluations += solution.evaluations
+    return Outcome(state=state, seconds=seconds, evaluations=evaluations)
+
+
+def stage_objective(stages: Stages, stage: int, state: State) -> FrameObjective:
+    """The objective of a stage with everything free that phase 1 frees in it."""
+    free = stages.free(stage, betas=True, resting=True, translation=not stages.config.camera_frozen)
+    return stages.objective(stage, state, free)

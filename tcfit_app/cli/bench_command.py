@@ -15,10 +15,21 @@ from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import locate, read_clip
 from fitting_core.io.summary import versions
-from tcfit_app.bench.figures import FORMAT, Bench, Figure, compared, differences, read_bench, write_bench
+from tcfit_app.bench.figures import (
+    FORMAT,
+    Bench,
+    Figure,
+    compared,
+    comparison_tables,
+    differences,
+    figure_table,
+    growth_table,
+    ratio_table,
+    read_bench,
+    write_bench,
+)
 from tcfit_app.bench.machine import machine
 from tcfit_app.bench.measuring import Setup
-from tcfit_app.bench.tables import comparison_tables, figure_table, growth_table, ratio_table
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Amount, Trial, compared_trials, run_trials
 from tcfit_app.cli.demo_command import demo_clip
 from tcfit_app.options.bench import BenchOptions

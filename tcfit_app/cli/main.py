@@ -75,63 +75,55 @@ Options = (
 )
 
 
-def _fit(options: FitOptions, command: str) -> int:
+def _fit(options: FitOptions, command: str) -> None:
     from tcfit_app.cli.fit_command import run_fit
 
     run_fit(options, command=command)
-    return 0
 
 
-def _new(options: NewOptions, command: str) -> int:
+def _new(options: NewOptions, command: str) -> None:
     from tcfit_app.cli.new_command import make_project
 
     make_project(options)
-    return 0
 
 
-def _review(options: ReviewOptions, command: str) -> int:
+def _review(options: ReviewOptions, command: str) -> None:
     from tcfit_app.cli.review_command import run_review
 
     run_review(options)
-    return 0
 
 
-def _export(options: ExportOptions, command: str) -> int:
+def _export(options: ExportOptions, command: str) -> None:
     from tcfit_app.cli.export_command import run_export
 
     run_export(options)
-    return 0
 
 
-def _import(options: ImportOptions, command: str) -> int:
+def _import(options: ImportOptions, command: str) -> None:
     from tcfit_app.cli.import_command import run_import
 
     run_import(options)
-    return 0
 
 
-def _demo(options: DemoOptions, command: str) -> int:
+def _demo(options: DemoOptions, command: str) -> None:
     from tcfit_app.cli.demo_command import review_demo, run_demo
 
     if options.review:
         review_demo(options)
     else:
         run_demo(options, command=command)
-    return 0
 
 
-def _detect(options: DetectOptions, command: str) -> int:
+def _detect(options: DetectOptions, command: str) -> None:
     from tcfit_app.cli.detect_command import run_detect
 
     run_detect(options)
-    return 0
 
 
-def _evaluate(options: EvaluateOptions, command: str) -> int:
+def _evaluate(options: EvaluateOptions, command: str) -> None:
     from tcfit_app.cli.evaluate_command import run_evaluate
 
     run_evaluate(options, command=command)
-    return 0
 
 
 def _batch(options: BatchOptions, command: str) -> int:
@@ -140,14 +132,13 @@ def _batch(options: BatchOptions, command: str) -> int:
     return run_batch(options, command=command)
 
 
-def _bench(options: BenchOptions, command: str) -> int:
+def _bench(options: BenchOptions, command: str) -> None:
     from tcfit_app.cli.bench_command import run_bench
 
     run_bench(options)
-    return 0
 
 
-def _models(options: Models, command: str) -> int:
+def _models(options: Models, command: str) -> None:
     from tcfit_app.cli.models_command import list_models, register_models
 
     if isinstance(options.action, ListModels):
@@ -156,14 +147,12 @@ def _models(options: Models, command: str) -> int:
         register_models(list(options.action.paths))
     else:
         raise InputError("tcfit models add: no path given; expected model files, folders or downloaded archives.")
-    return 0
 
 
-def _settings(options: Settings, command: str) -> int:
+def _settings(options: Settings, command: str) -> None:
     from fitting_core.config.toml import as_toml
 
     print(as_toml(fit_config(options.method), preset_name=options.method.preset or DEFAULT_PRESET), end="")
-    return 0
 
 
 def _doctor(options: Doctor, command: str) -> int:
@@ -172,7 +161,7 @@ def _doctor(options: Doctor, command: str) -> int:
     return doctor()
 
 
-COMMANDS: dict[type, Callable[[Any, str], int]] = {
+COMMANDS: dict[type, Callable[[Any, str], int | None]] = {
     FitOptions: _fit,
     NewOptions: _new,
     ReviewOptions: _review,
@@ -187,7 +176,8 @@ COMMANDS: dict[type, Callable[[Any, str], int]] = {
     Settings: _settings,
     Doctor: _doctor,
 }
-"""What runs on each type of options; every function imports what it needs, so that --help stays quick."""
+"""What runs on each type of options, and may return an exit code; every function imports what it needs, so that --help
+stays quick."""
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -218,7 +208,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         options = parse(given)
-        return COMMANDS[type(options)](options, shlex.join(["tcfit", *given]))
+        return COMMANDS[type(options)](options, shlex.join(["tcfit", *given])) or 0
     except SystemExit as end:
         return int(end.code or 0)
     except InputError as error:

@@ -19,7 +19,7 @@ from tcfit_app.options.fit import ReferenceOptions, ReviewOptions, ServerOptions
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.project.storage.runs import newest_body
-from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:

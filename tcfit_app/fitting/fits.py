@@ -75,14 +75,6 @@ class _Version:
     revision: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Late:
-    """Edited frames whose fit was overtaken by further edits."""
-
-    run: Run
-    frames: frozenset[int]
-
-
 class Fits:
     """Results by run. Thread-safe; the worker's sink.
 
@@ -101,8 +93,8 @@ class Fits:
         self._runs: tuple[Run, ...] | None = None
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that the disk had no room for."""
-        self.late: SimpleQueue[Late] = SimpleQueue()
-        """What came too late to be kept, and is to be followed again."""
+        self.overtaken: SimpleQueue[tuple[Run, set[int]]] = SimpleQueue()
+        """Edited frames of a run whose fit was overtaken by further edits: they are to be followed again."""
         self.changes = 0
         """Another number whenever a run appeared, changed or went."""
 
@@ -300,7 +292,7 @@ class Fits:
         later = {f for number, frames in frames_of(log).items() if number > job.edits_seen for f in frames}
         windows = tuple(window for window in inner.windows if later.isdisjoint(window))
         if late := {f for window in inner.windows if window not in windows for f in job.frames.intersection(window)}:
-            self.late.put(Late(run=self._project.runs.get(job.origin), frames=frozenset(late)))
+            self.overtaken.put((self._project.runs.get(job.origin), late))
         if windows:
             seen = {entry.id for entry in log if entry.id <= job.edits_seen}
             provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))

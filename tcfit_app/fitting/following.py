@@ -14,13 +14,11 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
-from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames
+from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
 from tcfit_app.fitting.live import REACH, Correction
-from tcfit_app.fitting.notices import Notice
-from tcfit_app.fitting.outbox import DragAbandoned, DragFailed, DragFinished, DragMoved
+from tcfit_app.fitting.outbox import DragAbandoned, DragFailed, DragFinished, DragMoved, Notice
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
-from tcfit_app.project.edits.edit_windows import around
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Run
 

@@ -1,7 +1,7 @@
 """What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -197,3 +197,15 @@ class CorrectionJob:
         """As the job's, from what there is now."""
         self.job, self.edits_seen = self.renewed()
         return self.job.run()
+
+
+def around(frames: Iterable[int], reach: int, length: int) -> tuple[range, ...]:
+    """Frames with their neighbours, as ranges that do not touch."""
+    merged: list[range] = []
+    for frame in sorted(frames):
+        window = range(max(0, frame - reach), min(length, frame + reach + 1))
+        if merged and window.start <= merged[-1].stop:
+            merged[-1] = range(merged[-1].start, window.stop)
+        else:
+            merged.append(window)
+    return tuple(merged)

@@ -3,10 +3,20 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.events import FitEvent
 from fitting_core.fit.result import FitResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notice:
+    """Something that every browser is told once."""
+
+    title: str
+    text: str
+    kind: Literal["info", "done", "error"] = "info"
 
 
 @dataclass(frozen=True, kw_only=True)

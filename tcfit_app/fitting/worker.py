@@ -108,7 +108,7 @@ class Worker:
         self._queue: deque[tuple[int, Job]] = deque()
         self._drags: deque[Drag] = deque()
         self._running: int | None = None
-        self._cancelled = self._paused = self._closing = False
+        self._cancelled = self._closing = False
         self._thread = threading.Thread(target=self._serve, name="tcfit fits", daemon=True)
         self._thread.start()
 
@@ -129,17 +129,6 @@ class Worker:
             self._queue = deque(entry for entry in self._queue if entry[0] not in dropped)
             for number in dropped:
                 self.outbox.tell(JobCancelled(job=number))
-            self._changed.notify_all()
-
-    def pause(self) -> None:
-        """Holds jobs, the running one after its iteration; drags are followed all the same."""
-        with self._changed:
-            self._paused = True
-
-    def resume(self) -> None:
-        """Goes on after `pause`."""
-        with self._changed:
-            self._paused = False
             self._changed.notify_all()
 
     def drag(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> Drag:
@@ -168,9 +157,9 @@ class Worker:
         torch.set_num_threads(1)  # a second thread hardly helps a fit, and the draw loop needs it
         while not self._closing:
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._waiting_drag() or self._job_may_run())
+                self._changed.wait_for(lambda: self._closing or self._waiting_drag() or self._queue)
                 drag = self._waiting_drag()
-                entry = self._queue.popleft() if drag is None and self._job_may_run() else None
+                entry = self._queue.popleft() if drag is None and self._queue and not self._closing else None
                 if entry is not None:
                     self._running, self._cancelled = entry[0], False
             if drag is not None:
@@ -179,9 +168,6 @@ class Worker:
                 self._run(*entry)
         for drag in self._drags:
             self.outbox.tell(DragAbandoned(drag=drag.number))
-
-    def _job_may_run(self) -> bool:
-        return bool(self._queue) and not self._paused and not self._closing
 
     def _waiting_drag(self) -> Drag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
@@ -220,12 +206,9 @@ class Worker:
         return JobFinished(job=number, outcome=outcome)
 
     def _may_go_on(self) -> bool:
-        """Between two iterations: follows drags and waits out pauses; False if the job was cancelled."""
+        """Between two iterations: follows drags; False if the job was cancelled."""
         while True:
             with self._changed:
-                self._changed.wait_for(
-                    lambda: self._closing or self._cancelled or not self._paused or self._waiting_drag()
-                )
                 drag = self._waiting_drag()
                 if self._closing or self._cancelled or drag is None:
                     return not (self._closing or self._cancelled)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import viser
 
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.page import Page
 from tcfit_app.review.session import Session

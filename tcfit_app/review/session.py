@@ -19,7 +19,6 @@ from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.following import Following
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
-from tcfit_app.fitting.notices import Notice
 from tcfit_app.fitting.outbox import (
     DragAbandoned,
     DragFailed,
@@ -29,6 +28,7 @@ from tcfit_app.fitting.outbox import (
     JobFinished,
     JobReported,
     JobStarted,
+    Notice,
     Report,
 )
 from tcfit_app.fitting.worker import Drag, Worker
@@ -169,33 +169,31 @@ class Session:
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
 
-    def import_run(self, path: Path, choices: ImportChoices, report: Step = lambda text, share: None) -> Run:
-        """Keep another program's result, at a path of this computer, as a run to compare with. Slow: for `tasks`.
+    def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
+        """Keep another program's result as a run to compare with. Slow: for `tasks`.
+
+        Args:
+            path: On this computer.
+            choices: What its files do not tell.
+            report: Called before anything is written.
+            sent_as: What a browser calls the file, if it has sent it.
 
         Raises:
             InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
                 written; nothing is kept then.
         """
         self.project.refuse_read_only()
-        run = import_run(self.project, self.bodies, path, choices, goes_on=lambda: report("", None))
+        name = name_of_file(sent_as) if sent_as else ""
+        run = import_run(
+            self.project, self.bodies, path, choices, name=name, source=sent_as, goes_on=lambda: report("", None)
+        )
         self.fits.changed()
         return run
 
     def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
         """The same with a file that a browser has sent. Raises InputError as `import_run`."""
-        self.project.refuse_read_only()
         with upload(name, content) as path:
-            run = import_run(
-                self.project,
-                self.bodies,
-                path,
-                choices,
-                name=name_of_file(name),
-                source=name,
-                goes_on=lambda: report("", None),
-            )
-        self.fits.changed()
-        return run
+            return self.import_run(path, choices, report, sent_as=name)
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
         """Submit phase 3 of some frames again, as a new run; of one that is not finished, once it is.
@@ -323,9 +321,8 @@ class Session:
             self.following.take_move(moved)
         self.tasks.take()
         self._end_late(time.monotonic())
-        while not self.fits.late.empty():
-            late = self.fits.late.get()
-            self.following.follow(late.run, late.frames)
+        while not self.fits.overtaken.empty():
+            self.following.follow(*self.fits.overtaken.get())
         under_way = {job.follows for job in self.jobs.values()}
         correction = self.following.due(self.tell, under_way)
         if correction is not None:

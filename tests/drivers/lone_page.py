@@ -16,7 +16,7 @@ import viser
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.browser.page_events import Key, Press

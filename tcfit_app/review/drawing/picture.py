@@ -156,7 +156,7 @@ class Picture:
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
         scene = self._tab.scene
-        scene.follow(self._size if self._size[0] else None, covered)
+        scene.cameras.follow(self._size if self._size[0] else None, covered)
         for problem in scene.show(snapshot):
             self.problem = problem
 

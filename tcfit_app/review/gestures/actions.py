@@ -154,7 +154,9 @@ ACTIONS: dict[str, Action] = {
     "difference": Action(
         title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD"), group="View"
     ),
-    "fit_view": Action(title="Whole picture", run=lambda g: g.tab.scene.reset_view(), keys=_keys("KeyF"), group="View"),
+    "fit_view": Action(
+        title="Whole picture", run=lambda g: g.tab.scene.cameras.reset(), keys=_keys("KeyF"), group="View"
+    ),
     "zoom": Action(
         title="Zoom to the selected keypoints",
         run=lambda g: zoom_to_selection(g.tab),

@@ -17,7 +17,7 @@ from fitting_core.measure.reference.reference import Reference
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import (

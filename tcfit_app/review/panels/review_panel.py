@@ -10,7 +10,7 @@ from fitting_core.errors import InputError
 from fitting_core.video.frame_names import runs
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, line, paragraph, row, table

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from fitting_core.errors import InputError
+from tcfit_app.imports.keypoint_jobs import Download, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.keypoint_source import Going
 from tcfit_app.review.panels.elements.field import Dropdown
@@ -54,7 +55,7 @@ class StartPanel:
         self._said = Board(tab)
         tab.buttons.on("start.import", lambda _: self._import_path())
         tab.buttons.on("start.detect", lambda _: self._detect())
-        tab.buttons.on("start.download", lambda name: tab.session.source.download(name), _known_model)
+        tab.buttons.on("start.download", lambda name: tab.session.source.begin(Download(name=name)), _known_model)
         tab.buttons.on("start.cancel", lambda _: tab.session.source.cancel())
 
     def _add_import(self) -> None:
@@ -68,14 +69,14 @@ class StartPanel:
         @upload.on_upload
         async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
             file = event.target.value
-            tab.do(lambda: tab.session.source.import_upload(file.name, file.content))
+            tab.do(lambda: tab.session.source.begin(ImportUpload(name=file.name, content=file.content)))
 
     def _import_path(self) -> None:
         if not self._path.value.strip():
             raise InputError(
                 "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
             )
-        self._tab.session.source.import_path(self._tab.files.path(self._path.value))
+        self._tab.session.source.begin(ImportFiles(path=self._tab.files.path(self._path.value)))
 
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
         gui = self._tab.client.gui

@@ -44,16 +44,23 @@ class Cameras:
         self._canvas: tuple[float, float] | None = None
         self._window = self._current_window()
 
-    def show_posters(self, whole: Rectangle) -> None:
-        """To 2D, with posters in that part of the poster world: where the user was, or all of them."""
-        self._enter(whole)
+    def enter(self, scene: Scene) -> None:
+        """To a scene: where the user was in it, or where all of it is seen. For 3D see `show_space`."""
+        if scene == self._scene:
+            return
+        if self._scene is not None:
+            self._places[self._scene] = _Place(self.pose, self.moved)
+        self._scene = scene
+        place = self._places.get(scene)
+        moved = place is not None and place.moved
+        self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
 
     def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
         """To 3D, with bodies in that box: where the user was, or where they are seen well, also when the box becomes
         quite another one.
         """
         self._bounds = self._bounds if bounds is None else bounds
-        self._enter("space")
+        self.enter("space")
         fitted = self._fitted("space")
         if not self.moved and math.dist(self.pose.position, fitted.position) > _SLACK * fitted.distance:
             self._go(fitted)
@@ -122,16 +129,6 @@ class Cameras:
         camera = self._client.camera
         width, height = self._canvas or (camera.image_width, camera.image_height)
         return Window(width=max(width, 1), height=max(height, 1), covered=self._covered)
-
-    def _enter(self, scene: Scene) -> None:
-        if scene == self._scene:
-            return
-        if self._scene is not None:
-            self._places[self._scene] = _Place(self.pose, self.moved)
-        self._scene = scene
-        place = self._places.get(scene)
-        moved = place is not None and place.moved
-        self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
 
     def _fitted(self, scene: Scene) -> Pose:
         if scene == "space":

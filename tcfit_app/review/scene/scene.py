@@ -43,7 +43,7 @@ class SceneView:
         with self._client.atomic():
             if isinstance(snapshot, Posters):
                 problems = self._posters.draw(snapshot)
-                self.cameras.show_posters(snapshot.bounds)
+                self.cameras.enter(snapshot.bounds)
             else:
                 problems = self._space.draw(snapshot)
                 self.cameras.show_space(snapshot.bounds())
@@ -52,20 +52,12 @@ class SceneView:
         self._last = snapshot
         return tuple(problems)
 
-    def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
-        """For the draw loop, often: see `Cameras.follow`."""
-        self.cameras.follow(canvas, covered)
-
-    def reset_view(self) -> None:
-        """All posters, or the bodies in 3D, fill the window again."""
-        self.cameras.reset()
-
-    def zoom_to(self, pixels: Rectangle, poster: int = 0) -> None:
-        """In 2D: a rectangle of image pixels (left, top, right, bottom) of a poster fills the window."""
+    def zoom_to(self, pixels: Rectangle) -> None:
+        """In 2D: a rectangle of image pixels (left, top, right, bottom) of the first poster fills the window."""
         if not isinstance(self._last, Posters):
             return
         corners = np.array(pixels, float).reshape(2, 2)
-        world = world_of_pixels(corners, self._last.camera.size, self._last.places[poster])
+        world = world_of_pixels(corners, self._last.camera.size, self._last.places[0])
         self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
 
 

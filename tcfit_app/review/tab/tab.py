@@ -10,7 +10,7 @@ from typing import Any, Literal
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.scene.scene import SceneView

@@ -16,11 +16,22 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.synthetic.excerpts import picked
 from tcfit_app.bench import trials as trials_module
-from tcfit_app.bench.figures import FORMAT, Bench, Figure, compared, differences, read_bench, write_bench
+from tcfit_app.bench.figures import (
+    FORMAT,
+    Bench,
+    Figure,
+    compared,
+    comparison_tables,
+    differences,
+    growth_table,
+    number,
+    ratio_table,
+    read_bench,
+    write_bench,
+)
 from tcfit_app.bench.machine import machine, peak_memory
 from tcfit_app.bench.measuring import Setup, fit_measures
 from tcfit_app.bench.subject import Measured, Subject
-from tcfit_app.bench.tables import comparison_tables, growth_table, number, ratio_table
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Trial, compared_trials, run_trials
 from tcfit_app.cli.main import INPUT_ERROR, main, parse
 from tcfit_app.fitting import child_processes

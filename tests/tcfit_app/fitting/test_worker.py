@@ -269,20 +269,22 @@ def test_one_job_of_several_is_cancelled(worker: Worker, reader: Reader):
     assert second.done == 0 and [e.job for e in reader.of(JobCancelled)] == [numbers[1]]
 
 
-def test_a_pause_holds_between_iterations_and_does_not_count(worker: Worker, reader: Reader):
+def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+):
     job, begin = Counting(steps=10**6, seconds=0.001), time.perf_counter()
     worker.submit(opened(job))
     until(lambda: job.done > 2)
-    worker.pause()
-    time.sleep(0.1)
+    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
+    until(lambda: reader.look().moved)
     held = job.done
     time.sleep(0.3)
     assert job.done == held
-    worker.resume()
+    drag.abandon()
     until(lambda: job.done > held)
+    reader.progress.clear()
     until(lambda: reader.look().progress)
     assert 0 < reader.progress[-1].elapsed < time.perf_counter() - begin - 0.3
-    worker.pause()
     worker.cancel()
     reader.wait(JobCancelled)
 
@@ -385,28 +387,25 @@ def test_a_drag_that_fails_leaves_job_and_worker(
     reader.wait(DragFinished)
 
 
-def test_drags_are_followed_under_a_pause(
+def test_drags_go_before_jobs_that_wait(
     worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
-    job = opened(Counting())
-    worker.pause()
+    first, job = Counting(), opened(Counting())
+    worker.submit(first)
     worker.submit(job)
     worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]]).release()
+    first.gate.set()
     reader.wait(DragFinished)
     assert not job.done
-    worker.resume()
-    reader.wait(JobFinished)
+    reader.wait(JobFinished, count=2)
 
 
-@pytest.mark.parametrize("paused", [False, True])
-def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitResult, paused: bool):
+def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitResult):
     worker = Worker(Kept())
     reader = Reader(worker.outbox)
     job = Counting(steps=10**6, seconds=0.001)
     worker.submit(opened(job))
     until(lambda: job.done > 2)
-    if paused:
-        worker.pause()
     worker.submit(Counting())
     worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
     assert worker.close(PATIENCE)

@@ -19,15 +19,14 @@ from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting import following, live, worker
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.job_progress import RunningJob
-from tcfit_app.fitting.jobs import RerunFrames
+from tcfit_app.fitting.jobs import RerunFrames, around
 from tcfit_app.fitting.outbox import DragAbandoned, DragMoved, JobFinished
-from tcfit_app.project.edits.edit_windows import around
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session import Session
 from tests.samples.scenes import finished
-from tests.samples.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
+from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -383,9 +382,7 @@ def test_a_cancelled_shape_keeps_its_second_phase(session: Session):
     until(session, lambda: newest(session).phase == 3)
     betas = newest(session).params.betas
     assert torch.equal(betas, betas[:1].expand_as(betas)), "frames that are still to come have the new shape, too"
-    session.worker.pause()
     session.cancel(run.id)
-    session.worker.resume()
     idle(session)
     after = session.fits.run(run.id)
     assert after is not None and after.state == "cancelled" and session.fits.phases(after) == (1, 2)
@@ -428,11 +425,10 @@ def test_frames_of_a_run_under_way_are_fitted_again_when_it_has_finished(session
     before = newest(session)
     nudge(session, 0, None)
     nudge(session, 7, None)
-    session.worker.pause()
-    first = session.rerun_frames(before, QUICK, (range(0, 2),))
-    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
-    assert second.parent == first.id
-    session.worker.resume()
+    with held(session):
+        first = session.rerun_frames(before, QUICK, (range(0, 2),))
+        second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+        assert second.parent == first.id
     idle(session)
     found = [session.fits.show(FitChoice(run=run.id)) for run in (first, second)]
     one, both = (shown.params.body_pose for shown in found if shown is not None)
@@ -441,11 +437,10 @@ def test_frames_of_a_run_under_way_are_fitted_again_when_it_has_finished(session
 
 
 def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
-    session.worker.pause()
-    first = session.rerun_frames(newest(session), QUICK, (range(0, 2),))
-    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
-    session.cancel(first.id)
-    session.worker.resume()
+    with held(session):
+        first = session.rerun_frames(newest(session), QUICK, (range(0, 2),))
+        second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+        session.cancel(first.id)
     idle(session)
     after = session.fits.run(second.id)
     assert after is not None and after.state == "failed" and "did not finish" in after.message
@@ -453,13 +448,12 @@ def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
 
 def test_a_drag_that_overtook_an_edit_stays(session: Session):
     before = newest(session)
-    session.worker.pause()  # as behind a long fit
-    nudge(session, 4, before)
-    until(session, lambda: session.jobs)
-    drag(session, before, 40.0, frame=5)
-    until(session, lambda: newest(session).run.kind == "corrections")
-    dragged = pose(session, 5)
-    session.worker.resume()
+    with held(session):
+        nudge(session, 4, before)
+        until(session, lambda: session.jobs)
+        drag(session, before, 40.0, frame=5)
+        until(session, lambda: newest(session).run.kind == "corrections")
+        dragged = pose(session, 5)
     idle(session)
     away = torch.linalg.norm(before.params.body_pose[5] - dragged)
     assert torch.linalg.norm(pose(session, 5) - dragged) < 0.2 * away, "fitted again from the drag on, with both edits"
@@ -490,12 +484,11 @@ def test_edits_made_while_the_fit_follows_others_are_followed_together(
     monkeypatch.setattr(following, "SETTLING", 0.0)
     monkeypatch.setattr(following, "MOST_FOLLOWED", FRAMES - 1)
     before = newest(session)
-    session.worker.pause()  # as behind a long fit
-    for frame in (0, 7, 1, 6, 0):
-        nudge(session, frame, before)
-        session.take_news()
-    assert len(session.jobs) == 1 and session.following.busy
-    session.worker.resume()
+    with held(session):
+        for frame in (0, 7, 1, 6, 0):
+            nudge(session, frame, before)
+            session.take_news()
+        assert len(session.jobs) == 1 and session.following.busy
     idle(session)
     assert not told(session), "each of them is few frames: that they wait together is nothing to refuse"
     assert session.edits_since(newest(session).run) == 0
@@ -508,12 +501,11 @@ def test_cancelling_what_follows_edits_cancels_those_that_wait_for_it(
 ):
     monkeypatch.setattr(following, "SETTLING", 0.0)
     before = newest(session)
-    session.worker.pause()
-    for frame in (0, 7):
-        nudge(session, frame, before)
-        session.take_news()
-    session.cancel()
-    session.worker.resume()
+    with held(session):
+        for frame in (0, 7):
+            nudge(session, frame, before)
+            session.take_news()
+        session.cancel()
     idle(session)
     assert newest(session).run.id == before.run.id and session.edits_since(before.run) == 2
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.browser.page_states import Cursor
-from tcfit_app.review.browser.web_files import web_files
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.server.serving import review_server

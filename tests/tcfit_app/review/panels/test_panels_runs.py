@@ -15,7 +15,6 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 import viser
-from tcfit_app.review.panels.compare import compare_panel as compare
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
@@ -30,6 +29,7 @@ from tcfit_app.project.edits.kinds import MoveKeypoint
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Press
+from tcfit_app.review.panels import compare_panel as compare
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel

@@ -113,7 +113,7 @@ def tab() -> Tab:
 def view(tab: Tab) -> Cameras:
     """With one poster, all settled."""
     view = Cameras(tab, covered=WINDOW.covered)  # type: ignore[arg-type]
-    view.show_posters(ONE)
+    view.enter(ONE)
     tab.obey()
     view.follow()
     assert not view.moved
@@ -167,12 +167,12 @@ def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
     view.touched()
     tab.move(0.2, 0.1, 800.0)
     was = tab.camera.position
-    for go in (lambda: view.show_space(BOUNDS), lambda: view.show_posters(TWO), lambda: view.show_posters(ONE)):
+    for go in (lambda: view.show_space(BOUNDS), lambda: view.enter(TWO), lambda: view.enter(ONE)):
         go()
         tab.obey()
         view.follow()
     np.testing.assert_allclose(tab.camera.position, was)
-    view.show_posters(ONE)  # the next frame
+    view.enter(ONE)  # the next frame
     assert not tab.sent
 
 
@@ -181,7 +181,7 @@ def test_a_turned_camera_comes_back_straight(tab: Tab, view: Cameras):
     view.touched()
     tab.camera.position = np.add(tab.camera.position, (300.0, 0.0, 20.0))
     view.show_space(BOUNDS)
-    view.show_posters(ONE)
+    view.enter(ONE)
     tab.obey()
     np.testing.assert_allclose(tab.camera.look_at, looked_at)
     np.testing.assert_allclose(tab.camera.position[:2], looked_at[:2])
