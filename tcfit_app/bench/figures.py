@@ -53,8 +53,6 @@ class Bench(msgspec.Struct, frozen=True, kw_only=True):
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     """One figure twice."""
 
-    name: str
-    unit: str
     before: Figure
     now: Figure
 
@@ -122,11 +120,7 @@ def read_bench(path: Path) -> Bench:
 def compared(before: Sequence[Figure], now: Sequence[Figure]) -> list[Comparison]:
     """Figures that both have, in the order of `now`."""
     earlier = {(f.name, f.unit): f for f in before}
-    return [
-        Comparison(name=f.name, unit=f.unit, before=earlier[f.name, f.unit], now=f)
-        for f in now
-        if (f.name, f.unit) in earlier
-    ]
+    return [Comparison(before=earlier[f.name, f.unit], now=f) for f in now if (f.name, f.unit) in earlier]
 
 
 def differences(before: Bench, now: Bench) -> list[str]:
@@ -199,12 +193,12 @@ def ratio_table(title: str, before: str, now: str, comparisons: Sequence[Compari
     table = _table(title, "", before, now, "ratio", "", "unit")
     for c in comparisons:
         table.add_row(
-            c.name,
+            c.now.name,
             f"{number(c.before.median)} ({_range(c.before, '-')})",
             f"{number(c.now.median)} ({_range(c.now, '-')})",
             "-" if c.ratio is None else f"{c.ratio:.2f}",
             c.verdict,
-            c.unit,
+            c.now.unit,
         )
     return table
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 
 from fitting_core.errors import InputError
+from fitting_core.io.result_files import read_fit
 from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.reference.files import read_reference
 from fitting_core.measure.report.markup import number
@@ -24,7 +25,6 @@ from tcfit_app.evaluation.suite_runs import (
     preset_tasks,
     run_tasks,
     sequences_named,
-    stored_fit,
 )
 from tcfit_app.evaluation.worst_frames import Drawable, worst_frames
 from tcfit_app.options.evaluate import EvaluateOptions
@@ -155,7 +155,7 @@ def _drawable(tasks: Sequence[SuiteTask], sequence: str) -> Drawable | None:
     own, body = [task for task in tasks if task.sequence == sequence], fitted_body()
     bodies = {}
     for task in dict.fromkeys([own[0], own[-1]]):
-        found = stored_fit(task)
+        found = read_fit(task.folder)
         first, final = method_names(task, found.last_phase)
         if task is own[0]:
             bodies[first] = (body, found.phase1)

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from fitting_core.clip import Clip
@@ -12,8 +13,8 @@ from tcfit_app.options.clip_input import clip_of, clip_options, described, notes
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.clip import clip_store, creation_time, read_clip, same_detections
-from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
+from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
 
@@ -103,7 +104,7 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
     Raises:
         InputError: The project is of another video, or has other keypoints; or the options would have made another one.
     """
-    with clip_store(folder) as store:
+    with closing(Database(folder / NAME, read_only=True)) as store:
         made, link = read_clip(folder, store)
     choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
     if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):

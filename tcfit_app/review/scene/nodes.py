@@ -11,7 +11,7 @@ from jaxtyping import Float, UInt8
 
 from tcfit_app.review.browser.channel import page_call
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, color_index, color_table
-from tcfit_app.server.viser_bridge import run_javascript, show_encoded
+from tcfit_app.server.viser_bridge import run_javascript, show_jpeg
 
 _OPAQUE = 0.995
 """From here on a body is drawn as opaque: without blending, and so without a seam where it lies over itself."""
@@ -75,7 +75,7 @@ class BodyNode:
         self._client, self._name, self._dressing, self._position = client, name, dressing, position
         self._node: viser.MeshHandle | None = None
         self._vertices = self._faces = self._values = None
-        self._limit, self._front = 0.0, False
+        self._front = False
 
     def draw(
         self,
@@ -130,11 +130,9 @@ class BodyNode:
 
     def _paint(self, layer: BodyLayer) -> None:
         """Colours at the vertices, if they changed."""
-        if layer.values is self._values and (layer.values is None or layer.limit == self._limit):
-            return
-        self._values, self._limit = layer.values, layer.limit
-        indices = None if layer.values is None else color_index(layer.values, layer.limit)
-        self._dressing.paint(self._name, indices)
+        if layer.values is not self._values:
+            self._values = layer.values
+            self._dressing.paint(self._name, None if layer.values is None else color_index(layer.values))
 
     def _show_front_only(self, front: bool) -> None:
         if front != self._front:
@@ -158,7 +156,7 @@ class ImageNode:
     ) -> None:
         """Shows the image in a rectangle of that width and height around the position, in world units."""
         if image is not self._image:
-            show_encoded(self._node, image.data, image.format)
+            show_jpeg(self._node, image.data)
             self._image = image
         self._node.render_width, self._node.render_height = size
         self._node.position = position

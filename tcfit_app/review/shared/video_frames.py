@@ -31,6 +31,7 @@ from jaxtyping import UInt8
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
+from tcfit_app.review.scene.layers import FrameImage
 
 FrameSize = Literal["playing", "full"]
 """Small, for frames that follow each other quickly; or every pixel of the video."""
@@ -235,9 +236,7 @@ def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize) -> bytes:
     if size != (image.shape[1], image.shape[0]):
         # Linear, not by area: 2 against 20 ms where 1080p shrinks by a factor that is no whole number.
         image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-    done, jpeg = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY[shown]])
-    assert done, "OpenCV has no JPEG encoder"
-    return jpeg.tobytes()
+    return FrameImage.encode(image, quality=_QUALITY[shown]).data
 
 
 def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:

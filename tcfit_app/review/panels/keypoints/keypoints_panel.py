@@ -1,7 +1,6 @@
-"""The panel that corrects keypoints."""
+"""The panel that corrects keypoints, and lists what was done to them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
@@ -32,14 +31,12 @@ from tcfit_app.review.panels.elements.html import (
     table,
     text,
 )
-from tcfit_app.review.panels.keypoints.selected_keypoints import selected_keypoints, selection_table
+from tcfit_app.review.panels.keypoints.selected_keypoints import selection_table
 from tcfit_app.review.tab.buttons import one_of
 
 _NOTHING = "Select by name"
 _SWAPPED = ("arms", "legs")
 """What can be swapped and has no key."""
-
-
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by what they are called in the dropdown."""
 assert len(_JOINTS) == COUNT
@@ -108,7 +105,7 @@ class KeypointsPanel:
         tab, state, session = self._tab, self._tab.state, self._tab.session
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         if tab.sent.differs("selected", state.selection, state.frame if state.selection else 0, session.edits):
-            self._selected.show(*selection_table(selected_keypoints(tab), state.frame + tab.first_frame))
+            self._selected.show(*selection_table(tab))
         where, bad = self._where(), self._bad()
         if tab.sent.differs("keypoint buttons", where, bad, not state.selection):
             self._draw_buttons(where, bad)
@@ -182,9 +179,7 @@ class KeypointsPanel:
             row(self._step("undo", "Undo", project.undoable)),
             row(self._step("redo", "Redo", project.redoable)),
             row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
-            *history_table(
-                past_edits(project.log), me=tab.author, first_frame=tab.first_frame, now=datetime.now().astimezone()
-            ),
+            *history_table(project.log, me=tab.author, first_frame=tab.first_frame),
         )
 
     def _step(self, name: str, verb: str, entry: LogEntry | None) -> Html:
@@ -196,23 +191,19 @@ class KeypointsPanel:
 
 
 SHOWN = 12
+"""Corrections that are listed."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PastEdit:
-    """An edit of the log, as it stands now."""
+def history_table(log: Sequence[LogEntry], *, me: str, first_frame: int) -> list[Html]:
+    """The last edits of a log, newest first; a row leads to its frame, and those that were undone are marked.
 
-    id: int
-    time: datetime
-    author: str
-    edit: Edit
-    undone: bool
-
-
-def past_edits(log: Sequence[LogEntry], most: int = SHOWN) -> list[PastEdit]:
-    """The last edits of a log, newest first, with those that were undone."""
+    Args:
+        log: everything that was done to the keypoints.
+        me: the author who reads it.
+        first_frame: the number that users see for frame 0.
+    """
     undone: set[int] = set()
-    edits = []
+    edits: list[tuple[LogEntry, Edit]] = []
     for entry in log:
         if isinstance(entry.action, Undo):
             undone.add(entry.action.edit)
@@ -220,35 +211,21 @@ def past_edits(log: Sequence[LogEntry], most: int = SHOWN) -> list[PastEdit]:
             undone.discard(entry.action.edit)
         else:
             edits.append((entry, entry.action))
-    return [
-        PastEdit(id=entry.id, time=entry.time, author=entry.author, edit=edit, undone=entry.id in undone)
-        for entry, edit in reversed(edits[-most:])
-    ]
-
-
-def history_table(edits: Sequence[PastEdit], *, me: str, first_frame: int, now: datetime) -> list[Html]:
-    """The history as HTML; a row leads to its frame.
-
-    Args:
-        edits: as from `past_edits`.
-        me: the author who reads it.
-        first_frame: the number that users see for frame 0.
-        now: to leave out today's date.
-    """
     if not edits:
         return [paragraph("No corrections yet.", "dim")]
+    now = datetime.now().astimezone()
     rows = [
         line(
-            _when(past.time, now),
-            "you" if past.author == me else "another tab" if past.author.startswith("tab ") else past.author,
-            describe(past.edit, first_frame),
+            _when(entry.time, now),
+            "you" if entry.author == me else "another tab" if entry.author.startswith("tab ") else entry.author,
+            describe(edit, first_frame),
             whole=(0, 1),
-            kind="off" if past.undone else "",
+            kind="off" if entry.id in undone else "",
             command="keypoints.visit",
-            value=str(past.id),
-            hint=f"{'Undone. ' if past.undone else ''}Go to frame {first_frame + past.edit.frames[0]}",
+            value=str(entry.id),
+            hint=f"{'Undone. ' if entry.id in undone else ''}Go to frame {first_frame + edit.frames[0]}",
         )
-        for past in edits
+        for entry, edit in reversed(edits[-SHOWN:])
     ]
     return [table(rows)]
 

@@ -1,6 +1,6 @@
 """The table of the selected keypoints."""
 
-from dataclasses import dataclass
+from collections import Counter
 
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
@@ -9,25 +9,12 @@ from tcfit_app.review.tab.tab import Tab
 
 _MOST = 5
 """Keypoints that are listed one by one."""
-_STATES = {"bad": "bad", "corrected": "corrected", "detected": "detected", "missing": "missing"}
-"""In words; the names are those of the style sheet."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Selected:
-    """One keypoint in one frame."""
-
-    name: str
-    state: str
-    """One of _STATES."""
-    confidence: float
-    xy: tuple[float, float]
-    detected: tuple[float, float] | None
-    """Where the detector saw it, if it did."""
+_STATES = ("bad", "corrected", "detected", "missing")
+"""The style sheet knows these names."""
 
 
 def state_of(corrected: Corrected, frame: int, joint: int) -> str:
-    """What a keypoint is: "bad", "corrected", "detected" or "missing"."""
+    """What a keypoint is, one of _STATES."""
     if corrected.bad[frame, joint]:
         return "bad"
     if corrected.confidence[frame, joint] == 0:
@@ -35,34 +22,9 @@ def state_of(corrected: Corrected, frame: int, joint: int) -> str:
     return "corrected" if corrected.edited[frame, joint] else "detected"
 
 
-def selected_keypoints(tab: Tab) -> list[Selected]:
-    """What is selected, in the frame on show, the one selected last at first."""
-    frame, project = tab.state.frame, tab.session.project
-    corrected, detections = project.corrected, project.detections
-    found = []
-    for joint in reversed(tab.state.selection):
-        x, y = corrected.xy[frame, joint].tolist()
-        u, v = detections.xy[frame, joint].tolist()
-        seen = detections.confidence[frame, joint] > 0
-        found.append(
-            Selected(
-                name=full_name(joint),
-                state=state_of(corrected, frame, joint),
-                confidence=float(corrected.confidence[frame, joint]),
-                xy=(x, y),
-                detected=(u, v) if seen else None,
-            )
-        )
-    return found
-
-
-def selection_table(chosen: list[Selected], frame: int) -> list[Html]:
-    """The selected keypoints as HTML.
-
-    Args:
-        chosen: as from `selected_keypoints`.
-        frame: the number that users see for the frame.
-    """
+def selection_table(tab: Tab) -> list[Html]:
+    """The selected keypoints in the frame on show as HTML, the one selected last at first."""
+    chosen, frame = tab.state.selection[::-1], tab.state.frame
     title = f"{len(chosen) or 'No'} keypoint{'s' if len(chosen) != 1 else ''} selected"
     if not chosen:
         return [
@@ -70,40 +32,32 @@ def selection_table(chosen: list[Selected], frame: int) -> list[Html]:
             paragraph("Click one in the picture, or draw a rectangle with Shift held.", "dim"),
         ]
     head = ("keypoint", "state", "conf.", "x, y in pixels")
-    rows = [row for one in chosen[:_MOST] for row in _lines(one)]
-    parts = [heading(title, f"frame {frame}", first=True), table(rows, head, numbers=(2, 3))]
+    rows = [_line(tab, joint) for joint in chosen[:_MOST]]
+    parts = [heading(title, f"frame {frame + tab.first_frame}", first=True), table(rows, head, numbers=(2, 3))]
     if len(chosen) > _MOST:
-        parts.append(paragraph(f"and {len(chosen) - _MOST} more: {_counts(chosen)}", "dim"))
+        counts = Counter(state_of(tab.session.project.corrected, frame, joint) for joint in chosen)
+        of_all = ", ".join(f"{counts[state]} {state}" for state in _STATES if counts[state])
+        parts.append(paragraph(f"and {len(chosen) - _MOST} more: of all, {of_all}", "dim"))
     return parts
 
 
-def _lines(one: Selected) -> list[Html]:
-    state = tag("span", _STATES[one.state], class_=f"tcfit-{one.state}")
-    there = one.state != "missing"
-    confidence = f"{one.confidence:.2f}" if there else "–"
-    where = _position(one.xy) if there else "–"
-    place = text_of_detection(one)
-    shown = joined(tag("span", where), place) if place else where
-    return [line(one.name, state, confidence, shown, numbers=(2, 3), whole=(1,))]
+def _line(tab: Tab, joint: int) -> Html:
+    frame, corrected = tab.state.frame, tab.session.project.corrected
+    name, state = full_name(joint), state_of(corrected, frame, joint)
+    shown = tag("span", state, class_=f"tcfit-{state}")
+    if state == "missing":
+        return line(name, shown, "–", "–", numbers=(2, 3), whole=(1,))
+    confidence = f"{corrected.confidence[frame, joint]:.2f}"
+    return line(name, shown, confidence, _place(tab, joint), numbers=(2, 3), whole=(1,))
 
 
-def text_of_detection(one: Selected) -> Html | None:
-    """Where a keypoint was detected, if that is somewhere else."""
-    if one.detected is None or one.state == "missing" or one.detected == one.xy:
-        return None
-    dx, dy = one.xy[0] - one.detected[0], one.xy[1] - one.detected[1]
-    return tag(
-        "div",
-        f"was {_position(one.detected)}",
-        class_="tcfit-dim",
-        title=f"Moved by {dx:+.1f}, {dy:+.1f} pixels from where it was detected",
-    )
-
-
-def _position(xy: tuple[float, float]) -> str:
-    return f"{xy[0]:.1f}, {xy[1]:.1f}"
-
-
-def _counts(chosen: list[Selected]) -> str:
-    by_state = {state: sum(one.state == state for one in chosen) for state in _STATES}
-    return "of all, " + ", ".join(f"{count} {_STATES[state]}" for state, count in by_state.items() if count)
+def _place(tab: Tab, joint: int) -> Html:
+    """Where a keypoint is, and where it was detected if that is somewhere else."""
+    frame, detections = tab.state.frame, tab.session.project.detections
+    x, y = tab.session.project.corrected.xy[frame, joint]
+    u, v = detections.xy[frame, joint]
+    here = tag("span", f"{x:.1f}, {y:.1f}")
+    if not detections.confidence[frame, joint] > 0 or (x, y) == (u, v):
+        return here
+    hint = f"Moved by {x - u:+.1f}, {y - v:+.1f} pixels from where it was detected"
+    return joined(here, tag("div", f"was {u:.1f}, {v:.1f}", class_="tcfit-dim", title=hint))
