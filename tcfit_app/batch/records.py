@@ -67,12 +67,6 @@ def batch_folder(manifest: Path) -> Path:
     return manifest.with_name(manifest.stem + FOLDER_SUFFIX)
 
 
-def key_of(task: ClipTask) -> str:
-    """A name for a clip that can be a file's, and that no other folder's clip has."""
-    plain = re.sub(r"[^\w.-]", "_", task.out.name)[:60]
-    return f"{plain}-{hashlib.sha256(str(task.out.resolve()).encode()).hexdigest()[:8]}"
-
-
 def read_record(path: Path) -> Record | None:
     """A record, or None where there is none that can be read: its clip is fitted again then."""
     try:
@@ -99,8 +93,9 @@ def done_record(task: ClipTask) -> Record | None:
 
 
 def failed_path(folder: Path, task: ClipTask) -> Path:
-    """Where a clip's failure is noted."""
-    return folder / FAILED / f"{key_of(task)}.json"
+    """Where a clip's failure is noted: under a name that no other folder's clip has."""
+    plain = re.sub(r"[^\w.-]", "_", task.out.name)[:60]
+    return folder / FAILED / f"{plain}-{hashlib.sha256(str(task.out.resolve()).encode()).hexdigest()[:8]}.json"
 
 
 def failed_record(folder: Path, task: ClipTask) -> Record | None:

@@ -17,7 +17,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import PhaseFinished, PhaseStarted
-from fitting_core.fit.fitting import fit_clip, fit_events, rerun_events, shape_events
+from fitting_core.fit.fitting import fit_clip, fit_events, shape_events
 from fitting_core.fit.initialize import guess_depth, starting_state
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.result import FitResult
@@ -130,9 +130,9 @@ def live_measures(setup: Setup, moves: int) -> Measured:
         origin = np.array([clip.camera.center])
     way = _DRAG_PIXELS * clip.camera.size[1] / 1000
     targets = [origin + share * way for share in np.linspace(0, 1, moves)]
-    times = dragged(correction, targets, reruns=0).times
+    times = dragged(correction, targets).times
     column = 0 if setup.clock == "wall" else 1
-    taken = {what: np.array(pairs)[:, column] for what, pairs in times.items() if pairs}
+    taken = {what: np.array(pairs)[:, column] for what, pairs in times.items()}
     found = {what: (float(np.median(values)), "ms") for what, values in taken.items()}
     return found | {"move, 95 %": (float(np.percentile(taken["move"], 95)), "ms")}
 
@@ -164,8 +164,6 @@ class Drag:
     on_the_way: BodyParams
     """After the last move."""
     released: BodyParams
-    rerun: BodyParams | None
-    """Of the first plain re-run, if there was one."""
 
 
 def quick(config: FitConfig) -> FitConfig:
@@ -180,35 +178,27 @@ def timed(work: Callable[[], object]) -> tuple[float, float]:
     return 1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu)
 
 
-def dragged(correction: Correction, targets: list[Float[np.ndarray, "n 2"]], *, reruns: int) -> Drag:
+def dragged(correction: Correction, targets: list[Float[np.ndarray, "n 2"]]) -> Drag:
     """Drag keypoints along a way.
 
     Args:
         correction: What is dragged.
         targets: Where the keypoints are at each move, pixels.
-        reruns: How many of the moves a plain re-run follows too, the last one among them.
     """
-    c = correction
     live: list[LiveCorrection] = []
     ends: list[BodyParams] = []
-    begins = [timed(lambda: live.append(LiveCorrection(c, targets[0]))) for _ in range(_BEGINS)]
+    begins = [timed(lambda: live.append(LiveCorrection(correction, targets[0]))) for _ in range(_BEGINS)]
     drag = live[-1]
 
     def follow(xy: np.ndarray) -> None:
         drag.move(xy)
         drag.resolve()
 
-    def again(xy: np.ndarray) -> None:
-        ends.append(drained(rerun_events(c.edited(xy), c.body, c.converging, c.params, c.frames)).params)
-
     moves = [timed(lambda xy=xy: follow(xy)) for xy in targets]
     on_the_way = drag.params
     release = [timed(lambda: ends.append(drained(drag.release()).params))]
-    followed = targets[:: -max(1, len(targets) // reruns)] if reruns else []
-    plain = [timed(lambda xy=xy: again(xy)) for xy in followed]
-    times = {"begin": begins, "move": moves, "release": release, "plain re-run": plain}
-    rerun = ends[1] if plain else None
-    return Drag(times=times, on_the_way=on_the_way, released=ends[0], rerun=rerun)
+    times = {"begin": begins, "move": moves, "release": release}
+    return Drag(times=times, on_the_way=on_the_way, released=ends[0])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,5 @@
 """`tcfit batch`: fit many clips, and go on where an earlier run of the same list was stopped."""
 
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -28,6 +27,7 @@ from tcfit_app.batch.records import (
     write_log,
     write_record,
 )
+from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, prepare_torch
 from tcfit_app.project.storage.durable import accessing
@@ -97,12 +97,7 @@ def _told(todo: Plan, ended: dict[int, Record], folder: Path, seconds: float) ->
 def _crew(options: BatchOptions) -> Crew:
     if options.ray is not None:
         return RayCluster(options.ray[0] if options.ray else None, options.jobs)
-    return LocalProcesses(options.jobs or _cores())
-
-
-def _cores() -> int:
-    """That this process may use, where the system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return LocalProcesses(options.jobs or cores())
 
 
 def _run(crew: Crew, todo: Plan, folder: Path, ended: dict[int, Record]) -> None:

@@ -83,7 +83,7 @@ def _review(
 
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
-    from tcfit_app.review.session import Session
+    from tcfit_app.review.session.session import Session
 
     torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
     _log_warnings()

@@ -263,7 +263,7 @@ class Fits:
         for number, found in list(self._unwritten.items()):
             if self.run(number) is not None:  # it may have been deleted meanwhile
                 try:
-                    written.append(self._project.runs.finish_late(number, found))
+                    written.append(self._project.runs.finish(number, found, state="failed"))
                 except InputError:
                     break
                 self._publish(number, found)

@@ -244,8 +244,15 @@ def upload(name: str, content: bytes) -> Iterator[Path]:
         raise InputError(f"{shown}: {found}; expected an npz, a zip of SMPLify-X's results, or one of their pickles.")
     if suffix == ".zip" and _has_arrays(content):
         suffix = ".npz"
+    with kept_as(f"upload{suffix}", content, shown) as path:
+        yield path
+
+
+@contextmanager
+def kept_as(name: str, content: bytes, shown: str) -> Iterator[Path]:
+    """A file of this name and content, as long as the block lasts; errors call it what the user does."""
     with tempfile.TemporaryDirectory(prefix="tcfit-upload-") as folder:
-        path = Path(folder) / f"upload{suffix}"
+        path = Path(folder) / name
         path.write_bytes(content)
         try:
             yield path

@@ -13,7 +13,7 @@ import viser
 from tcfit_app.fitting.outbox import Notice
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.page import Page
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.server.gated_viser import is_here

@@ -17,7 +17,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.page import Page
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
 
 if TYPE_CHECKING:

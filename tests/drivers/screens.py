@@ -104,7 +104,8 @@ def screen(size: tuple[int, int] = (1440, 900)) -> Iterator[Screen]:
         while not clients and time.monotonic() < end:
             page.wait_for_timeout(20)
         Channel(clients[0], lambda event: None)
-        shown = Screen(SceneView(clients[0], covered=132), clients[0], page)
+        shown = Screen(SceneView(clients[0]), clients[0], page)
+        shown.view.cameras.follow(covered=132)
         shown.settle()
         yield shown
         assert not errors, errors

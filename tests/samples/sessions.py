@@ -20,7 +20,7 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import BodyRecord
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tests.samples.scenes import arms_in_motion, clip_of, hidden, keypoints_of, noisy
 
 FRAMES = 8

@@ -1,6 +1,5 @@
 """The panel Compare: A and B in figures, and where they lie apart."""
 
-import tempfile
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -18,8 +17,10 @@ from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.outbox import Notice
+from tcfit_app.imports.results import kept_as
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.field import frame_number
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -35,8 +36,8 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.tab import Tab
-from tcfit_app.review.tasks import Step, Task
 
 SETTLING = 1.0
 """Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
@@ -226,14 +227,10 @@ class ReferenceField:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
 
         def read() -> Reference:
-            with tempfile.TemporaryDirectory(prefix="tcfit-") as folder:
-                # Its name never becomes part of a path; of it only the form counts that its end tells.
-                path = Path(folder) / ("upload.trc" if shown.lower().endswith(".trc") else "upload.npz")
-                path.write_bytes(file.content)
-                try:
-                    return replace(placed(read_reference(path, camera=camera)), name=shown)
-                except InputError as error:
-                    raise InputError(str(error).replace(str(path), shown).replace(path.name, shown)) from error
+            # Its name never becomes part of a path; of it only the form counts that its end tells.
+            name = "upload.trc" if shown.lower().endswith(".trc") else "upload.npz"
+            with kept_as(name, file.content, shown) as path:
+                return replace(placed(read_reference(path, camera=camera)), name=shown)
 
         self._read(read)
 
@@ -243,10 +240,8 @@ class ReferenceField:
 
     def _start_given(self) -> Callable[[Reference], Reference]:
         """What puts a reference where the user says that it begins."""
-        first, rate = self._first.value.strip(), self._tab.session.project.clip.frame_rate
-        if first and not (first.isdecimal() and len(first) < 12):
-            raise InputError(f"Begins at frame is {first[:20]!r}; expected a whole number, or nothing.")
-        return lambda found: found.starting_at(int(first), rate) if first else found
+        first, rate = frame_number("Begins at frame", self._first.value), self._tab.session.project.clip.frame_rate
+        return lambda found: found if first is None else found.starting_at(first, rate)
 
     def _read(self, read: Callable[[], Reference]) -> None:
         """Read it: a body's joints over a clip take seconds."""

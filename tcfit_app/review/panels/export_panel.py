@@ -29,10 +29,10 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.state import TabState
-from tcfit_app.review.tasks import Step, Task
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}

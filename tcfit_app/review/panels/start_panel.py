@@ -7,7 +7,6 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_jobs import Download, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.keypoint_source import Going
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -21,6 +20,7 @@ from tcfit_app.review.panels.elements.html import (
     row,
     words,
 )
+from tcfit_app.review.session.keypoint_source import Going
 from tcfit_app.review.tab.tab import Tab
 
 if TYPE_CHECKING:

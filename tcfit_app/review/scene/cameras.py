@@ -36,8 +36,8 @@ class Cameras:
     goes on reporting an old one for seconds.
     """
 
-    def __init__(self, client: viser.ClientHandle, *, covered: float = 0.0) -> None:
-        self._client, self._covered = client, covered
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client, self._covered = client, 0.0
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])

@@ -28,14 +28,13 @@ class SceneView:
     One thread at a time may use it. Make it when the client has connected.
     """
 
-    def __init__(self, client: viser.ClientHandle, *, covered: float = 0.0) -> None:
-        """An empty scene in a tab; something else covers so many CSS pixels of its canvas, at the bottom."""
+    def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
         with client.atomic():
             _light(client)
             dressing = MeshDressing(client)
             self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
-        self.cameras = Cameras(client, covered=covered)
+        self.cameras = Cameras(client)
         self._last: Snapshot | None = None
 
     def show(self, snapshot: Snapshot) -> tuple[str, ...]:

@@ -16,9 +16,9 @@ from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.following import LiveWindow
 from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.session.tasks import Value
 from tcfit_app.review.shared.video_frames import VideoFrames
-from tcfit_app.review.tasks import Value
 
 _GROUND_PERCENTILE = 95.0
 """Of the lowest joint's height over the frames: a foot that the fit pushes through the floor now and then is none."""
@@ -45,7 +45,7 @@ class Desk:
     def __init__(self, session: Session, wake: Callable[[], None]) -> None:
         self.session = session
         clip = session.project.clip
-        self.length, self.size = len(clip), clip.camera.size
+        self.length = len(clip)
         self.tasks, self._wake = session.tasks, wake
         self._meshes: dict[str, Meshes] = {}
         self.warming = False
@@ -99,12 +99,12 @@ class Desk:
         version = (shown.run.id, shown.phase, shown.revision)
         return Drawn(vertices=meshes.vertices(version, shown.params, frame), version=(version, frame))
 
-    def posed(self, shown: Shown) -> PosedFit:
-        """A run beside the keypoints as they are now. Raises InputError if its body model is not there."""
-        return self._poser(shown)()
+    def posed(self, shown: Shown) -> Callable[[], PosedFit]:
+        """What poses a run beside the keypoints as they are now, for another thread.
 
-    def _poser(self, shown: Shown) -> Callable[[], PosedFit]:
-        """`posed`, for another thread: of what there is now, and raising now what it raises."""
+        Raises:
+            InputError: Its body model is not there.
+        """
         project, meshes = self.session.project, self.meshes(shown)
         clip, fit, bad = project.clip, self.session.fits.fit(shown.run), project.corrected.bad
 
@@ -207,9 +207,9 @@ class Desk:
         return None if posed is None else self.tasks.get(key, lambda: make(posed()))
 
     def _ready(self, shown: Shown) -> Callable[[], PosedFit] | None:
-        """`_poser` of a run, if its body model is there by now."""
+        """`posed` of a run, if its body model is there by now."""
         try:
-            return None if self.warming else self._poser(shown)
+            return None if self.warming else self.posed(shown)
         except InputError:
             return None
 

@@ -38,14 +38,14 @@ def desk(tiny_body: BodyModel, tmp_path: Path) -> Iterator[Desk]:
 
 def test_marked_keypoints_are_known_as_marked(desk: Desk):
     desk.session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me")
-    bad = desk.posed(newest(desk.session)).bad
+    bad = desk.posed(newest(desk.session))().bad
     assert np.argwhere(bad).tolist() == [[4, WRIST]]
 
 
 def test_what_was_imported_did_not_fail(desk: Desk):
     shown = newest(desk.session)
-    assert desk.posed(shown).frame_cost is not None
-    assert desk.posed(replace(shown, run=replace(shown.run, kind="imported"))).frame_cost is None
+    assert desk.posed(shown)().frame_cost is not None
+    assert desk.posed(replace(shown, run=replace(shown.run, kind="imported")))().frame_cost is None
 
 
 def test_frames_that_looked_fine_are_looked_at_again_after_another_fit(desk: Desk, monkeypatch: pytest.MonkeyPatch):

@@ -21,10 +21,10 @@ from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
 from tcfit_app.project import project as project_module
 from tcfit_app.project.project import Project
-from tcfit_app.review import keypoint_source
-from tcfit_app.review.keypoint_source import PARTS
+from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.keypoint_source import PARTS
+from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.fitting_core.detect.onnx_files import brightest_model
 from tests.samples.sessions import session_of, told, until
@@ -195,10 +195,9 @@ def test_what_fails_is_told_and_another_try_can_begin(
     assert session.project.has_detections
 
 
-def test_one_job_at_a_time_and_none_where_nothing_may_be_written(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(keypoint_source, "ImportFiles", lambda path: Waits())
+def test_one_job_at_a_time_and_none_where_nothing_may_be_written(folder: Path):
     with session_of(folder, None) as session:
-        session.source.begin(ImportFiles(path=Path("x")))
+        session.source.begin(Waits())
         with pytest.raises(InputError, match="Waiting: wait for it, or cancel it"):
             session.source.detect("model.onnx")
     assert session.source.going and session.source.going.state == "cancelled", "closing ends it"
@@ -274,7 +273,7 @@ def test_a_failure_stays_in_the_panel_as_text(page: LonePage):
 
 
 def test_progress_can_be_cancelled_in_the_panel(page: LonePage, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(keypoint_source, "ImportFiles", lambda path: Waits())
+    monkeypatch.setattr(start_panel, "ImportFiles", lambda path: Waits())
     page.enter("Path", "x")
     page.click("Import from this path")
     page.until(lambda: "waits …" in page.html())

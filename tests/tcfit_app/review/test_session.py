@@ -24,7 +24,7 @@ from tcfit_app.fitting.outbox import DragAbandoned, DragMoved, JobFinished
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.runs.run_texts import result_of
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tests.samples.scenes import finished
 from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
 
@@ -561,7 +561,7 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
 
     for name in (*barred, "finish_late"):
         monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
-    monkeypatch.setattr("tcfit_app.review.session._RETRY", 0.0)
+    monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
     run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
     idle(session)
     kept = session.fits.run(run.id)

@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import viser
 
+from fitting_core.errors import InputError
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.viser_bridge import put_back
 
@@ -84,3 +85,11 @@ class Dropdown(Field[str]):
         if tuple(options) != self._dropdown.options:
             self._dropdown.options = tuple(options)
         self.show(value, wrong=wrong)
+
+
+def frame_number(label: str, text: str) -> int | None:
+    """A frame's number that was typed into a text field, None if nothing was. Raises InputError if it is no number."""
+    given = text.strip()
+    if given and not (given.isdecimal() and len(given) < 12):
+        raise InputError(f"{label} is {given[:20]!r}; expected a whole number, or nothing.")
+    return int(given) if given else None

@@ -15,7 +15,7 @@ from tcfit_app.review.panels.elements.html import Html, badge, facts, joined, li
 from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
 from tcfit_app.review.panels.fit.fit_settings import words as setting_words
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 
 KINDS = {
     "fit": "everything",

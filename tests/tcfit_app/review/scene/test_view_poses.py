@@ -112,7 +112,8 @@ def tab() -> Tab:
 @pytest.fixture
 def view(tab: Tab) -> Cameras:
     """With one poster, all settled."""
-    view = Cameras(tab, covered=WINDOW.covered)  # type: ignore[arg-type]
+    view = Cameras(tab)  # type: ignore[arg-type]
+    view.follow(covered=WINDOW.covered)
     view.enter(ONE)
     tab.obey()
     view.follow()

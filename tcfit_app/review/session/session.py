@@ -38,9 +38,9 @@ from tcfit_app.project.edits.kinds import Edit, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.runs import Run, RunKind
-from tcfit_app.review.keypoint_source import Going, KeypointSource
-from tcfit_app.review.stored_fits import StoredFits
-from tcfit_app.review.tasks import Step, Tasks
+from tcfit_app.review.session.keypoint_source import Going, KeypointSource
+from tcfit_app.review.session.stored_fits import StoredFits
+from tcfit_app.review.session.tasks import Step, Tasks
 
 _OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
     JobFinished: "finished",

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_jobs import Detect, FoundKeypoints, KeypointJob
 from tcfit_app.project.project import Project
-from tcfit_app.review.tasks import Step, Task, Tasks
+from tcfit_app.review.session.tasks import Step, Task, Tasks
 
 Going = Task[FoundKeypoints | None]
 """A job from its start to its end."""
