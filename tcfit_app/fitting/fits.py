@@ -289,6 +289,7 @@ class Fits:
     def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
         """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
         log, inner = self._project.log, job.job
+        assert inner is not None, "it has run"
         later = {f for number, frames in frames_of(log).items() if number > job.edits_seen for f in frames}
         windows = tuple(window for window in inner.windows if later.isdisjoint(window))
         if late := {f for window in inner.windows if window not in windows for f in job.frames.intersection(window)}:

@@ -177,24 +177,18 @@ class CorrectionJob:
     origin: int
     frames: frozenset[int]
     """That were edited."""
-    job: RerunFrames
-    edits_seen: int
-    """Id of the last log entry that the job's keypoints hold."""
+    title: str
+    """For the user."""
     renewed: Callable[[], tuple[RerunFrames, int]]
-    """The job and `edits_seen` as of now: drags go first, and have changed both by the time that it begins."""
-
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return f"Follow edits: {self.job.title.lower()}"
-
-    @property
-    def phases(self) -> tuple[int, ...]:
-        """As the job's."""
-        return self.job.phases
+    """The re-run, and the id of the last log entry that its keypoints hold, as of now: drags go first, and have changed
+    both by the time that the job begins. Reads the disk, which is for the worker's thread."""
+    job: RerunFrames | None = None
+    """None until it begins."""
+    edits_seen: int = 0
+    phases: tuple[int, ...] = (3,)
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
-        """As the job's, from what there is now."""
+        """The re-run, from what there is now."""
         self.job, self.edits_seen = self.renewed()
         return self.job.run()
 

@@ -20,7 +20,7 @@ from tcfit_app.fitting.outbox import Notice
 from tcfit_app.imports.results import kept_as
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import frame_number
+from tcfit_app.review.panels.elements.field import frame_number, only_read
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -189,9 +189,9 @@ class ReferenceField:
         gui = tab.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(tab)
-            self._path = gui.add_text("File", "", hint=_HINT)
-            self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
-            self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
+            self._path = only_read(gui.add_text("File", "", hint=_HINT))
+            self._camera = only_read(gui.add_text("Camera", "", hint=_CAMERA_HINT))
+            self._first = only_read(gui.add_text("Begins at frame", "", hint=_FIRST_HINT))
             self._buttons = Board(tab)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
         self._upload.on_upload(self._upload_came)

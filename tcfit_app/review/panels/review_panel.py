@@ -13,6 +13,7 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.field import only_read
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, line, paragraph, row, table
 
 _MOST = 40
@@ -42,7 +43,8 @@ class ReviewPanel:
         self._flagged: list[int] = []
         self._checked: set[int] = set()
         self._media = Board(tab)
-        self._path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
+        path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
+        self._path = only_read(path)
         self._relink = Board(tab)
         self._head = Board(tab)
         self._queue = Board(tab)

@@ -7,7 +7,7 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_jobs import Download, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.field import Dropdown, only_read
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -61,7 +61,7 @@ class StartPanel:
     def _add_import(self) -> None:
         tab, gui = self._tab, self._tab.client.gui
         hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
-        self._path = gui.add_text("Path", "", hint=hint)
+        self._path = only_read(gui.add_text("Path", "", hint=hint))
         self._import = Board(tab)
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
         upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
@@ -81,7 +81,7 @@ class StartPanel:
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
         gui = self._tab.client.gui
         choice = _ModelChoice(self._tab, finds, label, hint)
-        file = gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit")
+        file = only_read(gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit"))
         return choice, file
 
     def _detect(self) -> None:

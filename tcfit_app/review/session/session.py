@@ -383,16 +383,20 @@ class Session:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
 
     def _end_run(self, job: RunningJob) -> None:
-        """Keep that a run was cancelled or has failed."""
-        if job.run is None:
-            return
-        assert job.outcome in ("cancelled", "failed")
+        """Keep that a run was cancelled or has failed; what cannot be written now is tried again."""
+        if job.run is not None and (problem := self._ended(job)):
+            self._unended.append(job)
+            self.tell(Notice(title="The project cannot be written", text=problem, kind="error"))
+
+    def _ended(self, job: RunningJob) -> str:
+        """Write the end of a job's run; why that is impossible, empty if it is done."""
+        assert job.run is not None and job.outcome in ("cancelled", "failed")
         try:
             self.fits.end(job.run, job.outcome, job.reason)
-        except InputError as error:  # e.g. a full disk
-            _log.warning("Run %d could not be ended: %s", job.run, error)
-            self._unended.append(job)
-            self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
+        except Exception as error:  # a full disk, or whatever it was: no run may seem to go on for ever
+            _log.warning("Run %d could not be ended", job.run, exc_info=not isinstance(error, InputError))
+            return str(error) or type(error).__name__
+        return ""
 
     def _end_late(self, now: float) -> None:
         """Write what could not be written, if that is possible by now."""
@@ -400,11 +404,7 @@ class Session:
             return
         self._next_try = now + _RETRY
         while self._unended:
-            job = self._unended[0]
-            assert job.run is not None and job.outcome in ("cancelled", "failed")
-            try:
-                self.fits.end(job.run, job.outcome, job.reason)
-            except InputError:
+            if self._ended(self._unended[0]):
                 return
             self._unended.pop(0)
         for run in self.fits.write_late():

@@ -84,7 +84,7 @@ def test_a_comparison_is_of_medians_and_clear_only_if_all_turns_agree():
     now = [figure("b", 4, 4.25, 4.5), figure("a", 6, 5, 4), figure("c", 1, 1), figure("new", 1)]
     now += [figure("d", 3, 4), figure("e", 101.5, 101.2, 109)]
     b, a, c, d, e = rows = compared(before, now)
-    assert (a.name, a.unit, a.ratio, a.verdict) == ("a", "s", 5 / 3, "in the spread")
+    assert (a.now.name, a.now.unit, a.ratio, a.verdict) == ("a", "s", 5 / 3, "in the spread")
     assert (b.ratio, b.verdict) == (4.25, "clear")
     assert (c.ratio, c.verdict) == (None, "")
     assert (d.ratio, d.verdict) == (3.5 / 1.5, "too few turns")

@@ -559,7 +559,7 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
 
         return tried
 
-    for name in (*barred, "finish_late"):
+    for name in barred:
         monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
     monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
     run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
@@ -574,6 +574,43 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
     assert newest(session).run.id == run.id and torch.equal(
         session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
     )
+
+
+@pytest.mark.parametrize("closing", [False, True])
+def test_a_run_whose_end_goes_wrong_is_ended_later(session: Session, monkeypatch: pytest.MonkeyPatch, closing: bool):
+    runs, broken = session.project.runs, [OSError("a bad cable")]
+    end = runs.end
+    monkeypatch.setattr(runs, "end", lambda *given: (_ for _ in ()).throw(broken.pop()) if broken else end(*given))
+    monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
+    begun = [session.fit_everything(QUICK, kind="smplx", gender="neutral") for _ in range(2)]
+    if closing:
+        session.close()
+    else:
+        session.cancel()
+        idle(session)
+        session.take_news()
+        assert "a bad cable" in " ".join(notice.text for notice in told(session))
+    assert {runs.get(run.id).state for run in begun} == {"cancelled"}
+
+
+def test_nothing_is_read_from_the_disk_where_a_drag_or_an_edit_begins(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    before = newest(session)
+    drag(session, before, 40.0)
+    idle(session)
+    corrections = newest(session).run
+    assert corrections.kind == "corrections"
+    threads, load = [], session.project.runs.load
+    monkeypatch.setattr(
+        session.project.runs, "load", lambda run: threads.append(threading.current_thread()) or load(run)
+    )
+    for begin in (lambda: drag(session, before, 60.0), lambda: nudge(session, 1, before)):
+        del session.fits._versions[corrections.id]
+        begin()
+        idle(session)
+    assert len(threads) > 1 and threading.current_thread() not in threads
+    assert session.edits_since(newest(session).run) == 0
 
 
 def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, monkeypatch: pytest.MonkeyPatch):

@@ -16,7 +16,7 @@ from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.correcting import describe
-from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.field import Dropdown, only_read
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -56,8 +56,9 @@ class KeypointsPanel:
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
         self._name = Dropdown(tab, names, self._select)
         self._buttons = Board(tab)
-        self._by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
-        self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
+        by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
+        self._by = only_read(by)
+        self._confidence = only_read(gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0))
         self._exactly = Board(tab)
         self._groups = Board(tab)
         self._history = Board(tab)

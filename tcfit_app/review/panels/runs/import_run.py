@@ -9,7 +9,7 @@ from fitting_core.body.files.forms import KINDS
 from fitting_core.errors import InputError
 from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.panels.elements.field import frame_number
+from tcfit_app.review.panels.elements.field import frame_number, only_read
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.session.tasks import Task, Work
 from tcfit_app.review.tab.tab import Tab
@@ -36,13 +36,12 @@ class ImportRun:
         gui = tab.client.gui
         with gui.add_folder("Import a result", expand_by_default=False):
             Board(tab).show(paragraph(_SAID, "dim"))
-            self._path = gui.add_text("Path", "", hint="Of a folder or file on the computer where tcfit runs")
-            self._first = gui.add_text(
-                "First frame", "", hint="Number in the video of the result's first frame; empty: as its files are named"
-            )
-            self._body: Any = gui.add_dropdown(
-                "Posed on", (_OWN, *KINDS), hint="Another body keeps the joint angles and leaves out the shape"
-            )
+            hint = "Of a folder or file on the computer where tcfit runs"
+            self._path = only_read(gui.add_text("Path", "", hint=hint))
+            hint = "Number in the video of the result's first frame; empty: as its files are named"
+            self._first = only_read(gui.add_text("First frame", "", hint=hint))
+            hint = "Another body keeps the joint angles and leaves out the shape"
+            self._body: Any = only_read(gui.add_dropdown("Posed on", (_OWN, *KINDS), hint=hint))
             self._buttons = Board(tab)
             self._upload: Any = gui.add_upload_button(
                 "Upload a file …",

@@ -11,7 +11,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown, Field
+from tcfit_app.review.panels.elements.field import Dropdown, Field, only_read
 from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, preformatted, row, table
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.import_run import ImportRun
@@ -231,7 +231,7 @@ class DeletedRuns:
         """What it shows."""
         self._folder = gui.add_folder("Deleted runs", expand_by_default=False, visible=False)
         with self._folder:
-            self._choice: Any = gui.add_dropdown("Deleted", ("",))
+            self._choice: Any = only_read(gui.add_dropdown("Deleted", ("",)))
             self._buttons = Board(tab)
         tab.buttons.on("deleted.restore", lambda _: self._restore())
         tab.buttons.on("deleted.ask", lambda _: self._ask())
