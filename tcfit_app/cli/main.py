@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Union
 
 import tyro
 from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, subcommand
@@ -56,23 +56,6 @@ class Settings:
 @dataclass(frozen=True, kw_only=True)
 class Doctor:
     """Show what works on this computer, and what to install for the rest."""
-
-
-Options = (
-    Annotated[FitOptions, subcommand("fit")]
-    | Annotated[NewOptions, subcommand("new")]
-    | Annotated[ReviewOptions, subcommand("review")]
-    | Annotated[DemoOptions, subcommand("demo")]
-    | Annotated[DetectOptions, subcommand("detect")]
-    | Annotated[ImportOptions, subcommand("import")]
-    | Annotated[ExportOptions, subcommand("export")]
-    | Annotated[EvaluateOptions, subcommand("evaluate")]
-    | Annotated[BatchOptions, subcommand("batch")]
-    | Annotated[BenchOptions, subcommand("bench")]
-    | Annotated[Models, subcommand("models")]
-    | Annotated[Settings, subcommand("settings")]
-    | Annotated[Doctor, subcommand("doctor")]
-)
 
 
 def _fit(options: FitOptions, command: str) -> None:
@@ -161,23 +144,23 @@ def _doctor(options: Doctor, command: str) -> int:
     return doctor()
 
 
-COMMANDS: dict[type, Callable[[Any, str], int | None]] = {
-    FitOptions: _fit,
-    NewOptions: _new,
-    ReviewOptions: _review,
-    DemoOptions: _demo,
-    DetectOptions: _detect,
-    ImportOptions: _import,
-    ExportOptions: _export,
-    EvaluateOptions: _evaluate,
-    BatchOptions: _batch,
-    BenchOptions: _bench,
-    Models: _models,
-    Settings: _settings,
-    Doctor: _doctor,
+COMMANDS: dict[str, tuple[type, Callable[[Any, str], int | None]]] = {
+    "fit": (FitOptions, _fit),
+    "new": (NewOptions, _new),
+    "review": (ReviewOptions, _review),
+    "demo": (DemoOptions, _demo),
+    "detect": (DetectOptions, _detect),
+    "import": (ImportOptions, _import),
+    "export": (ExportOptions, _export),
+    "evaluate": (EvaluateOptions, _evaluate),
+    "batch": (BatchOptions, _batch),
+    "bench": (BenchOptions, _bench),
+    "models": (Models, _models),
+    "settings": (Settings, _settings),
+    "doctor": (Doctor, _doctor),
 }
-"""What runs on each type of options, and may return an exit code; every function imports what it needs, so that --help
-stays quick."""
+"""Each command's options, and what runs on them and may return an exit code; every function imports what it needs, so
+that --help stays quick."""
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -186,8 +169,9 @@ def parse(arguments: Sequence[str]) -> Any:
     Raises:
         SystemExit: It asks for help, or is wrong; either has been printed.
     """
+    options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
     return tyro.cli(
-        Options,  # pyright: ignore[reportArgumentType]
+        options,
         args=arguments,
         prog="tcfit",
         description="Fit SMPL-X bodies to monocular video, consistently over time.",
@@ -208,7 +192,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         options = parse(given)
-        return COMMANDS[type(options)](options, shlex.join(["tcfit", *given])) or 0
+        run = dict(COMMANDS.values())[type(options)]
+        return run(options, shlex.join(["tcfit", *given])) or 0
     except SystemExit as end:
         return int(end.code or 0)
     except InputError as error:

@@ -16,7 +16,7 @@ from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
 from tcfit_app.fitting.live import REACH, Correction
-from tcfit_app.fitting.outbox import DragAbandoned, DragFailed, DragFinished, DragMoved, Notice
+from tcfit_app.fitting.outbox import DragEnded, DragMoved, Notice
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.frame_words import in_words
@@ -129,11 +129,11 @@ class Following:
                 run=run.id, frames=moved.frames, params=moved.params, revision=next(self._revisions)
             )
 
-    def take_end(self, report: DragFinished | DragAbandoned | DragFailed) -> None:
+    def take_end(self, report: DragEnded) -> None:
         """A drag has ended; one that failed is followed as other edits are, now or once it is released."""
         drag, run = self._drags.pop(report.drag, (None, None))
         self._windows_of.pop(report.drag, None)
-        if drag is None or run is None or not isinstance(report, DragFailed):
+        if drag is None or run is None or report.how != "failed":
             return
         drag.failed = True
         if drag.released and self.after_edits:

@@ -20,18 +20,7 @@ from fitting_core.fit.result import FitResult
 from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection
-from tcfit_app.fitting.outbox import (
-    DragAbandoned,
-    DragFailed,
-    DragFinished,
-    DragMoved,
-    JobCancelled,
-    JobFailed,
-    JobFinished,
-    JobReported,
-    JobStarted,
-    Outbox,
-)
+from tcfit_app.fitting.outbox import DragEnded, DragMoved, JobEnded, JobReported, JobStarted, Outbox
 
 LINGER = 2.0
 """Seconds for which a job waits for a pointer that rests, before it goes on under the drag."""
@@ -128,7 +117,7 @@ class Worker:
             dropped = [number for number, _ in self._queue if job in (None, number)]
             self._queue = deque(entry for entry in self._queue if entry[0] not in dropped)
             for number in dropped:
-                self.outbox.tell(JobCancelled(job=number))
+                self.outbox.tell(JobEnded(job=number, how="cancelled"))
             self._changed.notify_all()
 
     def drag(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> Drag:
@@ -167,28 +156,28 @@ class Worker:
             elif entry is not None:
                 self._run(*entry)
         for drag in self._drags:
-            self.outbox.tell(DragAbandoned(drag=drag.number))
+            self.outbox.tell(DragEnded(drag=drag.number, how="abandoned"))
 
     def _waiting_drag(self) -> Drag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
         """A job from its start to its end."""
-        self.outbox.tell(JobStarted(job=number, title=job.title))
+        self.outbox.tell(JobStarted(job=number))
         try:
             ended = self._outcome(number, job)
         except InputError as error:
-            ended = JobFailed(job=number, reason=_reason(error))
+            ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.warning("%s failed: %s", job.title, error)
         except Exception as error:  # whatever it was: the user is told, and the worker stays
-            ended = JobFailed(job=number, reason=_reason(error))
+            ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.exception("Job %d (%s) failed", number, job.title)
         with self._changed:
             self._running = None
         self.outbox.tell(ended)
         give_back()
 
-    def _outcome(self, number: int, job: Job) -> JobFinished | JobCancelled:
+    def _outcome(self, number: int, job: Job) -> JobEnded:
         clock = JobClock(number, job)
         with closing(job.run()) as events:
             while self._may_go_on():
@@ -200,10 +189,10 @@ class Worker:
                     break
                 self._pass_on(number, job, event, clock)
             else:
-                return JobCancelled(job=number)
+                return JobEnded(job=number, how="cancelled")
         # Not within the handler: if it failed, the log would show the whole result as the cause.
         self._sink.keep(job, outcome)
-        return JobFinished(job=number, outcome=outcome)
+        return JobEnded(job=number, how="finished")
 
     def _may_go_on(self) -> bool:
         """Between two iterations: follows drags; False if the job was cancelled."""
@@ -229,14 +218,14 @@ class Worker:
         try:
             ended = self._followed(drag)
         except Exception as error:  # whatever it was: the user is told, and a job under way goes on
-            ended = DragFailed(drag=drag.number, reason=_reason(error))
+            ended = DragEnded(drag=drag.number, how="failed", reason=_reason(error))
             _log.exception("Following drag %d failed", drag.number)
         if ended is not None:
             with self._changed:
                 self._drags.remove(drag)
             self.outbox.tell(ended)
 
-    def _followed(self, drag: Drag) -> DragFinished | DragAbandoned | None:
+    def _followed(self, drag: Drag) -> DragEnded | None:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closing or drag.wants, LINGER)
@@ -244,7 +233,7 @@ class Worker:
                     return None
                 xy = drag.taken()
             if self._closing or drag.abandoned:
-                return DragAbandoned(drag=drag.number)
+                return DragEnded(drag=drag.number, how="abandoned")
             live = self._aimed(drag, xy)
             if drag.released:
                 return self._released(drag, live)
@@ -260,7 +249,7 @@ class Worker:
             drag.live.move(xy)
         return drag.live
 
-    def _released(self, drag: Drag, live: LiveCorrection) -> DragFinished | DragAbandoned:
+    def _released(self, drag: Drag, live: LiveCorrection) -> DragEnded:
         """The window converged, unless the drag is abandoned meanwhile."""
         with closing(live.release()) as events:
             while not (self._closing or drag.abandoned):
@@ -269,8 +258,8 @@ class Worker:
                 except StopIteration as stop:
                     refit: Refit = stop.value
                     self._sink.keep_correction(live.correction, live.xy, refit)
-                    return DragFinished(drag=drag.number, frames=drag.correction.frames, params=refit.params)
-        return DragAbandoned(drag=drag.number)
+                    return DragEnded(drag=drag.number, how="finished")
+        return DragEnded(drag=drag.number, how="abandoned")
 
 
 def _reason(error: Exception) -> str:

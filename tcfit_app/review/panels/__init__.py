@@ -8,7 +8,7 @@ from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
-from tcfit_app.review.panels.keypoints.keypoints_panel import KeypointsPanel
+from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tcfit_app.review.panels.start_panel import StartPanel

@@ -110,7 +110,7 @@ class ComparePanel:
             return
         head = heading("Against the reference", reference.name)
         if one is None or other is None:
-            problem = self._tab.desk.reference_problem(a) or self._tab.desk.reference_problem(b)
+            problem = self._tab.desk.problem("reference", a) or self._tab.desk.problem("reference", b)
             self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
             self._waiting = self._waiting and not problem
             return
@@ -121,7 +121,7 @@ class ComparePanel:
         running = [fit.run.name for fit in (a, b) if fit.result is None]
         if running:
             return f"{running[0]} is still being fitted: it is measured when it is done."
-        return self._tab.desk.metrics_problem(a) or self._tab.desk.metrics_problem(b) or _MEASURING
+        return self._tab.desk.problem("metrics", a) or self._tab.desk.problem("metrics", b) or _MEASURING
 
     def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
         first, frames = self._tab.first_frame, peaks(values)

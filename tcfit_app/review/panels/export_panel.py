@@ -17,7 +17,6 @@ from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
     button,
-    cells,
     choice,
     dot,
     heading,
@@ -25,6 +24,7 @@ from tcfit_app.review.panels.elements.html import (
     paragraph,
     progress_bar,
     row,
+    tag,
     text,
     words,
 )
@@ -201,7 +201,7 @@ class ExportPanel:
                 for name, export in EXPORTS.items()
                 if export.group == group
             ]
-            rows.append(row(cells(*buttons), label=group))
+            rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))
         return [heading("Formats"), *rows]
 
 

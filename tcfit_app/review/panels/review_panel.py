@@ -113,7 +113,7 @@ class ReviewPanel:
             self._suspects, self._looking, self._problem = None, False, ""
             return
         found = tab.desk.suspects(shown)
-        self._problem = tab.desk.suspects_problem(shown) if found is None else ""
+        self._problem = tab.desk.problem("suspects", shown) if found is None else ""
         self._looking = found is None and not self._problem
         if not self._looking:
             self._suspects = found

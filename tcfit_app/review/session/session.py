@@ -19,18 +19,7 @@ from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.following import Following
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
-from tcfit_app.fitting.outbox import (
-    DragAbandoned,
-    DragFailed,
-    DragFinished,
-    JobCancelled,
-    JobFailed,
-    JobFinished,
-    JobReported,
-    JobStarted,
-    Notice,
-    Report,
-)
+from tcfit_app.fitting.outbox import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.results import ImportChoices, import_run, upload
 from tcfit_app.project.edits.edit_log import LogEntry, edits_since
@@ -42,11 +31,6 @@ from tcfit_app.review.session.keypoint_source import Going, KeypointSource
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
-_OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
-    JobFinished: "finished",
-    JobCancelled: "cancelled",
-    JobFailed: "failed",
-}
 _RETRY = 5.0
 """Seconds after which it is tried again to write what could not be written."""
 _log = logging.getLogger(__name__)
@@ -348,9 +332,9 @@ class Session:
 
     def _take(self, report: Report) -> None:
         self.changes += 1
-        if isinstance(report, DragFinished | DragAbandoned | DragFailed):
+        if isinstance(report, DragEnded):
             self.following.take_end(report)
-            if isinstance(report, DragFailed):
+            if report.how == "failed":
                 self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
             return
         job = self.jobs.get(report.job)
@@ -367,20 +351,18 @@ class Session:
         else:
             self._take_end(job, report)
 
-    def _take_end(self, job: RunningJob, report: JobFinished | JobCancelled | JobFailed) -> None:
+    def _take_end(self, job: RunningJob, report: JobEnded) -> None:
         del self.jobs[job.number]
-        job.outcome = _OUTCOMES[type(report)]
-        job.reason = report.reason if isinstance(report, JobFailed) else ""
+        job.outcome, job.reason = report.how, report.reason
         self.ended = self.ended if job.run is None else job
-        if isinstance(report, JobCancelled):
+        if report.how != "finished":
             self._end_run(job)
-            if job.follows is not None:
-                self.following.forget(job.follows)
-        elif isinstance(report, JobFailed):
-            self._end_run(job)
-            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
         elif job.run is not None:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
+        if report.how == "failed":
+            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
+        elif report.how == "cancelled" and job.follows is not None:
+            self.following.forget(job.follows)
 
     def _end_run(self, job: RunningJob) -> None:
         """Keep that a run was cancelled or has failed; what cannot be written now is tried again."""

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float32
@@ -146,12 +147,8 @@ class Desk:
         if result is None:
             return None
         seconds = sum(p.seconds for p in self.session.fits.fit(shown.run).phases if p.phase <= shown.phase)
-        key = ("metrics", self.key(shown))
+        key = self._metrics_key(shown)
         return self._made(key, shown, lambda posed: run_metrics(MeasuredRun(fit=posed, phase=result, seconds=seconds)))
-
-    def metrics_problem(self, shown: Shown) -> str:
-        """Why a run cannot be measured; empty if that is not so."""
-        return self._body_problem(shown) or self.tasks.problem(("metrics", self.key(shown)))
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run against the project's reference, empty without one; None while they are taken."""
@@ -164,9 +161,8 @@ class Desk:
 
         return self._made(self._reference_key(shown), shown, measured)
 
-    def reference_problem(self, shown: Shown) -> str:
-        """Why a run cannot be compared with the reference; empty if that is not so."""
-        return self.tasks.problem(self._reference_key(shown))
+    def _metrics_key(self, shown: Shown) -> Hashable:
+        return "metrics", self.key(shown)
 
     def _reference_key(self, shown: Shown) -> Hashable:
         return "reference", shown.run.id, shown.phase, shown.revision, self.session.referenced
@@ -195,10 +191,6 @@ class Desk:
             return []
         return [(run.moment, run.frames or range(self.length))]
 
-    def suspects_problem(self, shown: Shown) -> str:
-        """Why there will be no review queue of a run; empty if nothing is wrong."""
-        return self._body_problem(shown) or self.tasks.problem(self._suspects_key(shown))
-
     def _suspects_key(self, shown: Shown) -> Hashable:
         return "suspects", self.key(shown), self.session.marked
 
@@ -213,11 +205,12 @@ class Desk:
         except InputError:
             return None
 
-    def _body_problem(self, shown: Shown) -> str:
-        """Why a run's body model is not there; empty if that is not so."""
+    def problem(self, what: Literal["metrics", "reference", "suspects"], shown: Shown) -> str:
+        """Why a run will get no figures, none against the reference, or no review queue; empty if nothing is wrong."""
         try:
             if not self.warming:
                 self.meshes(shown)
-            return ""
         except InputError as error:
             return str(error)
+        keys = {"metrics": self._metrics_key, "reference": self._reference_key, "suspects": self._suspects_key}
+        return self.tasks.problem(keys[what](shown))

@@ -92,7 +92,7 @@ def test_nothing_waits_for_the_first_body(desk: Desk):
     shown = newest(desk.session)
     desk.warming = True
     assert desk.curve("reprojection", shown) is None and desk.suspects(shown) is None
-    assert desk.suspects_problem(shown) == "" and desk.metrics_problem(shown) == ""
+    assert desk.problem("suspects", shown) == "" and desk.problem("metrics", shown) == ""
     desk.warm_up()
     until(desk.session, lambda: not desk.warming)
     until(desk.session, lambda: desk.curve("reprojection", shown) is not None)

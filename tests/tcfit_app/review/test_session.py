@@ -20,7 +20,7 @@ from tcfit_app.fitting import following, live, worker
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import RerunFrames, around
-from tcfit_app.fitting.outbox import DragAbandoned, DragMoved, JobFinished
+from tcfit_app.fitting.outbox import DragEnded, DragMoved, JobEnded
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.runs.run_texts import result_of
@@ -215,7 +215,7 @@ def test_windows_of_two_drags_are_both_told(session: Session):
     assert sorted(moved.drag for moved in outbox.empty().moved) == [1, 2]
     for drag in (1, 2):
         show(drag)
-    outbox.tell(DragAbandoned(drag=1))
+    outbox.tell(DragEnded(drag=1, how="abandoned"))
     assert [moved.drag for moved in outbox.empty().moved] == [2] and outbox.empty().moved == ()
 
 
@@ -638,8 +638,8 @@ def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeyp
 
     monkeypatch.setattr(session.following, "take_end", fail)
     session.jobs[99] = RunningJob(number=99, run=None, title="job", phases=(3,))
-    session.worker.outbox.tell(DragAbandoned(drag=7))
-    session.worker.outbox.tell(JobFinished(job=99, outcome=None))  # pyright: ignore[reportArgumentType]
+    session.worker.outbox.tell(DragEnded(drag=7, how="abandoned"))
+    session.worker.outbox.tell(JobEnded(job=99, how="finished"))
     session.take_news()
     assert not session.jobs
     assert [notice.kind for notice in told(session)] == ["error"] and "no such drag" in told(session)[0].text

@@ -12,7 +12,7 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.field import Dropdown, Field, only_read
-from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, preformatted, row, table
+from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, row, table, tag
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.import_run import ImportRun
 from tcfit_app.review.panels.runs.run_texts import Listed, details, option, result_of, run_line
@@ -182,7 +182,7 @@ class RunsPanel:
         own = run.kind != "imported"
         if self._settings.visible != own:
             self._settings.visible = own
-        settings = [preformatted(as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
+        settings = [tag("pre", as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
         self._toml.show(*settings)
 
     def _draw_buttons(self, chosen: Listed) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from viser import _messages
 
-from tcfit_app.review.scene.cameras import Cameras
 from tcfit_app.review.scene.poses import POSTER_FOV, Pose, Window, overview_pose, poster_pose, space_pose
+from tcfit_app.review.scene.scene import Cameras
 
 ONE = (-0.8, -0.5, 0.8, 0.5)
 TWO = (-1.7, -0.5, 1.7, 0.5)
