@@ -99,11 +99,9 @@ class Cameras:
         """
         self._canvas = canvas or self._canvas
         self._covered = self._covered if covered is None else covered
-        window = self._current_window()
-        if self._scene is not None and window != self._window:
-            self._window = window
-            if not self.moved:
-                self._go(self._fitted(self._scene))
+        before, self._window = self._window, self._current_window()
+        if self._scene is not None and self._window != before and not self.moved:
+            self._go(self._fitted(self._scene))
 
     @property
     def moved(self) -> bool:
