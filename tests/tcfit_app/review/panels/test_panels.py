@@ -412,7 +412,7 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
 
 
 def test_the_review_queue_while_there_is_none(tested: LonePage):
-    tested.page.tab.desk.suspects_problem = lambda shown: ""  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.desk.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     assert "Looking for suspicious frames" in tested.html()
 
 
