@@ -402,14 +402,16 @@ def test_a_drag_that_fails_leaves_job_and_worker(
 def test_drags_go_before_jobs_that_wait(
     worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
-    first, job = Counting(), opened(Counting())
+    first = Counting()
     worker.submit(first)
-    worker.submit(job)
+    number = worker.submit(opened(Counting()))
     worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]]).release()
     first.gate.set()
-    reader.wait(DragFinished)
-    assert not job.done
     reader.wait(JobFinished, count=2)
+    assert [type(r) for r in reader.reports if r in reader.of(DragFinished) or r == JobStarted(job=number)] == [
+        DragEnded,
+        JobStarted,
+    ]
 
 
 def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitResult):
