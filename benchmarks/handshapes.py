@@ -40,7 +40,7 @@ from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger
 from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.synthetic.acting.performance import standing_root
 from fitting_core.synthetic.studio.world_camera import WorldCamera, in_camera
-from tcfit_app.bench.five_stages import solved
+from tcfit_app.bench.measuring import solved
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
 VIEWS = {

@@ -22,9 +22,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
-from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.events import drained
+from fitting_core.fit.fitting import fit_clip, rerun_events
 from fitting_core.synthetic.excerpts import mirrored
-from tcfit_app.bench.dragging import dragged, quick
+from tcfit_app.bench.measuring import dragged, quick, timed
 from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
 
 
@@ -65,17 +66,21 @@ def _row(clip: str, reach: int, what: str, times: list[tuple[float, float]]) -> 
 def drag_rows(name: str, correction: Correction, targets: list[np.ndarray], reruns: int) -> tuple[list[Row], Row]:
     """Times of one drag's parts, and how far apart its ways end."""
     c, reach = correction, correction.reach
-    drag = dragged(c, targets, reruns=max(1, reruns))
-    assert drag.rerun is not None
+    drag, ends = dragged(c, targets), list[BodyParams]()
+
+    def again(xy: np.ndarray) -> None:
+        ends.append(drained(rerun_events(c.edited(xy), c.body, c.converging, c.params, c.frames)).params)
+
+    plain = [timed(lambda xy=xy: again(xy)) for xy in targets[:: -max(1, len(targets) // max(1, reruns))]]
     apart: Row = {"clip": name, "window": f"{2 * reach + 1}"} | {
         title: _millimetres(c.body, a, b)
         for title, a, b in (
             ("moved mm", c.params, drag.released),
             ("last move to release mm", drag.on_the_way, drag.released),
-            ("release to plain re-run mm", drag.released, drag.rerun),
+            ("release to plain re-run mm", drag.released, ends[0]),
         )
     }
-    return [_row(name, reach, what, times) for what, times in drag.times.items()], apart
+    return [_row(name, reach, what, times) for what, times in (drag.times | {"plain re-run": plain}).items()], apart
 
 
 def _millimetres(body: BodyModel, a: BodyParams, b: BodyParams) -> float:

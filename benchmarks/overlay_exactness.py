@@ -89,7 +89,7 @@ def exactness_rows(shown: Screen, name: str, camera: Camera, body: BodyLayer, wi
     shown.settle(window)
     for zoom, rectangle in zooms(body.vertices, camera).items():
         shown.view.show(posters)
-        shown.view.zoom_to(rectangle) if rectangle else shown.view.reset_view()
+        shown.view.zoom_to(rectangle) if rectangle else shown.view.cameras.reset()
         shown.settle()
         seen = seen_body(shown.picture())
         expected = expected_body(posters, shown.view.cameras.pose, window)

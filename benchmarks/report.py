@@ -1,8 +1,6 @@
 """What all benchmarks share: their options, how they start, and how they report."""
 
 import json
-import os
-import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,6 +15,8 @@ from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.io.summary import versions
+from tcfit_app.bench.machine import machine as computer
 
 Row = Mapping[str, str | float | None]
 """One line of a table, by column. None: there is nothing to tell."""
@@ -80,15 +80,9 @@ def progress(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def machine() -> dict[str, str | int]:
+def machine() -> dict[str, str | int | float]:
     """What the figures depend on beside the code."""
-    return {
-        "python": platform.python_version(),
-        "torch": torch.__version__,
-        "platform": platform.platform(),
-        "cores": os.cpu_count() or 0,
-        "threads": torch.get_num_threads(),
-    }
+    return computer() | versions() | {"threads": torch.get_num_threads()}
 
 
 def _write_whole(path: Path, text: str) -> None:

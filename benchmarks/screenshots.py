@@ -20,6 +20,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, Keypoints
 from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.imports.keypoint_jobs import ImportFiles
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels import PANELS
 from tests.drivers.browser import chromium
@@ -208,7 +209,7 @@ def starting(review: Reviewing) -> Iterator[str]:
     yield "start"
     choose_model(review, "An ONNX file of yours")
     yield "own-model"
-    review.app.post(lambda: review.session.source.import_path(Path("no/such/folder")))
+    review.app.post(lambda: review.session.source.begin(ImportFiles(path=Path("no/such/folder"))))
     until(lambda: not review.session.source.busy, "the failure")
     settle(review)
     yield "failed"

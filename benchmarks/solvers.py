@@ -22,7 +22,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.solvers import SOLVERS, make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.synthetic.excerpts import picked, spread
-from tcfit_app.bench.five_stages import Outcome, camera_start, five_stages, stage_objective
+from tcfit_app.bench.measuring import Outcome, camera_start, five_stages, stage_objective
 
 _HAND_POINTS = 15
 """A hand counts as detected from so many of its 21 keypoints on."""

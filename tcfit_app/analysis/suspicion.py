@@ -11,8 +11,6 @@ from tcfit_app.project.storage.marks import Mark
 
 _GAP = 2
 """Frames that are no farther apart than this, and about the same limb, are one entry."""
-
-
 _CAUSES = ("swap",)
 """Kinds that explain others: swapped arms are far off and jump as well."""
 
@@ -37,10 +35,8 @@ class Suspect:
     """What else is suspicious in that frame."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Found:
-    kind: str
-    finding: Finding
+_Found = tuple[str, Finding]
+"""What was found, with its kind."""
 
 
 def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> tuple[Suspect, ...]:
@@ -54,9 +50,9 @@ def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> tuple[Suspe
     for kind, found_in in FINDINGS.items():
         for finding in found_in(fit):
             if finding.frame not in checked:
-                by_frame.setdefault(finding.frame, []).append(_Found(kind=kind, finding=finding))
+                by_frame.setdefault(finding.frame, []).append((kind, finding))
     for found in by_frame.values():
-        found.sort(key=lambda f: (f.kind not in _CAUSES, -f.finding.score))
+        found.sort(key=lambda f: (f[0] not in _CAUSES, -f[1].score))
     entries = [_entry(span, by_frame) for span in _spans(by_frame)]
     return tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame)))
 
@@ -85,7 +81,7 @@ def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:
     spans: list[list[int]] = []
     for frame in sorted(by_frame):
         near = spans and frame - spans[-1][-1] <= _GAP
-        if near and _same_limb(by_frame[frame][0].finding, by_frame[spans[-1][-1]][0].finding):
+        if near and _same_limb(by_frame[frame][0][1], by_frame[spans[-1][-1]][0][1]):
             spans[-1].append(frame)
         else:
             spans.append([frame])
@@ -99,18 +95,18 @@ def _same_limb(one: Finding, other: Finding) -> bool:
 
 
 def _score(found: list[_Found]) -> float:
-    return max(f.finding.score for f in found)
+    return max(finding.score for _, finding in found)
 
 
 def _entry(span: list[int], by_frame: dict[int, list[_Found]]) -> Suspect:
     worst = max(span, key=lambda frame: _score(by_frame[frame]))
-    first, *others = by_frame[worst]
+    (kind, first), *others = by_frame[worst]
     return Suspect(
         frame=worst,
         frames=range(span[0], span[-1] + 1),
         score=_score(by_frame[worst]),
-        kind=first.kind,
-        reason=first.finding.reason,
-        joints=first.finding.joints,
-        also=tuple(dict.fromkeys(other.finding.reason for other in others)),
+        kind=kind,
+        reason=first.reason,
+        joints=first.joints,
+        also=tuple(dict.fromkeys(other.reason for _, other in others)),
     )

@@ -1,4 +1,4 @@
-"""One clip of a batch: fitted into a draft, which then becomes its result in one step.
+"""One clip of a batch: fitted into a draft, as files or a project, which then becomes its result in one step.
 
 A process may die at any moment. Before the draft has its record, the clip counts as not begun; from then on as fitted,
 and whoever comes next only puts the draft into its place.
@@ -9,30 +9,50 @@ import os
 import shutil
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent, drained, mapped
+from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.result import FitResult
 from fitting_core.io.clip_reader import read_clip
-from fitting_core.io.result_files import OVERLAY_NAME
+from fitting_core.io.result_files import OVERLAY_NAME, write_result
+from fitting_core.io.summary import summary
 from tcfit_app.batch.fingerprint import Fingerprint, fingerprint_of, unchanged
-from tcfit_app.batch.locking import patient_lock
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.records import RECORD_NAME, Record, done_record, read_record, write_log, write_record
-from tcfit_app.batch.writing import Report, Work, write_files, write_project
-from tcfit_app.options.preparing import body_file, prepare_torch
+from tcfit_app.batch.records import (
+    RECORD_NAME,
+    Figures,
+    Record,
+    done_record,
+    patient_lock,
+    read_record,
+    write_log,
+    write_record,
+)
+from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.fitting.bodies import record_of
+from tcfit_app.options.preparing import body_file, check_out, prepare_torch
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.clip import same_detections
+from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.durable import accessing, sync
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""
 _PATIENCE = 30.0
 """Seconds to wait for another process that fits the same clip: one whose batch was killed ends in less."""
+Report = Callable[[FitEvent], None]
 
 
 def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
@@ -135,6 +155,93 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
     return record
 
 
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """A clip that is being fitted."""
+
+    task: ClipTask
+    clip: Clip
+    body: BodyModel
+    draft: Path
+    """What becomes the result's folder."""
+    settings: str
+    """Their hash."""
+    report: Report
+
+
+def write_files(work: Work) -> Figures:
+    """Fit, and write what `tcfit fit` writes into the draft.
+
+    Raises:
+        InputError: The clip cannot be fitted, or the result cannot be written or would lie among other files.
+    """
+    task, clip, body = work.task, work.clip, work.body
+    check_out(task.out, overwrite=task.fit.overwrite)
+    fit = _run_fit(work, clip)
+    content = write_result(work.draft, fit, clip, body, command=task.command)
+    notes = list(fit.warnings)
+    if task.fit.overlay and clip.source is not None:
+        try:
+            write_comparison(work.draft / OVERLAY_NAME, fit, clip, body)
+        except (InputError, OSError) as error:
+            notes.append(f"No {OVERLAY_NAME} was written. {error}")
+    return _figures(content, notes)
+
+
+def write_project(work: Work) -> Figures:
+    """Fit, and make the draft a project with the run; a project that is there already gets another run.
+
+    Raises:
+        InputError: The clip cannot be fitted, or the project cannot be written or is another clip's.
+    """
+    if is_project(work.task.out):
+        return _another_run(work)
+    check_out(work.task.out, overwrite=False)
+    fit = _run_fit(work, work.clip)
+    with Project.create(work.draft, work.clip) as project:
+        return _added(work, project, work.clip, fit)
+
+
+def _another_run(work: Work) -> Figures:
+    """On the keypoints as they were corrected; nothing of the project is lost."""
+    with Project.open(work.task.out) as project:
+        _check_same_clip(project, work.clip)
+        # The run is in the project before the record is: a process may have died between.
+        made = [run for run in project.runs.all() if run.name == _run_name(work) and run.state == "finished"]
+        if made and made[-1].edits_seen == project.last_edit:
+            figures = _figures(made[-1].summary, [])
+        else:
+            clip = project.clip
+            figures = _added(work, project, clip, _run_fit(work, clip))
+    work.draft.mkdir(exist_ok=True)
+    return figures
+
+
+def _check_same_clip(project: Project, clip: Clip) -> None:
+    same = same_detections(project.detections, clip.keypoints)
+    if not (same and project.clip.camera == clip.camera and project.clip.frame_rate == clip.frame_rate):
+        raise InputError(
+            f"{project.folder}: is a project already, of other keypoints, another camera or another frame rate. Choose "
+            "another folder for this clip, or delete the project."
+        )
+
+
+def _run_name(work: Work) -> str:
+    return f"Batch {work.settings[:8]}"
+
+
+def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
+    content = summary(fit, clip, work.body, complete=True, command=work.task.command)
+    body = record_of(work.body)
+    run = project.runs.start(work.task.config, body=body, edits_seen=project.last_edit, name=_run_name(work))
+    project.runs.finish(run.id, fit, summary=content)
+    return _figures(content, list(fit.warnings))
+
+
+def _run_fit(work: Work, clip: Clip) -> FitResult:
+    return drained(mapped(fit_events(clip, work.body, work.task.config), work.report))
+
+
 @lru_cache(maxsize=3)  # One for each gender; tens of megabytes each.
 def _body(path: Path) -> BodyModel:
     return load_body(path)
@@ -167,3 +274,13 @@ def _put_among(draft: Path, out: Path) -> None:
 def one_thread() -> None:
     """Before the first fit of a process: many clips at a time share the cores."""
     torch.set_num_threads(1)
+
+
+def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
+    last = max(content["reprojection_px"])
+    return Figures(
+        frames=content["frames"],
+        reprojection_px=content["reprojection_px"][last]["median"],
+        jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],
+        notes=tuple(notes),
+    )

@@ -12,14 +12,51 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Protocol
 
 from fitting_core.fit.events import FitEvent, Iteration
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
 from tcfit_app.batch.fingerprint import fingerprint_of
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.news import Ended, News, Underway
 from tcfit_app.batch.records import Record
 from tcfit_app.fitting import child_processes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Underway:
+    """A clip is being fitted."""
+
+    index: int
+    """Which of the tasks."""
+    phase: int = 0
+    """0: it has only begun."""
+    share: float = 0.0
+    """Of the phase."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """A clip is done, or has failed."""
+
+    index: int
+    record: Record
+
+
+News = Underway | Ended
+
+
+class Crew(Protocol):
+    """Fits clips, several at a time."""
+
+    def run(self, tasks: Sequence[ClipTask], folder: Path) -> Generator[News, None, None]:
+        """Fits them all; closing the generator stops at once, and leaves nothing half-done that matters.
+
+        Args:
+            tasks: Each ends exactly once.
+            folder: The batch's.
+        """
+        ...
+
 
 _TRIES = 2
 """Times that a clip's process may die: the first time may be anybody's fault, as when memory runs out."""

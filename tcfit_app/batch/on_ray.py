@@ -11,8 +11,8 @@ from typing import Any
 from fitting_core.errors import InputError
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
 from tcfit_app.batch.fingerprint import fingerprint_of
+from tcfit_app.batch.local import Ended, News, Underway
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.news import Ended, News, Underway
 from tcfit_app.batch.records import Record
 
 LOCAL = "local"

@@ -20,11 +20,13 @@ from typing import Any, Literal
 
 import msgspec
 
+from fitting_core.errors import InputError
 from fitting_core.io.result_files import is_result
 from tcfit_app.batch.fingerprint import Fingerprint, unchanged
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.durable import durable
+from tcfit_app.project.storage.durable import accessing, durable
+from tcfit_app.project.storage.lock import Lock, ProjectLocked
 
 RECORD_NAME = "batch.json"
 """In a result's folder."""
@@ -65,12 +67,6 @@ def batch_folder(manifest: Path) -> Path:
     return manifest.with_name(manifest.stem + FOLDER_SUFFIX)
 
 
-def key_of(task: ClipTask) -> str:
-    """A name for a clip that can be a file's, and that no other folder's clip has."""
-    plain = re.sub(r"[^\w.-]", "_", task.out.name)[:60]
-    return f"{plain}-{hashlib.sha256(str(task.out.resolve()).encode()).hexdigest()[:8]}"
-
-
 def read_record(path: Path) -> Record | None:
     """A record, or None where there is none that can be read: its clip is fitted again then."""
     try:
@@ -97,8 +93,9 @@ def done_record(task: ClipTask) -> Record | None:
 
 
 def failed_path(folder: Path, task: ClipTask) -> Path:
-    """Where a clip's failure is noted."""
-    return folder / FAILED / f"{key_of(task)}.json"
+    """Where a clip's failure is noted: under a name that no other folder's clip has."""
+    plain = re.sub(r"[^\w.-]", "_", task.out.name)[:60]
+    return folder / FAILED / f"{plain}-{hashlib.sha256(str(task.out.resolve()).encode()).hexdigest()[:8]}.json"
 
 
 def failed_record(folder: Path, task: ClipTask) -> Record | None:
@@ -115,3 +112,31 @@ def write_log(folder: Path, event: LogEvent, task: ClipTask, **details: Any) -> 
         os.write(descriptor, msgspec.json.encode(entry) + b"\n")  # One call, so that lines of processes do not mix.
     finally:
         os.close(descriptor)
+
+
+_PAUSE = 0.1
+
+
+def patient_lock(folder: Path, *, seconds: float, wanted: str) -> Lock:
+    """Take the lock of a folder, which is made if it does not exist.
+
+    Args:
+        folder: What only one process may work on.
+        seconds: To wait for a process that has it.
+        wanted: What the user wanted, for the message: "fit into ...".
+
+    Raises:
+        InputError: Somebody still has it, or the folder cannot be written.
+    """
+    until = time.monotonic() + seconds
+    while True:
+        try:
+            with accessing(folder):
+                folder.mkdir(parents=True, exist_ok=True)
+                return Lock(folder)
+        except ProjectLocked as error:
+            if time.monotonic() > until:
+                raise InputError(
+                    f"{folder}: another process is at work to {wanted}. Wait for it, or stop it. ({error})"
+                ) from error
+            time.sleep(_PAUSE)

@@ -7,24 +7,30 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
+from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.events import PhaseFinished, PhaseStarted
+from fitting_core.fit.events import PhaseFinished, PhaseStarted, drained
 from fitting_core.fit.fitting import fit_clip, fit_events, shape_events
+from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.phases.initialize import guess_depth, starting_state
 from fitting_core.fit.result import FitResult
-from fitting_core.fit.solvers import make_solver
+from fitting_core.fit.solvers import Solver, make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import State
 from fitting_core.io.summary import CONFIDENT
 from fitting_core.synthetic.excerpts import picked
-from tcfit_app.bench.dragging import dragged, quick
-from tcfit_app.bench.five_stages import camera_start, five_stages, stage_objective
 from tcfit_app.bench.machine import peak_memory
 from tcfit_app.bench.subject import Measured
-from tcfit_app.fitting.live import Correction
+from tcfit_app.fitting.live import Correction, LiveCorrection
 from tcfit_app.options.bench import Clock
 
 CLOCKS: dict[Clock, Callable[[], float]] = {"wall": time.perf_counter, "cpu": time.process_time}
@@ -123,9 +129,9 @@ def live_measures(setup: Setup, moves: int) -> Measured:
         origin = np.array([clip.camera.center])
     way = _DRAG_PIXELS * clip.camera.size[1] / 1000
     targets = [origin + share * way for share in np.linspace(0, 1, moves)]
-    times = dragged(correction, targets, reruns=0).times
+    times = dragged(correction, targets).times
     column = 0 if setup.clock == "wall" else 1
-    taken = {what: np.array(pairs)[:, column] for what, pairs in times.items() if pairs}
+    taken = {what: np.array(pairs)[:, column] for what, pairs in times.items()}
     found = {what: (float(np.median(values)), "ms") for what, values in taken.items()}
     return found | {"move, 95 %": (float(np.percentile(taken["move"], 95)), "ms")}
 
@@ -141,3 +147,103 @@ def _started(setup: Setup) -> FitResult:
     if key not in _STARTS:
         _STARTS[key] = fit_clip(setup.clip, setup.load_body(), config)
     return _STARTS[key]
+
+
+Times = list[tuple[float, float]]
+"""Milliseconds on the wall's clock and of the processor."""
+_BEGINS = 3
+"""Times that a drag is begun: that happens once for each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drag:
+    """What a drag took and where it ended; parameters of all frames."""
+
+    times: dict[str, Times]
+    on_the_way: BodyParams
+    """After the last move."""
+    released: BodyParams
+
+
+def quick(config: FitConfig) -> FitConfig:
+    """The same without the restarts of phase 1: what the drag starts from need not be the best."""
+    return replace(config, relay_rounds=0, limb_flips=False, yaws="side_view")
+
+
+def timed(work: Callable[[], object]) -> tuple[float, float]:
+    """Milliseconds that it takes, on the wall's clock and of the processor."""
+    wall, cpu = time.perf_counter(), time.thread_time()
+    work()
+    return 1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu)
+
+
+def dragged(correction: Correction, targets: list[Float[np.ndarray, "n 2"]]) -> Drag:
+    """Drag keypoints along a way.
+
+    Args:
+        correction: What is dragged.
+        targets: Where the keypoints are at each move, pixels.
+    """
+    live: list[LiveCorrection] = []
+    ends: list[BodyParams] = []
+    begins = [timed(lambda: live.append(LiveCorrection(correction, targets[0]))) for _ in range(_BEGINS)]
+    drag = live[-1]
+
+    def follow(xy: np.ndarray) -> None:
+        drag.move(xy)
+        drag.resolve()
+
+    moves = [timed(lambda xy=xy: follow(xy)) for xy in targets]
+    on_the_way = drag.params
+    release = [timed(lambda: ends.append(drained(drag.release()).params))]
+    times = {"begin": begins, "move": moves, "release": release}
+    return Drag(times=times, on_the_way=on_the_way, released=ends[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Five stages over some frames."""
+
+    state: State
+    seconds: float
+    evaluations: int
+
+
+def solved(solver: Solver, problem: IndependentFrames, state: State, *, final: bool) -> Solution:
+    """The solution of a minimisation, without its progress."""
+    return drained(solver.minimise(problem, state, final=final))
+
+
+def camera_start(stages: Stages) -> State:
+    """What all solvers start from: the camera step, facing the camera, solved by lm."""
+    depth = guess_depth(stages).depth
+    problem = IndependentFrames(stages.camera_objective(depth), stages.all_frames)
+    solver = make_solver("lm", stages.config.settings)
+    return solved(solver, problem, starting_state(stages, depth, 0.0), final=True).state
+
+
+def five_stages(
+    stages: Stages,
+    solver: Solver,
+    state: State,
+    groups: list[Tensor],
+    *,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Outcome:
+    """All stages in a row; frames of one group are solved together. Only the solver's own time counts."""
+    evaluations, seconds = 0, 0.0
+    for frames in groups:
+        for stage in range(1, N_STAGES + 1):
+            problem = IndependentFrames(stage_objective(stages, stage, state), frames)
+            begin = clock()
+            solution = solved(solver, problem, state[frames], final=stage == N_STAGES)
+            seconds += clock() - begin
+            state = state.put(frames, solution.state)
+            evaluations += solution.evaluations
+    return Outcome(state=state, seconds=seconds, evaluations=evaluations)
+
+
+def stage_objective(stages: Stages, stage: int, state: State) -> FrameObjective:
+    """The objective of a stage with everything free that phase 1 frees in it."""
+    free = stages.free(stage, betas=True, resting=True, translation=not stages.config.camera_frozen)
+    return stages.objective(stage, state, free)

@@ -1,9 +1,10 @@
 """`tcfit batch`: fit many clips, and go on where an earlier run of the same list was stopped."""
 
-import os
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -11,19 +12,37 @@ from tqdm import tqdm
 
 from fitting_core.errors import InputError
 from tcfit_app.batch.clip_fit import tidy
-from tcfit_app.batch.local import LocalProcesses
-from tcfit_app.batch.locking import patient_lock
+from tcfit_app.batch.fingerprint import missing_input
+from tcfit_app.batch.local import Crew, Ended, LocalProcesses, News
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
-from tcfit_app.batch.news import Crew, Ended, News
 from tcfit_app.batch.on_ray import RayCluster
 from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
-from tcfit_app.batch.plan import Plan, plan
-from tcfit_app.batch.records import Record, batch_folder, failed_path, write_log, write_record
+from tcfit_app.batch.records import (
+    Record,
+    batch_folder,
+    done_record,
+    failed_path,
+    failed_record,
+    patient_lock,
+    write_log,
+    write_record,
+)
+from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
+from tcfit_app.options.preparing import body_file, check_out, prepare_torch
 from tcfit_app.project.storage.durable import accessing
 
 _PATIENCE = 3.0
 """Seconds to wait for a batch of the same list that was killed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Clips to fit, and how the others went before; by place in the list."""
+
+    tasks: Sequence[ClipTask]
+    to_do: tuple[int, ...]
+    before: dict[int, Record]
 
 
 def run_batch(options: BatchOptions, *, command: str = "") -> int:
@@ -78,12 +97,7 @@ def _told(todo: Plan, ended: dict[int, Record], folder: Path, seconds: float) ->
 def _crew(options: BatchOptions) -> Crew:
     if options.ray is not None:
         return RayCluster(options.ray[0] if options.ray else None, options.jobs)
-    return LocalProcesses(options.jobs or _cores())
-
-
-def _cores() -> int:
-    """That this process may use, where the system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return LocalProcesses(options.jobs or cores())
 
 
 def _run(crew: Crew, todo: Plan, folder: Path, ended: dict[int, Record]) -> None:
@@ -155,3 +169,55 @@ class _Lines:
     def close(self) -> None:
         """The bar goes."""
         self._bar.close()
+
+
+def plan(
+    tasks: Sequence[ClipTask], folder: Path, complaints: Complaints, *, retry: bool = False, here: bool = True
+) -> Plan:
+    """Look at what is there of each clip; what stands in the way of one goes to `complaints`.
+
+    Args:
+        tasks: The list.
+        folder: The batch's.
+        complaints: Takes every error.
+        retry: Fit those again that have failed.
+        here: They are fitted on this computer: its devices count.
+    """
+    _check_bodies(tasks, complaints)
+    complaints.raise_any()  # Without a body nothing can be compared.
+    to_do: list[int] = []
+    before: dict[int, Record] = {}
+    for index, task in enumerate(tasks):
+        record = done_record(task) or (None if retry else failed_record(folder, task))
+        if record:
+            before[index] = record
+            continue
+        to_do.append(index)
+        for column, path in missing_input(task):
+            complaints.add(task.line, f"{path} does not exist.", column)
+        try:
+            check_out(task.out, overwrite=task.fit.overwrite or task.project)
+        except InputError as error:
+            complaints.add(task.line, str(error).removeprefix("--out "), "out")
+    if here:
+        _check_devices([tasks[index] for index in to_do], complaints)
+    return Plan(tasks=tasks, to_do=tuple(to_do), before=before)
+
+
+def _check_bodies(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
+    """Each body model once, in the first line that asks for it."""
+    first = {task.fit.body: task for task in reversed(tasks)}
+    for options, task in first.items():
+        try:
+            body_file(options)
+        except InputError as error:
+            complaints.add(task.line, str(error))
+
+
+def _check_devices(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
+    first = {(task.config.device, task.config.precision): task for task in reversed(tasks)}
+    for task in first.values():
+        try:
+            prepare_torch(task.config, 1)
+        except InputError as error:
+            complaints.add(task.line, str(error))

@@ -15,12 +15,23 @@ from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import locate, read_clip
 from fitting_core.io.summary import versions
-from tcfit_app.bench.figures import FORMAT, Bench, Figure, compared, differences, read_bench, write_bench
+from tcfit_app.bench.figures import (
+    FORMAT,
+    Bench,
+    Figure,
+    compared,
+    comparison_tables,
+    differences,
+    figure_table,
+    growth_table,
+    ratio_table,
+    read_bench,
+    write_bench,
+)
 from tcfit_app.bench.machine import machine
 from tcfit_app.bench.measuring import Setup
-from tcfit_app.bench.tables import comparison_tables, figure_table, growth_table, ratio_table
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Amount, Trial, compared_trials, run_trials
-from tcfit_app.cli.demo_command import demo_clip
+from tcfit_app.cli.demo_command import demo_clip, read_demo
 from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.fit import fit_config
 from tcfit_app.options.preparing import body_file, prepare_torch
@@ -69,9 +80,7 @@ def _amount(options: BenchOptions) -> Amount:
 def _clip(options: BenchOptions) -> Clip:
     """The clip without its video, which no fit looks at."""
     if options.video is None and options.keypoints is None:
-        demo = demo_clip()
-        given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
-        clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
+        clip = read_demo(demo_clip())
     else:
         locate(options.video, options.keypoints)
         details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)

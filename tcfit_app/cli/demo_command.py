@@ -9,6 +9,7 @@ import numpy as np
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
+from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.measure.references.files import read_reference
@@ -39,9 +40,7 @@ def review_demo(options: DemoOptions) -> None:
     if not is_project(folder):
         check_free(folder)
         demo = demo_clip()
-        given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
-        clip = dataclasses.replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
-        with Project.create(folder, clip, copy_media=True) as project:
+        with Project.create(folder, read_demo(demo), copy_media=True) as project:
             project.set_reference(read_reference(demo.truth))
     prepare_torch(config, options.threads)
     with open_project(folder) as project:
@@ -87,6 +86,13 @@ def demo_clip() -> DemoClip:
         raise InputError(
             f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
         ) from error
+
+
+def read_demo(demo: DemoClip) -> Clip:
+    """What is fitted of the demo clip: its simulated keypoints, with its true camera."""
+    camera = demo.camera
+    clip = read_clip(demo.video, demo.keypoints, focal_length=camera.focal[0], center=camera.center)
+    return dataclasses.replace(clip, name="demo")
 
 
 def _announce() -> None:

@@ -2,20 +2,23 @@
 
 import dataclasses
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, TextIO
+
+from tqdm import tqdm
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import PhaseFinished
+from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
-from tcfit_app.cli.progress import Progress
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
@@ -113,3 +116,67 @@ def report(summary: dict[str, Any]) -> list[str]:
 def _tell(lines: Iterable[str]) -> None:
     for line in lines:
         print(line, file=sys.stderr, flush=True)
+
+
+_FORMAT = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}{postfix}"
+_STEPS = 1000
+
+
+class Progress:
+    """A context manager; give it every event.
+
+    Args:
+        stream: Where to write; None: the standard error. It gets bars if it is a terminal.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self.stream = stream or sys.stderr
+        self.bar: tqdm | None = None
+        """That of the phase that runs, on a terminal."""
+        self._start = 0.0
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+    def show(self, event: FitEvent) -> None:
+        """Show an event; those that say nothing new are passed over."""
+        if isinstance(event, PhaseStarted):
+            self._begin(f"Phase {event.phase}: {event.title}")
+        elif isinstance(event, Iteration):
+            self._move(event)
+        elif isinstance(event, PhaseFinished):
+            self._end(event)
+
+    def _begin(self, title: str) -> None:
+        self._start = time.perf_counter()
+        if not self.stream.isatty():
+            print(title, file=self.stream, flush=True)
+            return
+        self.bar = tqdm(
+            total=_STEPS, desc=f"{title:32}", bar_format=_FORMAT, file=self.stream, dynamic_ncols=True, smoothing=0
+        )
+
+    def _move(self, event: Iteration) -> None:
+        if self.bar is None:
+            return
+        # Some parts of a phase run twice: the share may fall back, the bar does not.
+        self.bar.n = max(self.bar.n, min(_STEPS, round(_STEPS * event.share)))
+        self.bar.set_postfix_str(f"{event.label}, cost {event.cost:.4g}", refresh=False)
+        self.bar.update(0)
+
+    def _end(self, event: PhaseFinished) -> None:
+        total = event.result.objective["total"]
+        if self.bar is None:
+            seconds = time.perf_counter() - self._start
+            print(f"  finished in {seconds:.1f} s, cost {total:.4g}", file=self.stream, flush=True)
+            return
+        self.bar.n = _STEPS
+        self.bar.set_postfix_str(f"cost {total:.4g}", refresh=True)
+        self.bar.close()
+        self.bar = None

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Union
 
 import tyro
 from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, subcommand
@@ -58,80 +58,55 @@ class Doctor:
     """Show what works on this computer, and what to install for the rest."""
 
 
-Options = (
-    Annotated[FitOptions, subcommand("fit")]
-    | Annotated[NewOptions, subcommand("new")]
-    | Annotated[ReviewOptions, subcommand("review")]
-    | Annotated[DemoOptions, subcommand("demo")]
-    | Annotated[DetectOptions, subcommand("detect")]
-    | Annotated[ImportOptions, subcommand("import")]
-    | Annotated[ExportOptions, subcommand("export")]
-    | Annotated[EvaluateOptions, subcommand("evaluate")]
-    | Annotated[BatchOptions, subcommand("batch")]
-    | Annotated[BenchOptions, subcommand("bench")]
-    | Annotated[Models, subcommand("models")]
-    | Annotated[Settings, subcommand("settings")]
-    | Annotated[Doctor, subcommand("doctor")]
-)
-
-
-def _fit(options: FitOptions, command: str) -> int:
+def _fit(options: FitOptions, command: str) -> None:
     from tcfit_app.cli.fit_command import run_fit
 
     run_fit(options, command=command)
-    return 0
 
 
-def _new(options: NewOptions, command: str) -> int:
+def _new(options: NewOptions, command: str) -> None:
     from tcfit_app.cli.new_command import make_project
 
     make_project(options)
-    return 0
 
 
-def _review(options: ReviewOptions, command: str) -> int:
+def _review(options: ReviewOptions, command: str) -> None:
     from tcfit_app.cli.review_command import run_review
 
     run_review(options)
-    return 0
 
 
-def _export(options: ExportOptions, command: str) -> int:
+def _export(options: ExportOptions, command: str) -> None:
     from tcfit_app.cli.export_command import run_export
 
     run_export(options)
-    return 0
 
 
-def _import(options: ImportOptions, command: str) -> int:
+def _import(options: ImportOptions, command: str) -> None:
     from tcfit_app.cli.import_command import run_import
 
     run_import(options)
-    return 0
 
 
-def _demo(options: DemoOptions, command: str) -> int:
+def _demo(options: DemoOptions, command: str) -> None:
     from tcfit_app.cli.demo_command import review_demo, run_demo
 
     if options.review:
         review_demo(options)
     else:
         run_demo(options, command=command)
-    return 0
 
 
-def _detect(options: DetectOptions, command: str) -> int:
+def _detect(options: DetectOptions, command: str) -> None:
     from tcfit_app.cli.detect_command import run_detect
 
     run_detect(options)
-    return 0
 
 
-def _evaluate(options: EvaluateOptions, command: str) -> int:
+def _evaluate(options: EvaluateOptions, command: str) -> None:
     from tcfit_app.cli.evaluate_command import run_evaluate
 
     run_evaluate(options, command=command)
-    return 0
 
 
 def _batch(options: BatchOptions, command: str) -> int:
@@ -140,14 +115,13 @@ def _batch(options: BatchOptions, command: str) -> int:
     return run_batch(options, command=command)
 
 
-def _bench(options: BenchOptions, command: str) -> int:
+def _bench(options: BenchOptions, command: str) -> None:
     from tcfit_app.cli.bench_command import run_bench
 
     run_bench(options)
-    return 0
 
 
-def _models(options: Models, command: str) -> int:
+def _models(options: Models, command: str) -> None:
     from tcfit_app.cli.models_command import list_models, register_models
 
     if isinstance(options.action, ListModels):
@@ -156,14 +130,12 @@ def _models(options: Models, command: str) -> int:
         register_models(list(options.action.paths))
     else:
         raise InputError("tcfit models add: no path given; expected model files, folders or downloaded archives.")
-    return 0
 
 
-def _settings(options: Settings, command: str) -> int:
+def _settings(options: Settings, command: str) -> None:
     from fitting_core.config.toml import as_toml
 
     print(as_toml(fit_config(options.method), preset_name=options.method.preset or DEFAULT_PRESET), end="")
-    return 0
 
 
 def _doctor(options: Doctor, command: str) -> int:
@@ -172,22 +144,23 @@ def _doctor(options: Doctor, command: str) -> int:
     return doctor()
 
 
-COMMANDS: dict[type, Callable[[Any, str], int]] = {
-    FitOptions: _fit,
-    NewOptions: _new,
-    ReviewOptions: _review,
-    DemoOptions: _demo,
-    DetectOptions: _detect,
-    ImportOptions: _import,
-    ExportOptions: _export,
-    EvaluateOptions: _evaluate,
-    BatchOptions: _batch,
-    BenchOptions: _bench,
-    Models: _models,
-    Settings: _settings,
-    Doctor: _doctor,
+COMMANDS: dict[str, tuple[type, Callable[[Any, str], int | None]]] = {
+    "fit": (FitOptions, _fit),
+    "new": (NewOptions, _new),
+    "review": (ReviewOptions, _review),
+    "demo": (DemoOptions, _demo),
+    "detect": (DetectOptions, _detect),
+    "import": (ImportOptions, _import),
+    "export": (ExportOptions, _export),
+    "evaluate": (EvaluateOptions, _evaluate),
+    "batch": (BatchOptions, _batch),
+    "bench": (BenchOptions, _bench),
+    "models": (Models, _models),
+    "settings": (Settings, _settings),
+    "doctor": (Doctor, _doctor),
 }
-"""What runs on each type of options; every function imports what it needs, so that --help stays quick."""
+"""Each command's options, and what runs on them and may return an exit code; every function imports what it needs, so
+that --help stays quick."""
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -196,8 +169,9 @@ def parse(arguments: Sequence[str]) -> Any:
     Raises:
         SystemExit: It asks for help, or is wrong; either has been printed.
     """
+    options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
     return tyro.cli(
-        Options,  # pyright: ignore[reportArgumentType]
+        options,
         args=arguments,
         prog="tcfit",
         description="Fit SMPL-X bodies to monocular video, consistently over time.",
@@ -218,7 +192,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         options = parse(given)
-        return COMMANDS[type(options)](options, shlex.join(["tcfit", *given]))
+        run = dict(COMMANDS.values())[type(options)]
+        return run(options, shlex.join(["tcfit", *given])) or 0
     except SystemExit as end:
         return int(end.code or 0)
     except InputError as error:

@@ -1,18 +1,21 @@
 """`tcfit new`: read a clip and make a project of it."""
 
 import sys
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.options.clip_input import clip_of, clip_options, described, notes_of, refusal
-from tcfit_app.options.fit import NewOptions, ReviewOptions
-from tcfit_app.options.reference import ReferenceOptions
-from tcfit_app.project.packed import is_packed, unpack
+from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
+from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project
-from tcfit_app.project.reopening import check_same_clip, check_same_packed
-from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
+from tcfit_app.project.storage.database import NAME, Database, is_project
+from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
 
 SUFFIX = ".tcfit"
@@ -88,3 +91,51 @@ def folder_of(clip: Clip) -> Path:
     """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
     # A name becomes a folder here only: not one part of it may lead elsewhere.
     return Path(name_of_file(clip.name).replace("/", "_").replace("\\", "_") + SUFFIX)
+
+
+def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
+    """Refuse a project that is not of the clip that a command line names.
+
+    Args:
+        folder: The project's.
+        clip: What would be made a project of.
+        given: The options that say which part of the clip, and the camera.
+
+    Raises:
+        InputError: The project is of another video, or has other keypoints; or the options would have made another one.
+    """
+    with closing(Database(folder / NAME, read_only=True)) as store:
+        made, link = read_clip(folder, store)
+    choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
+    if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):
+        raise InputError(f"{folder}: is a project of another clip than {clip.source}. {choice}")
+    if given and _frames_and_camera(made) != _frames_and_camera(clip):
+        raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
+    if not _detected(clip.keypoints) or same_detections(made.keypoints, clip.keypoints):
+        return
+    if not _detected(made.keypoints):
+        raise InputError(
+            f"{folder}: was made of the video alone. Open it (tcfit review {folder}) and import the keypoints in its "
+            "panel Start, or give --out for a new project."
+        )
+    raise InputError(f"{folder}: was made with other keypoints, of another person or other frames. {choice}")
+
+
+def check_same_packed(folder: Path, path: Path) -> None:
+    """Refuse a project that was not unpacked from this file, or from another one of the same project.
+
+    Raises:
+        InputError: It is another project, or one of both cannot be read.
+    """
+    if creation_time(folder) != packed_creation_time(path):
+        raise InputError(f"{folder}: is another project than the one in {path}. Give --out for a new one.")
+
+
+def _frames_and_camera(clip: Clip) -> tuple[object, ...]:
+    """Without the words that say where the focal length comes from."""
+    camera = clip.camera
+    return clip.first_frame, len(clip), clip.frame_rate, camera.focal, camera.center, camera.size
+
+
+def _detected(keypoints: Keypoints) -> bool:
+    return bool(keypoints.confidence.any())

@@ -3,25 +3,26 @@
 torch and what needs it are imported late: they take two seconds, in which the browser loads its page.
 """
 
+import gc
 import logging
-from contextlib import AbstractContextManager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, closing
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
-from tcfit_app.options.fit import ReviewOptions, ServerOptions
-from tcfit_app.options.reference import ReferenceOptions
-from tcfit_app.project.storage.database import is_project
+from tcfit_app.options.fit import ReferenceOptions, ReviewOptions, ServerOptions
+from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
-from tcfit_app.review.browser.web_files import web_files
-from tcfit_app.review.startup import body_ahead, load_app
+from tcfit_app.project.storage.runs import newest_body
+from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
-    from fitting_core.body.model import BodyModel
     from tcfit_app.project.project import Project
 
 
@@ -75,14 +76,14 @@ def _review(
     *,
     models: Path | None,
     fit: FitConfig | None,
-    body: "Future[BodyModel | None] | None" = None,
+    body: Future[BodyModel | None] | None = None,
 ) -> None:
     load_app()
     import torch
 
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
-    from tcfit_app.review.session import Session
+    from tcfit_app.review.session.session import Session
 
     torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
     _log_warnings()
@@ -140,3 +141,42 @@ def open_project(folder: Path, *, read_only: bool = False) -> "Project":
     except ProjectLocked as error:
         tell(f"{error} It opens read-only here: nothing can be changed.")
         return Project.open(folder, read_only=True)
+
+
+# --- what a review needs first, read while torch is being loaded, which keeps one core busy for two seconds ---
+
+
+def body_ahead(project: Path) -> Future[BodyModel | None]:
+    """The body of a project's newest run, read by a thread; None if there is none, or if it cannot be read.
+
+    Whoever needs it then reads it again, and is told why that fails.
+    """
+    pool = ThreadPoolExecutor(1, "tcfit reads ahead")
+    try:
+        return pool.submit(_newest_body, project)
+    finally:
+        pool.shutdown(wait=False)
+
+
+def load_app() -> None:
+    """Import all that serves a project.
+
+    No garbage is looked for meanwhile, and what there is now is left out of it for good: 220,000 objects, torch's most
+    of all, which stay (0.3 s of a start, and 0.17 s of each full collection, for which a frame would wait).
+    """
+    gc.disable()
+    try:
+        for name in ("torch", "tcfit_app.project.project", "tcfit_app.review.app"):
+            import_module(name)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def _newest_body(project: Path) -> BodyModel | None:
+    try:
+        with closing(Database(project / NAME, read_only=True)) as database:
+            source = newest_body(database)
+        return load_body(Path(source)) if source else None
+    except InputError:
+        return None

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting_core.config.schema import FitConfig
-from fitting_core.io.result_files import SUMMARY_NAME
 from fitting_core.measure.records import Record, pooled
 from fitting_core.measure.report.ablations import Ablation, Trial
-from tcfit_app.evaluation.suite_runs import SuiteTask, phase_seconds, run_tasks
+from tcfit_app.evaluation.suite_runs import SuiteTask, fit_seconds, run_tasks
 
 _STRATEGIES = ("random", "confident", "coverage")
 _ERRORS = {"Vertex-to-surface error, cm": "vertex_to_surface", "Volume error, dm³": "volume_error"}
@@ -146,7 +145,7 @@ def _ablation(
         last = [records[task.folder][-1] for task in group]
         errors = {title: pooled(last, curve) for title, curve in _ERRORS.items()}
         errors["Acceleration error, m/s²"] = pooled(last, "acceleration_error")
-        spent = sum(phase_seconds(task.folder / SUMMARY_NAME, variation.phase) for task in group)
+        spent = sum(fit_seconds(task.folder)[f"phase{variation.phase}"] for task in group)
         errors[f"Phase {variation.phase}, CPU s a frame"] = spent / sum(record.frames for record in last)
         trials.append(Trial(label=label, place=place, variant=variant, errors=errors))
     names = ", ".join(dict.fromkeys(task.sequence for group in tasks.values() for task in group))

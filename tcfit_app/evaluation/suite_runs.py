@@ -21,10 +21,10 @@ from fitting_core.config.schema import PRESETS, FitConfig, without_collisions
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.fit.events import PhaseStarted
-from fitting_core.fit.fitting import evaluated, fit_clip
+from fitting_core.fit.events import FitEvent, PhaseStarted, drained, mapped
+from fitting_core.fit.fitting import evaluated, fit_clip, shape_events
 from fitting_core.fit.result import FitResult
-from fitting_core.io.result_files import SUMMARY_NAME, StoredFit, read_fit, write_result
+from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import Estimate
@@ -32,7 +32,6 @@ from fitting_core.measure.records import BASELINE, PHASE_1, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
-from tcfit_app.fitting.jobs import FitShape
 
 MEASURES = 1
 """Changes whenever figures are taken in another way: then stored fits are measured again."""
@@ -171,11 +170,6 @@ def truth_reference(made: SuiteClip) -> Reference:
     return reference_of(made.sequence.name, "truth of the suite", made.body, params, frame_rate=rate, in_camera=True)
 
 
-def stored_fit(task: SuiteTask) -> StoredFit:
-    """The fit that a task has left behind."""
-    return read_fit(task.folder)
-
-
 def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
     """What phase 1 and the final result of a task are called; None: there is only phase 1."""
     if last_phase == 1:
@@ -197,24 +191,22 @@ def _later_phases(task: SuiteTask, made: SuiteClip, body: BodyModel, start: Path
     stored, clip = read_fit(start), made.clip
     first = evaluated(clip, body, task.config, stored.phase1, phase=1)
     begun = FitResult(phases=(first,), camera=clip.camera, config=task.config, observed=stored.observed)
-    events, marks = FitShape(clip=clip, body=body, config=task.config, start=begun).run(), dict[int, float]()
-    while True:
-        try:
-            event = next(events)
-        except StopIteration as stop:
-            found: FitResult = stop.value
-            break
+    marks = dict[int, float]()
+
+    def mark(event: FitEvent) -> None:
         if isinstance(event, PhaseStarted):
             marks[event.phase] = time.process_time()
-        last = time.process_time()
+
+    found = drained(mapped(shape_events(clip, body, task.config, begun), mark))
+    last = time.process_time()
     ends = {2: marks.get(3, last), 3: last}
     timed = (p if p.phase == 1 else replace(p, seconds=ends[p.phase] - marks[p.phase]) for p in found.phases)
     return replace(found, phases=tuple(timed))
 
 
 def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record, ...]:
-    found, reference = stored_fit(task), truth_reference(made)
-    seconds = _seconds(task.folder)
+    found, reference = read_fit(task.folder), truth_reference(made)
+    seconds = fit_seconds(task.folder)
     first, final = method_names(task, found.last_phase)
     phases = [(first, found.phase1, seconds["phase1"], task.surfaces_of_phase1 or final is None)]
     if final is not None:
@@ -242,12 +234,8 @@ def _compared(
     return compare(estimate, reference, truth_body=made.body, meshes=surfaces, every=task.every)
 
 
-def phase_seconds(summary: Path, phase: int) -> float:
-    """What one phase took, by a fit's summary.json."""
-    return msgspec.json.decode(summary.read_bytes())["seconds"][f"phase{phase}"]
-
-
-def _seconds(folder: Path) -> dict[str, float]:
+def fit_seconds(folder: Path) -> dict[str, float]:
+    """What each phase of a fit took, and all together, by its summary."""
     return msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["seconds"]
 
 

@@ -1,6 +1,7 @@
-"""Figures of exported fits: by frame as table or JSON, and the summary."""
+"""Figures of exported fits: by frame as table or JSON, the summary, and the report."""
 
 import csv
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,13 @@ import numpy as np
 from fitting_core.clip import Clip
 from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.io.summary import summary
+from fitting_core.measure.report.page import report_page
 from tcfit_app.analysis.curves import CURVES
+from tcfit_app.evaluation.evaluated_fits import of_run
+from tcfit_app.evaluation.evaluating import drawable, evaluated
+from tcfit_app.evaluation.worst_frames import worst_frames
 from tcfit_app.exports.source import ExportSource
+from tcfit_app.project.storage.reference import stored_reference
 
 
 def write_figures_csv(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -71,3 +77,28 @@ def clip_stated(clip: Clip) -> dict[str, Any]:
         "intrinsics": msgspec.to_builtins(clip.camera),
         "generator": "tcfit",
     }
+
+
+SURFACES = 60
+"""At most so many frames of a run have their surfaces measured, which takes 0.2 to 0.4 s for each."""
+PICTURES = 12
+
+
+def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
+    """A page that needs no network; see `tcfit evaluate`, which can measure every frame."""
+    run, clip = source.fit, source.clip
+    reference = stored_reference(source.folder)
+    fit = of_run(run.fit, clip, run.body, name=run.shown.run.name, folder=source.folder, reference=reference)
+    every = math.ceil(len(clip) / SURFACES)
+    expected, measured = len(fit.phases) * math.ceil(len(clip) / every), 0
+
+    def done(count: int) -> None:
+        nonlocal measured
+        measured += count
+        progress(0.9 * min(1.0, measured / expected))
+
+    evaluation = evaluated(fit, reference, every=every, done=done)
+    drawn = drawable(fit, reference, None)
+    worst = worst_frames(evaluation.records, lambda sequence: drawn, count=PICTURES)
+    path.write_text(report_page(evaluation, worst=worst, ablations=()), encoding="utf-8")
+    progress(1.0)

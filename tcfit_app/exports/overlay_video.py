@@ -36,21 +36,12 @@ def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
     if len(fit.phases) > 1:
         shown.append((f"phase {fit.last.phase}: final", fit.last.params))
     panels = [Panel(label=label, vertices=_vertices(mesh, params)) for label, params in shown]
-    with _frames(clip) as frames, tqdm(total=len(clip), desc="Overlay", unit="frame", disable=None) as bar:
+    with tqdm(total=len(clip), desc="Overlay", unit="frame", disable=None) as bar:
 
         def advance(done: int) -> None:
             bar.update(done - bar.n)
 
-        write_overlay(
-            path,
-            frames,
-            panels,
-            faces=body.faces,
-            camera=fit.camera,
-            frame_rate=clip.frame_rate,
-            keypoints=clip.keypoints,
-            progress=advance,
-        )
+        _write(path, clip, panels, body, fit.camera, advance)
 
 
 def write_side_by_side(
@@ -80,13 +71,19 @@ def write_side_by_side(
         Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(shared_mesh(body), params)), color=color)
         for (label, params, body, camera), color in zip(fits, _SIDE_BY_SIDE, strict=False)
     ]
+    _write(path, clip, panels, bodies[0], clip.camera, progress)
+
+
+def _write(
+    path: Path, clip: Clip, panels: list[Panel], body: BodyModel, camera: Camera, progress: Callable[[int], None]
+) -> None:
     with _frames(clip) as frames:
         write_overlay(
             path,
             frames,
             panels,
-            faces=bodies[0].faces,
-            camera=clip.camera,
+            faces=body.faces,
+            camera=camera,
             frame_rate=clip.frame_rate,
             keypoints=clip.keypoints,
             progress=progress,

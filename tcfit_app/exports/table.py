@@ -17,9 +17,15 @@ from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_ob
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.video.frames import image_files
-from tcfit_app.exports.figures import as_json, clip_stated, write_figures_csv, write_figures_json, write_summary
+from tcfit_app.exports.figures import (
+    as_json,
+    clip_stated,
+    write_figures_csv,
+    write_figures_json,
+    write_report,
+    write_summary,
+)
 from tcfit_app.exports.overlay_video import write_side_by_side
-from tcfit_app.exports.report import write_report
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.packed import pack
 

@@ -20,9 +20,8 @@ from fitting_core.fit.events import PhaseFinished, WindowFinished
 from fitting_core.fit.fitting import Refit, patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.fitting.jobs import Job, with_phases
+from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob, with_phases
 from tcfit_app.fitting.live import Correction
-from tcfit_app.fitting.run_jobs import CorrectionJob, RunJob
 from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Ended, Run, newest
@@ -76,14 +75,6 @@ class _Version:
     revision: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Late:
-    """Edited frames whose fit was overtaken by further edits."""
-
-    run: Run
-    frames: frozenset[int]
-
-
 class Fits:
     """Results by run. Thread-safe; the worker's sink.
 
@@ -102,8 +93,8 @@ class Fits:
         self._runs: tuple[Run, ...] | None = None
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that the disk had no room for."""
-        self.late: SimpleQueue[Late] = SimpleQueue()
-        """What came too late to be kept, and is to be followed again."""
+        self.overtaken: SimpleQueue[tuple[Run, set[int]]] = SimpleQueue()
+        """Edited frames of a run whose fit was overtaken by further edits: they are to be followed again."""
         self.changes = 0
         """Another number whenever a run appeared, changed or went."""
 
@@ -272,7 +263,7 @@ class Fits:
         for number, found in list(self._unwritten.items()):
             if self.run(number) is not None:  # it may have been deleted meanwhile
                 try:
-                    written.append(self._project.runs.finish_late(number, found))
+                    written.append(self._project.runs.finish(number, found, state="failed"))
                 except InputError:
                     break
                 self._publish(number, found)
@@ -298,10 +289,11 @@ class Fits:
     def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
         """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
         log, inner = self._project.log, job.job
+        assert inner is not None, "it has run"
         later = {f for number, frames in frames_of(log).items() if number > job.edits_seen for f in frames}
         windows = tuple(window for window in inner.windows if later.isdisjoint(window))
         if late := {f for window in inner.windows if window not in windows for f in job.frames.intersection(window)}:
-            self.late.put(Late(run=self._project.runs.get(job.origin), frames=frozenset(late)))
+            self.overtaken.put((self._project.runs.get(job.origin), late))
         if windows:
             seen = {entry.id for entry in log if entry.id <= job.edits_seen}
             provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))

@@ -14,14 +14,12 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
-from tcfit_app.fitting.jobs import RerunFrames
+from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
 from tcfit_app.fitting.live import REACH, Correction
-from tcfit_app.fitting.notices import Notice
-from tcfit_app.fitting.outbox import DragAbandoned, DragFailed, DragFinished, DragMoved
-from tcfit_app.fitting.run_jobs import CorrectionJob
+from tcfit_app.fitting.outbox import DragEnded, DragMoved, Notice
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
-from tcfit_app.project.edits.edit_windows import around
+from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Run
 
@@ -100,14 +98,13 @@ class Following:
         except InputError:
             return None  # the picture says so
 
-        def renewed() -> Correction:
+        def of(camera: Camera, params: BodyParams) -> Correction:
             seen = self._project.last_edit
-            start = self._fits.fit(self._fits.corrections_of(shown.run.id))
             return Correction(
-                clip=self._clip(start.camera),
+                clip=self._clip(camera),
                 body=body,
                 config=shown.run.config,
-                params=start.last.params,
+                params=params,
                 frame=frame,
                 keypoints=joints,
                 origin=shown.run.id,
@@ -115,7 +112,12 @@ class Following:
                 renewed=renewed,
             )
 
-        drag = self._worker.drag(renewed(), xy)
+        def renewed() -> Correction:
+            start = self._fits.fit(self._fits.corrections_of(shown.run.id))
+            return of(start.camera, start.last.params)
+
+        # The worker renews it before it begins: corrections that are not in memory are read on its thread.
+        drag = self._worker.drag(of(shown.camera, shown.params), xy)
         self._drags[drag.number] = (drag, shown.run)
         return drag
 
@@ -127,11 +129,11 @@ class Following:
                 run=run.id, frames=moved.frames, params=moved.params, revision=next(self._revisions)
             )
 
-    def take_end(self, report: DragFinished | DragAbandoned | DragFailed) -> None:
+    def take_end(self, report: DragEnded) -> None:
         """A drag has ended; one that failed is followed as other edits are, now or once it is released."""
         drag, run = self._drags.pop(report.drag, (None, None))
         self._windows_of.pop(report.drag, None)
-        if drag is None or run is None or not isinstance(report, DragFailed):
+        if drag is None or run is None or report.how != "failed":
             return
         drag.failed = True
         if drag.released and self.after_edits:
@@ -197,8 +199,8 @@ class Following:
             clip = self._clip(start.camera)
             return RerunFrames(clip=clip, body=body, config=config, start=start, windows=windows), seen
 
-        job, seen = renewed()
-        return CorrectionJob(origin=run.id, frames=frames, job=job, edits_seen=seen, renewed=renewed)
+        where = in_words(sorted(frame for window in windows for frame in window), self._project.clip.first_frame)
+        return CorrectionJob(origin=run.id, frames=frames, title=f"Follow edits: re-run {where}", renewed=renewed)
 
     def _clip(self, camera: Camera) -> Clip:
         return replace(self._project.clip, camera=camera)

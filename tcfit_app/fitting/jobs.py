@@ -1,7 +1,7 @@
-"""What the worker can be told to do, each as a generator of the fitter's events."""
+"""What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -140,3 +140,65 @@ def _as_part(events: Generator[FitEvent, None, Refit], part: int, parts: int) ->
         return replace(event, share=(part + event.share) / parts) if isinstance(event, Iteration) else event
 
     return (yield from mapped(events, of_part))
+
+
+@dataclass(kw_only=True)
+class RunJob:
+    """A job that makes a run."""
+
+    run_id: int
+    job: Job
+    start: Callable[[], FitResult] | None = None
+    """The fit that frames are fitted again in, where it is still to come: asked for when the job begins."""
+
+    @property
+    def title(self) -> str:
+        """As the job's."""
+        return self.job.title
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """As the job's."""
+        return self.job.phases
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """As the job's. Raises InputError if the fit to start from never came."""
+        if self.start is not None:
+            assert isinstance(self.job, RerunFrames)
+            self.job = replace(self.job, start=self.start())
+        return self.job.run()
+
+
+@dataclass(kw_only=True)
+class CorrectionJob:
+    """A re-run around some edits, whose windows go into the run's corrections."""
+
+    origin: int
+    frames: frozenset[int]
+    """That were edited."""
+    title: str
+    """For the user."""
+    renewed: Callable[[], tuple[RerunFrames, int]]
+    """The re-run, and the id of the last log entry that its keypoints hold, as of now: drags go first, and have changed
+    both by the time that the job begins. Reads the disk, which is for the worker's thread."""
+    job: RerunFrames | None = None
+    """None until it begins."""
+    edits_seen: int = 0
+    phases: tuple[int, ...] = (3,)
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        """The re-run, from what there is now."""
+        self.job, self.edits_seen = self.renewed()
+        return self.job.run()
+
+
+def around(frames: Iterable[int], reach: int, length: int) -> tuple[range, ...]:
+    """Frames with their neighbours, as ranges that do not touch."""
+    merged: list[range] = []
+    for frame in sorted(frames):
+        window = range(max(0, frame - reach), min(length, frame + reach + 1))
+        if merged and window.start <= merged[-1].stop:
+            merged[-1] = range(merged[-1].start, window.stop)
+        else:
+            merged.append(window)
+    return tuple(merged)

@@ -3,10 +3,19 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.events import FitEvent
-from fitting_core.fit.result import FitResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notice:
+    """Something that every browser is told once."""
+
+    title: str
+    text: str
+    kind: Literal["info", "done", "error"] = "info"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +44,6 @@ class JobStarted:
     """A job left the queue."""
 
     job: int
-    title: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,27 +55,16 @@ class JobReported:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JobFinished:
-    """A job has its outcome, and the sink has kept it."""
+class JobEnded:
+    """A job has its outcome, which the sink has kept; or was cancelled, queued or between two iterations; or failed.
+
+    Phases that it had finished stay valid.
+    """
 
     job: int
-    outcome: FitResult
-
-
-@dataclass(frozen=True, kw_only=True)
-class JobCancelled:
-    """A job was cancelled, in the queue or between two iterations; phases that it had finished stay valid."""
-
-    job: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class JobFailed:
-    """A job could not go on; phases that it had finished stay valid."""
-
-    job: int
-    reason: str
-    """For the user; the traceback is in the log."""
+    how: Literal["finished", "cancelled", "failed"]
+    reason: str = ""
+    """Why it failed, for the user; the traceback is in the log."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,32 +78,17 @@ class DragMoved:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DragFinished:
-    """A correction was released, its window is converged, and the sink has kept it."""
+class DragEnded:
+    """A correction was released, its window is converged, and the sink has kept it; or it ended without a result; or it
+    could not be followed."""
 
     drag: int
-    frames: range
-    params: BodyParams
-    """All frames of the clip."""
+    how: Literal["finished", "abandoned", "failed"]
+    reason: str = ""
+    """As of JobEnded."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DragAbandoned:
-    """A correction ended without a result."""
-
-    drag: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class DragFailed:
-    """A correction could not be followed."""
-
-    drag: int
-    reason: str
-    """For the user; the traceback is in the log."""
-
-
-Report = JobStarted | JobReported | JobFinished | JobCancelled | JobFailed | DragFinished | DragAbandoned | DragFailed
+Report = JobStarted | JobReported | JobEnded | DragEnded
 """What must not be lost."""
 
 
@@ -145,9 +127,9 @@ class Outbox:
     def tell(self, report: Report) -> None:
         """After all that was told before; what a job or drag that ends had shown is out of date."""
         with self._lock:
-            if isinstance(report, JobFinished | JobCancelled | JobFailed):
+            if isinstance(report, JobEnded):
                 self._progress = None
-            if isinstance(report, DragFinished | DragAbandoned | DragFailed):
+            if isinstance(report, DragEnded):
                 self._moved.pop(report.drag, None)
             self._reports.append(report)
         self.arrived()

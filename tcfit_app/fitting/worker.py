@@ -17,21 +17,10 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, WindowFinished
 from fitting_core.fit.fitting import Refit
 from fitting_core.fit.result import FitResult
-from tcfit_app.fitting.job_clock import JobClock
+from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection
-from tcfit_app.fitting.outbox import (
-    DragAbandoned,
-    DragFailed,
-    DragFinished,
-    DragMoved,
-    JobCancelled,
-    JobFailed,
-    JobFinished,
-    JobReported,
-    JobStarted,
-    Outbox,
-)
+from tcfit_app.fitting.outbox import DragEnded, DragMoved, JobEnded, JobReported, JobStarted, Outbox
 
 LINGER = 2.0
 """Seconds for which a job waits for a pointer that rests, before it goes on under the drag."""
@@ -108,7 +97,7 @@ class Worker:
         self._queue: deque[tuple[int, Job]] = deque()
         self._drags: deque[Drag] = deque()
         self._running: int | None = None
-        self._cancelled = self._paused = self._closing = False
+        self._cancelled = self._closing = False
         self._thread = threading.Thread(target=self._serve, name="tcfit fits", daemon=True)
         self._thread.start()
 
@@ -128,18 +117,7 @@ class Worker:
             dropped = [number for number, _ in self._queue if job in (None, number)]
             self._queue = deque(entry for entry in self._queue if entry[0] not in dropped)
             for number in dropped:
-                self.outbox.tell(JobCancelled(job=number))
-            self._changed.notify_all()
-
-    def pause(self) -> None:
-        """Holds jobs, the running one after its iteration; drags are followed all the same."""
-        with self._changed:
-            self._paused = True
-
-    def resume(self) -> None:
-        """Goes on after `pause`."""
-        with self._changed:
-            self._paused = False
+                self.outbox.tell(JobEnded(job=number, how="cancelled"))
             self._changed.notify_all()
 
     def drag(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> Drag:
@@ -168,9 +146,9 @@ class Worker:
         torch.set_num_threads(1)  # a second thread hardly helps a fit, and the draw loop needs it
         while not self._closing:
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._waiting_drag() or self._job_may_run())
+                self._changed.wait_for(lambda: self._closing or self._waiting_drag() or self._queue)
                 drag = self._waiting_drag()
-                entry = self._queue.popleft() if drag is None and self._job_may_run() else None
+                entry = self._queue.popleft() if drag is None and self._queue and not self._closing else None
                 if entry is not None:
                     self._running, self._cancelled = entry[0], False
             if drag is not None:
@@ -178,31 +156,28 @@ class Worker:
             elif entry is not None:
                 self._run(*entry)
         for drag in self._drags:
-            self.outbox.tell(DragAbandoned(drag=drag.number))
-
-    def _job_may_run(self) -> bool:
-        return bool(self._queue) and not self._paused and not self._closing
+            self.outbox.tell(DragEnded(drag=drag.number, how="abandoned"))
 
     def _waiting_drag(self) -> Drag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
         """A job from its start to its end."""
-        self.outbox.tell(JobStarted(job=number, title=job.title))
+        self.outbox.tell(JobStarted(job=number))
         try:
             ended = self._outcome(number, job)
         except InputError as error:
-            ended = JobFailed(job=number, reason=_reason(error))
+            ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.warning("%s failed: %s", job.title, error)
         except Exception as error:  # whatever it was: the user is told, and the worker stays
-            ended = JobFailed(job=number, reason=_reason(error))
+            ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.exception("Job %d (%s) failed", number, job.title)
         with self._changed:
             self._running = None
         self.outbox.tell(ended)
         give_back()
 
-    def _outcome(self, number: int, job: Job) -> JobFinished | JobCancelled:
+    def _outcome(self, number: int, job: Job) -> JobEnded:
         clock = JobClock(number, job)
         with closing(job.run()) as events:
             while self._may_go_on():
@@ -214,18 +189,15 @@ class Worker:
                     break
                 self._pass_on(number, job, event, clock)
             else:
-                return JobCancelled(job=number)
+                return JobEnded(job=number, how="cancelled")
         # Not within the handler: if it failed, the log would show the whole result as the cause.
         self._sink.keep(job, outcome)
-        return JobFinished(job=number, outcome=outcome)
+        return JobEnded(job=number, how="finished")
 
     def _may_go_on(self) -> bool:
-        """Between two iterations: follows drags and waits out pauses; False if the job was cancelled."""
+        """Between two iterations: follows drags; False if the job was cancelled."""
         while True:
             with self._changed:
-                self._changed.wait_for(
-                    lambda: self._closing or self._cancelled or not self._paused or self._waiting_drag()
-                )
                 drag = self._waiting_drag()
                 if self._closing or self._cancelled or drag is None:
                     return not (self._closing or self._cancelled)
@@ -246,14 +218,14 @@ class Worker:
         try:
             ended = self._followed(drag)
         except Exception as error:  # whatever it was: the user is told, and a job under way goes on
-            ended = DragFailed(drag=drag.number, reason=_reason(error))
+            ended = DragEnded(drag=drag.number, how="failed", reason=_reason(error))
             _log.exception("Following drag %d failed", drag.number)
         if ended is not None:
             with self._changed:
                 self._drags.remove(drag)
             self.outbox.tell(ended)
 
-    def _followed(self, drag: Drag) -> DragFinished | DragAbandoned | None:
+    def _followed(self, drag: Drag) -> DragEnded | None:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closing or drag.wants, LINGER)
@@ -261,7 +233,7 @@ class Worker:
                     return None
                 xy = drag.taken()
             if self._closing or drag.abandoned:
-                return DragAbandoned(drag=drag.number)
+                return DragEnded(drag=drag.number, how="abandoned")
             live = self._aimed(drag, xy)
             if drag.released:
                 return self._released(drag, live)
@@ -277,7 +249,7 @@ class Worker:
             drag.live.move(xy)
         return drag.live
 
-    def _released(self, drag: Drag, live: LiveCorrection) -> DragFinished | DragAbandoned:
+    def _released(self, drag: Drag, live: LiveCorrection) -> DragEnded:
         """The window converged, unless the drag is abandoned meanwhile."""
         with closing(live.release()) as events:
             while not (self._closing or drag.abandoned):
@@ -286,8 +258,8 @@ class Worker:
                 except StopIteration as stop:
                     refit: Refit = stop.value
                     self._sink.keep_correction(live.correction, live.xy, refit)
-                    return DragFinished(drag=drag.number, frames=drag.correction.frames, params=refit.params)
-        return DragAbandoned(drag=drag.number)
+                    return DragEnded(drag=drag.number, how="finished")
+        return DragEnded(drag=drag.number, how="abandoned")
 
 
 def _reason(error: Exception) -> str:

@@ -30,6 +30,11 @@ from tcfit_app.project.storage.runs import BodyRecord, Run
 
 if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
+import io
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 PHASE = 1
 """Under which phase a result stands: nothing follows its corrections, and nothing is fitted on from it."""
@@ -219,3 +224,45 @@ def _scaled(motion: ImportedMotion, camera: Camera, size: tuple[int, int]) -> Ca
         center=(camera.center[0] * x, camera.center[1] * y),
         size=size,
     )
+
+
+_STARTS: dict[bytes, str] = {b"PK\x03\x04": ".zip", b"\x1f\x8b": ".tar.gz", b"\x80": ".pkl"}
+"""By a file's first bytes: what it is called here. The name that it came with never becomes part of a path."""
+
+
+@contextmanager
+def upload(name: str, content: bytes) -> Iterator[Path]:
+    """An uploaded file on the disk, as long as the block lasts; errors about it have the name that the user knows.
+
+    Raises:
+        InputError: It is nothing that is read from uploads.
+    """
+    shown = name_of_file(name)
+    suffix = next((suffix for start, suffix in _STARTS.items() if content.startswith(start)), None)
+    if suffix is None:
+        found = "is empty" if not content else "is no result"
+        raise InputError(f"{shown}: {found}; expected an npz, a zip of SMPLify-X's results, or one of their pickles.")
+    if suffix == ".zip" and _has_arrays(content):
+        suffix = ".npz"
+    with kept_as(f"upload{suffix}", content, shown) as path:
+        yield path
+
+
+@contextmanager
+def kept_as(name: str, content: bytes, shown: str) -> Iterator[Path]:
+    """A file of this name and content, as long as the block lasts; errors call it what the user does."""
+    with tempfile.TemporaryDirectory(prefix="tcfit-upload-") as folder:
+        path = Path(folder) / name
+        path.write_bytes(content)
+        try:
+            yield path
+        except InputError as error:
+            raise InputError(str(error).replace(str(path), shown).replace(path.name, shown)) from error
+
+
+def _has_arrays(content: bytes) -> bool:
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            return any(member.endswith(".npy") for member in archive.namelist())
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return False

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions
+from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,12 +24,9 @@ class BatchOptions:
 
     manifest: Annotated[Positional[Path], arg(metavar="CLIPS.csv")]
     """The list of clips. State, log and summary go into a folder beside it: CLIPS.batch."""
-    jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one for each core)")] = None
+    jobs: Annotated[int | None, shown("N", "one for each core")] = None
     """Clips that are fitted at the same time, each in a process with one thread."""
-    ray: Annotated[
-        tuple[str] | tuple[()] | None,
-        arg(metavar="[ADDRESS]", help_behavior_hint="(default: this computer's processes)"),
-    ] = None
+    ray: Annotated[tuple[str] | tuple[()] | None, shown("[ADDRESS]", "this computer's processes")] = None
     """Fit on a running Ray cluster whose nodes see the same files: its address, or nothing for the one that Ray finds;
     "local" starts one here. Needs tcfit[ray]."""
     retry: bool = False

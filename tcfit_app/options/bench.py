@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import Positional, UseAppendAction, arg
+from tyro.conf import Positional, UseAppendAction
 
-from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions
+from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions, shown
 
 Part = Literal["fit", "solver", "window", "live"]
 Clock = Literal["wall", "cpu"]
@@ -21,28 +21,24 @@ class BenchOptions:
     takes turns, so that what slows the computer down for a while hits all of it. Of all figures less is better.
     """
 
-    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(default: the demo)")] = None
+    video: Annotated[Positional[Path | None], shown("VIDEO", "the demo")] = None
     """A clip as for `tcfit fit`; only its keypoints are fitted."""
-    keypoints: Annotated[Path | None, arg(metavar="PATH", help_behavior_hint="(default: the demo's)")] = None
+    keypoints: Annotated[Path | None, shown("PATH", "the demo's")] = None
     """Its keypoints."""
     quick: bool = False
     """Less of everything, without L-BFGS: a look, not a figure to keep."""
     parts: tuple[Part, ...] = ("fit", "solver", "window", "live")
     """What to measure."""
-    compare: Annotated[
-        UseAppendAction[tuple[str, ...]], arg(metavar="KEY=A,B", help_behavior_hint="(default: measure the parts)")
-    ] = ()
+    compare: Annotated[UseAppendAction[tuple[str, ...]], shown("KEY=A,B", "measure the parts")] = ()
     """Instead of the parts, fit the clip with each of these values, in turns: solver=lm,lbfgs, window=7,global,
     threads=1,2, preset=paper,tcfit, or any setting of `tcfit settings`. Given twice: every combination."""
-    against: Annotated[Path | None, arg(metavar="FILE.json", help_behavior_hint="(default: nothing)")] = None
+    against: Annotated[Path | None, shown("FILE.json", "nothing")] = None
     """Also say how the figures compare with those of an earlier run."""
-    json: Annotated[Path | None, arg(metavar="FILE.json", help_behavior_hint="(default: not written)")] = None
+    json: Annotated[Path | None, shown("FILE.json", "not written")] = None
     """Write machine, versions, options and every figure."""
-    lengths: Annotated[
-        tuple[int, ...] | None, arg(metavar="N [N ...]", help_behavior_hint="(default: 16 32 64; quick: 6 12)")
-    ] = None
+    lengths: Annotated[tuple[int, ...] | None, shown("N [N ...]", "16 32 64; quick: 6 12")] = None
     """Frames: the clip's first ones, as many as the shortest length has, played forwards and backwards."""
-    repeats: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: 3; quick: 2)")] = None
+    repeats: Annotated[int | None, shown("N", "3; quick: 2")] = None
     """Times that everything is measured; the median is shown, and the range."""
     clock: Clock = "wall"
     """The wall's clock, or the time of the processor, which other programs disturb less."""

@@ -2,14 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-
-def _shown(metavar: str, default: str) -> Any:
-    """How an option that can be left out shows in the help."""
-    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+from tcfit_app.options.fit import shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,15 +20,15 @@ class DetectOptions:
 
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file or a folder of images."""
-    model: Annotated[str | None, _shown("POSE.onnx|NAME", "none; needed")] = None
+    model: Annotated[str | None, shown("POSE.onnx|NAME", "none; needed")] = None
     """Whole-body model, 133 points."""
-    boxes: Annotated[str | None, _shown("BOX.onnx|NAME", "none: the person is followed from frame to frame")] = None
+    boxes: Annotated[str | None, shown("BOX.onnx|NAME", "none: the person is followed from frame to frame")] = None
     """Model that finds people: RTMDet or YOLOX. Without it, the person should fill much of the first frame."""
-    out: Annotated[Path | None, _shown("DIR", "the video's name with _keypoints, in this folder")] = None
+    out: Annotated[Path | None, shown("DIR", "the video's name with _keypoints, in this folder")] = None
     """Folder for the JSON files. Those of the same video are replaced."""
-    first_frame: Annotated[int | None, _shown("N", "the first")] = None
+    first_frame: Annotated[int | None, shown("N", "the first")] = None
     """Number of the first frame, from 0."""
-    last_frame: Annotated[int | None, _shown("N", "the last")] = None
+    last_frame: Annotated[int | None, shown("N", "the last")] = None
     """Number of the last frame."""
     person: int = 0
     """With --boxes: 0 follows the most prominent person, 1 the next."""
@@ -39,7 +36,7 @@ class DetectOptions:
     """Where the models run; cuda needs onnxruntime-gpu."""
     batch: int = 8
     """Frames that go through a model at once. The result does not depend on it."""
-    threads: Annotated[int, _shown("N", "one for each core")] = 0
+    threads: Annotated[int, shown("N", "one for each core")] = 0
     """On the CPU."""
     restart: bool = False
     """Do not go on with what an earlier run has left, but start anew."""

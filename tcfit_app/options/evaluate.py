@@ -6,6 +6,8 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from tcfit_app.options.fit import shown
+
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateOptions:
@@ -16,17 +18,13 @@ class EvaluateOptions:
 
     fit: Annotated[Positional[Path | None], arg(metavar="FIT", help_behavior_hint="(or --suite)")] = None
     """A project, or the folder of a result."""
-    reference: Annotated[
-        Path | None, arg(metavar="PATH", help_behavior_hint="(default: the project's, if it has one)")
-    ] = None
+    reference: Annotated[Path | None, shown("PATH", "the project's, if it has one")] = None
     """3D points (npz, or TRC of OpenSim), an AMASS-style npz, the truth.npz of a generated clip, or another fit.npz."""
-    camera: Annotated[Path | None, arg(metavar="FILE.npz", help_behavior_hint="(default: none)")] = None
+    camera: Annotated[Path | None, shown("FILE.npz", "none")] = None
     """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
-    reference_first_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: as it says, or 0)")] = (
-        None
-    )
+    reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
     """Number in the video of the reference's first frame, where it was cut and does not say so."""
-    run: Annotated[str | None, arg(metavar="NAME|N", help_behavior_hint="(default: the latest)")] = None
+    run: Annotated[str | None, shown("NAME|N", "the latest")] = None
     """Which of a project's runs."""
     suite: bool = False
     """Fit the sequences of the synthetic suite, whose truth is known, and measure these. What is done is kept in
@@ -40,7 +38,7 @@ class EvaluateOptions:
     collisions: bool = True
     """Of the presets that have the term of self-collision (smplifyx, paper). It takes 6/7 of their time, and the report
     says when it was left out."""
-    sequences: Annotated[tuple[str, ...], arg(metavar="NAME", help_behavior_hint="(default: all)")] = ()
+    sequences: Annotated[tuple[str, ...], shown("NAME", "all")] = ()
     """Of the suite: names like complex_1, or motions like simple."""
     jobs: Annotated[int, arg(metavar="N")] = 1
     """Sequences that are fitted at once."""
@@ -48,7 +46,7 @@ class EvaluateOptions:
     """Measure surfaces in every Nth frame, which is the slow part."""
     pictures: Annotated[int, arg(metavar="N")] = 12
     """Worst frames in the report."""
-    out: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: NAME-evaluation)")] = None
+    out: Annotated[Path | None, shown("DIR", "NAME-evaluation")] = None
     """Folder for tables and report; those that lie there are replaced."""
-    models: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: see tcfit models)")] = None
+    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""

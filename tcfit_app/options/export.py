@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from tcfit_app.options.fit import shown
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExportOptions:
@@ -17,26 +19,25 @@ class ExportOptions:
 
     path: Annotated[Positional[Path | None], arg(metavar="PROJECT|RESULT", help_behavior_hint="(required)")] = None
     """A project's folder, or a result's: its folder or fit.npz."""
-    formats: Annotated[tuple[str, ...], arg(metavar="FORMAT ...", help_behavior_hint="(default: glb npz bvh)")] = ()
+    formats: Annotated[tuple[str, ...], shown("FORMAT ...", "glb npz bvh")] = ()
     """What to write; --formats list shows all of them."""
-    out: Annotated[Path, arg(metavar="DIR", help_behavior_hint="(default: this folder)")] = Path()
+    out: Annotated[Path, shown("DIR", "this folder")] = Path()
     """Folder for the files, made if it does not exist."""
-    run: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: the newest)")] = None
+    run: Annotated[str | None, shown("NAME", "the newest")] = None
     """Which run of a project: its name or number."""
-    phase: Annotated[Literal[1, 2, 3] | None, arg(metavar="{1,2,3}", help_behavior_hint="(default: the last)")] = None
+    phase: Annotated[Literal[1, 2, 3] | None, shown("{1,2,3}", "the last")] = None
     """1: frame by frame, as SMPLify-X; 2: with one shape; 3: consistent over time."""
-    against: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: phase 1 of the run)")] = None
+    against: Annotated[str | None, shown("NAME", "phase 1 of the run")] = None
     """The run that is A in side-by-side: its name or number."""
-    frames: Annotated[str | None, arg(metavar="FIRST:LAST", help_behavior_hint="(default: all)")] = None
+    frames: Annotated[str | None, shown("FIRST:LAST", "all")] = None
     """Only these frames, by their numbers in the video; either may be left out."""
     axes: Annotated[
-        Literal["camera", "y-up", "z-up"] | None,
-        arg(metavar="{camera,y-up,z-up}", help_behavior_hint="(default: as readers of the format expect)"),
+        Literal["camera", "y-up", "z-up"] | None, shown("{camera,y-up,z-up}", "as readers of the format expect")
     ] = None
     """World of npz, bvh, obj and ply; the camera stands at its origin. camera: x right, y down, z away."""
     zip: bool = False
     """Write a zip where a format is a folder of files."""
     overwrite: bool = False
     """Replace files of the same names. A folder that holds others is left as it is."""
-    models: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: see tcfit models)")] = None
+    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""

@@ -11,7 +11,24 @@ from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import changed, check, settings, unknown
 from fitting_core.config.toml import preset, read_config
 from fitting_core.errors import InputError
-from tcfit_app.options.reference import ReferenceOptions
+
+
+def shown(metavar: str, default: str) -> Any:
+    """How an option that can be left out shows in the help."""
+    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceOptions:
+    """What fits are compared with, where something is known; kept in the project."""
+
+    reference: Annotated[Path | None, shown("PATH", "none")] = None
+    """3D points (npz, or TRC of OpenSim), an AMASS-style npz, a truth.npz, or another fit.npz."""
+    reference_camera: Annotated[Path | None, shown("FILE.npz", "none")] = None
+    """The clip's camera in the reference's world: R and t, with x_camera = R x + t."""
+    reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
+    """Number in the video of the reference's first frame, where it was cut and does not say so."""
+
 
 SHORTCUTS = {
     "solver": "solver",
@@ -36,26 +53,21 @@ def _shortcut(option: str, text: str = "") -> Any:
     return arg(metavar=setting.metavar, help=text or setting.doc, help_behavior_hint=_OF_PRESET)
 
 
-def _shown(metavar: str, default: str) -> Any:
-    """How an option that can be left out shows in the help."""
-    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
-
-
 @dataclass(frozen=True, kw_only=True)
 class ClipOptions:
     """Which part of the clip, and how its files are read."""
 
-    person: Annotated[int | None, _shown("N", "follow the most prominent")] = None
+    person: Annotated[int | None, shown("N", "follow the most prominent")] = None
     """Whoever has this place, from 0, in the first frame whose list of people has it; followed from there."""
-    first_frame: Annotated[int | None, _shown("N", "the first")] = None
+    first_frame: Annotated[int | None, shown("N", "the first")] = None
     """Number of the first frame to fit, from 0."""
-    last_frame: Annotated[int | None, _shown("N", "the last")] = None
+    last_frame: Annotated[int | None, shown("N", "the last")] = None
     """Number of the last frame to fit."""
-    frame_rate: Annotated[float | None, _shown("FPS", "the video's, or 30")] = None
+    frame_rate: Annotated[float | None, shown("FPS", "the video's, or 30")] = None
     """Frames per second."""
     keypoint_scale: Annotated[str, arg(metavar="{auto,pixels,0..1,-1..1}")] = "auto"
     """What keypoint coordinates are relative to, as OpenPose's --keypoint_scale."""
-    image_size: Annotated[tuple[int, int] | None, _shown("W H", "the video's, or guessed from the keypoints")] = None
+    image_size: Annotated[tuple[int, int] | None, shown("W H", "the video's, or guessed from the keypoints")] = None
     """Image size in pixels, where there is no video."""
 
 
@@ -63,13 +75,13 @@ class ClipOptions:
 class CameraOptions:
     """The camera. Give at most one of the first three; without any, the image diagonal is taken."""
 
-    focal_length: Annotated[float | None, _shown("PX", "the image diagonal")] = None
+    focal_length: Annotated[float | None, shown("PX", "the image diagonal")] = None
     """Focal length in pixels."""
-    fov: Annotated[float | None, _shown("DEGREES", "not given")] = None
+    fov: Annotated[float | None, shown("DEGREES", "not given")] = None
     """Horizontal field of view in degrees."""
-    focal_length_35mm: Annotated[float | None, _shown("MM", "not given")] = None
+    focal_length_35mm: Annotated[float | None, shown("MM", "not given")] = None
     """Focal length in millimetres on 35 mm film, as phones and cameras state it."""
-    center: Annotated[tuple[float, float] | None, _shown("X Y", "the image's centre")] = None
+    center: Annotated[tuple[float, float] | None, shown("X Y", "the image's centre")] = None
     """Principal point in pixels."""
 
 
@@ -79,7 +91,7 @@ class BodyOptions:
 
     body_model: Annotated[str, arg(metavar="{smplx,smplh,smpl}|PATH")] = "smplx"
     """Its kind, or a model file."""
-    models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
+    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""
     gender: Annotated[str, arg(metavar="{neutral,male,female}")] = "neutral"
     """Gender of the body model."""
@@ -90,10 +102,10 @@ class MethodOptions:
     """The method. The preset counts least, then the file of --config, then these options."""
 
     preset: Annotated[
-        str | None, _shown("{" + ",".join(PRESETS) + "}", f"that of the --config file, or {DEFAULT_PRESET}")
+        str | None, shown("{" + ",".join(PRESETS) + "}", f"that of the --config file, or {DEFAULT_PRESET}")
     ] = None
     """smplifyx: phase 1 as SMPLify-X; paper: as the paper has it; tcfit: what measures best."""
-    config: Annotated[Path | None, _shown("FILE.toml", "none")] = None
+    config: Annotated[Path | None, shown("FILE.toml", "none")] = None
     """Settings in TOML; `tcfit settings` prints such a file with all of them."""
     solver: Annotated[str | None, _shortcut("solver", "Levenberg-Marquardt, or L-BFGS as the paper has it.")] = None
     pose_prior: Annotated[
@@ -122,7 +134,7 @@ class FitOptions:
 
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
-    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. A result that lies there is replaced."""
@@ -148,9 +160,9 @@ class NewOptions:
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
     `tcfit export --formats project` packed."""
-    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
-    out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
+    out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """The project's folder, which may not exist yet."""
     copy_video: bool = False
     """Copy the video or images into the project, so that it can be given to others."""
@@ -163,13 +175,13 @@ class NewOptions:
 class ServerOptions:
     """Where the review is served."""
 
-    host: Annotated[str, _shown("NAME", "127.0.0.1, this computer alone")] = "127.0.0.1"
+    host: Annotated[str, shown("NAME", "127.0.0.1, this computer alone")] = "127.0.0.1"
     """Name or address of this computer to listen at; others than the default let other computers in."""
-    port: Annotated[int, _shown("N", "8080, or the next free one")] = 8080
+    port: Annotated[int, shown("N", "8080, or the next free one")] = 8080
     """0 takes any."""
     browser: bool = True
     """Open the link in a browser, where there is one."""
-    files: Annotated[Path | None, _shown("DIR", "any, for browsers on this computer alone")] = None
+    files: Annotated[Path | None, shown("DIR", "any, for browsers on this computer alone")] = None
     """Folder whose files may be named in the page (videos, results, models), by browsers on other computers too."""
 
 
@@ -182,9 +194,9 @@ class ReviewOptions:
 
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
     """A project's folder; or what `tcfit new` takes."""
-    keypoints: Annotated[Path | None, _shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
     """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
-    out: Annotated[Path | None, _shown("DIR", "the clip's name with .tcfit, in this folder")] = None
+    out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """For a new project: its folder."""
     copy_video: bool = False
     """For a new project: copy the video or images into it."""
@@ -192,7 +204,7 @@ class ReviewOptions:
     """Only look."""
     fit: bool = False
     """Start a fit at once if the project has none."""
-    models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
+    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     """For a new project: which part of the clip, and how its files are read."""
@@ -209,7 +221,7 @@ class DemoOptions:
     With --no-review it is fitted here, the result written to files and compared with the truth.
     """
 
-    out: Annotated[Path | None, _shown("DIR", "tcfit-demo.tcfit; with --no-review tcfit-demo")] = None
+    out: Annotated[Path | None, shown("DIR", "tcfit-demo.tcfit; with --no-review tcfit-demo")] = None
     """Folder of the project, or for the result. A project that lies there is opened as it is."""
     review: bool = True
     """Open the review; else fit in the terminal."""

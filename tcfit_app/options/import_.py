@@ -2,14 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-
-def _shown(metavar: str, default: str) -> Any:
-    """How an option that can be left out shows in the help."""
-    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+from tcfit_app.options.fit import shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,19 +21,19 @@ class ImportOptions:
     """The project's folder."""
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """The result: a folder or a file."""
-    name: Annotated[str, _shown("TEXT", "the file's")] = ""
+    name: Annotated[str, shown("TEXT", "the file's")] = ""
     """Of the run."""
-    first_frame: Annotated[int | None, _shown("N", "as its files are numbered, or the clip's first")] = None
+    first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None
     """Number in the video of the result's first frame."""
     person: int = 0
     """Of SMPLify-X results, the number of the pickle in each frame: 0 is 000.pkl."""
-    gender: Annotated[str | None, _shown("{neutral,male,female}", "as the file says, or neutral")] = None
+    gender: Annotated[str | None, shown("{neutral,male,female}", "as the file says, or neutral")] = None
     """Gender of the body."""
-    body_model: Annotated[str | None, _shown("{smplx,smplh,smpl}", "the result's")] = None
+    body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None
     """Another kind of body to pose: joint angles are kept, the shape is not."""
-    models: Annotated[Path | None, _shown("DIR", "see tcfit models")] = None
+    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""
-    focal_length: Annotated[float | None, _shown("PX", "the file's; for SMPLify-X 5000")] = None
+    focal_length: Annotated[float | None, shown("PX", "the file's; for SMPLify-X 5000")] = None
     """Focal length in pixels, for a result that tells none."""
-    vposer: Annotated[Path | None, _shown("PATH", "the one that was added")] = None
+    vposer: Annotated[Path | None, shown("PATH", "the one that was added")] = None
     """The VPoser that SMPLify-X used."""

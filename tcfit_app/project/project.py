@@ -34,7 +34,6 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
-from tcfit_app.project.edits.kinds import Edit
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.clip import read_clip, replace_detections, write_clip
 from tcfit_app.project.storage.database import Database
@@ -259,29 +258,26 @@ class Project:
         with self._guard:
             return self._history.redoable
 
-    def append(self, edit: Edit, *, author: str = "") -> LogEntry:
-        """Make an edit; when this returns, it is on the disk.
-
-        Raises:
-            InputError: The edit makes no sense for this clip, or the project cannot be written; nothing has changed.
-        """
-        return self._append(edit, author)
-
     def undo(self, *, author: str = "") -> LogEntry | None:
         """Take the last edit back; returns that edit, or None if there is none. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.undoable:
-                self._append(Undo(edit=edit.id), author)
+                self.append(Undo(edit=edit.id), author=author)
             return edit
 
     def redo(self, *, author: str = "") -> LogEntry | None:
         """Bring back what was undone last; returns that edit, or None. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.redoable:
-                self._append(Redo(edit=edit.id), author)
+                self.append(Redo(edit=edit.id), author=author)
             return edit
 
-    def _append(self, action: Action, author: str) -> LogEntry:
+    def append(self, action: Action, *, author: str = "") -> LogEntry:
+        """Make an edit; when this returns, it is on the disk.
+
+        Raises:
+            InputError: It makes no sense for this clip, or the project cannot be written; nothing has changed.
+        """
         with self._guard:
             text = encode(action)
             action = decode(text)  # What could not be read back must not get into the log.

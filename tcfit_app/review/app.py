@@ -10,10 +10,10 @@ from pathlib import Path
 
 import viser
 
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.page import Page
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.server.gated_viser import is_here

@@ -2,19 +2,12 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 
 AGAIN = 1.0
 """Seconds until something that went wrong is tried again: the loop would do so sixty times a second."""
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _Fault:
-    text: str
-    again: float
 
 
 class Faults:
@@ -26,7 +19,8 @@ class Faults:
 
     def __init__(self, tell: Callable[[Notice], None]) -> None:
         self._tell = tell
-        self._known: dict[str, _Fault] = {}
+        self._known: dict[str, tuple[str, float]] = {}
+        """What went wrong, by what was done, and when that is tried again."""
 
     def attempt(self, what: str, do: Callable[[], object], now: float) -> None:
         """Do something, unless it has just failed.
@@ -36,15 +30,15 @@ class Faults:
             do: does it.
             now: seconds of a clock.
         """
-        known = self._known.get(what)
-        if known is not None and now < known.again:
+        known, again = self._known.get(what, ("", now))
+        if now < again:
             return
         try:
             do()
         except Exception as error:
             text = f"{type(error).__name__}: {error}"
-            self._known[what] = _Fault(text, now + AGAIN)
-            if known is None or known.text != text:
+            self._known[what] = (text, now + AGAIN)
+            if known != text:
                 _log.exception("The review app could not %s", what)
                 self._tell(_notice(what, text))
         else:

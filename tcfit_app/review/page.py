@@ -15,10 +15,8 @@ from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, bindings
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS
-from tcfit_app.review.panels.elements.panel import Panel
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings
+from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import TabState
@@ -73,9 +71,6 @@ class Page:
         self.tab.greet(event.tab)
         self.picture.resized(event.width, event.height)
 
-    def _resized(self, event: page_events.Resized) -> None:
-        self.picture.resized(event.width, event.height)
-
     def _key(self, event: page_events.Key) -> None:
         action = ACTIONS.get(event.action)
         if action is not None and (action.repeats or not event.repeat):
@@ -103,31 +98,14 @@ class Page:
             chosen = (*(j for j in now if j not in event.joints), *(j for j in event.joints if j not in now))
         self.tab.set(selection=tuple(dict.fromkeys(chosen)))
 
-    def _drag(self, event: page_events.Drag) -> None:
-        self.gestures.correcting.take(event)
-
-    def _press(self, event: page_events.Press) -> None:
-        self.tab.buttons.take(event)
-
-    def _gesture(self, event: page_events.Gesture) -> None:
-        self.tab.scene.cameras.touched()
-
-    def _drawn(self, event: page_events.Drawn) -> None:
-        self.tab.playback.drawn(event.frame)
-
     # --- drawing ---
-
-    @property
-    def ready(self) -> bool:
-        """Whether the page's script has said hello."""
-        return self.tab.ready
 
     def draw(self, now: float) -> None:
         """Send what has changed since the last time, once the page is ready for it.
 
         What goes wrong in one part is told in the tab, once, and the other parts are drawn all the same.
         """
-        if not self.ready:
+        if not self.tab.ready:
             return
         if self.tab.sent.differs("beat", now // _BEAT):
             self.tab.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT)))
@@ -181,13 +159,13 @@ class Page:
 
 RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Hello: Page._hello,
-    page_events.Resized: Page._resized,
+    page_events.Resized: lambda page, event: page.picture.resized(event.width, event.height),
     page_events.Key: Page._key,
     page_events.Seek: Page._seek,
     page_events.Range: Page._range,
     page_events.Select: Page._select,
-    page_events.Drag: Page._drag,
-    page_events.Press: Page._press,
-    page_events.Gesture: Page._gesture,
-    page_events.Drawn: Page._drawn,
+    page_events.Drag: lambda page, event: page.gestures.correcting.take(event),
+    page_events.Press: lambda page, event: page.tab.buttons.take(event),
+    page_events.Gesture: lambda page, event: page.tab.scene.cameras.touched(),
+    page_events.Drawn: lambda page, event: page.tab.playback.drawn(event.frame),
 }

@@ -115,15 +115,9 @@ def place_camera(
             client._websock_connection.queue_message(message)
 
 
-def show_encoded(node: viser.ImageHandle, data: bytes, format: Any) -> None:
-    """Show an image that is encoded already; viser's own way takes arrays and encodes them.
-
-    Args:
-        node: In the scene.
-        data: The file's bytes.
-        format: "jpeg" or "png".
-    """
-    node._format = format
+def show_jpeg(node: viser.ImageHandle, data: bytes) -> None:
+    """Show an image that is encoded already; viser's own way takes arrays and encodes them."""
+    node._format = "jpeg"
     node._data = data
 
 

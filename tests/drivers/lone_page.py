@@ -16,12 +16,12 @@ import viser
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import Run
 from tcfit_app.review.browser.page_events import Key, Press
 from tcfit_app.review.page import Page
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.server.page_files import PageFiles
@@ -139,7 +139,7 @@ class LonePage:
 
     def settle(self) -> None:
         """Until everything slow that was begun has ended."""
-        self.until(lambda: not self.page.tab.session.tasks.busy)
+        self.until(lambda: not self.page.tab.session.tasks._running)
 
     def fit(self) -> Run:
         """A whole fit to its end."""

@@ -15,9 +15,9 @@ from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
-from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.page import Page
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
 
 if TYPE_CHECKING:
@@ -128,6 +128,6 @@ def opened(app: ReviewApp, server: ReviewServer, browser: "Browser") -> Reviewin
     tab.on("console", lambda message: note(message.text) if message.type == "error" else None)
     tab.on("pageerror", lambda error: note(str(error)))
     tab.goto(server.gate.link)
-    until(lambda: len(app.pages) > known and made.page.ready, "the page")
+    until(lambda: len(app.pages) > known and made.page.tab.ready, "the page")
     tab.evaluate("() => document.querySelectorAll('.mantine-Notification-closeButton').forEach((b) => b.click())")
     return made

@@ -14,8 +14,7 @@ from viser import _messages
 
 from fitting_core.camera import Camera
 from fitting_core.synthetic.studio.rasterize import rasterize
-from tcfit_app.review.browser.channel import Channel
-from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage
 from tcfit_app.review.scene.poses import Pose
 from tcfit_app.review.scene.poster import Posters
@@ -61,14 +60,14 @@ class Screen:
             self._until(lambda: abs(self.client.camera.aspect / (size[0] / size[1]) - 1) < 5e-3)
         window = self.page.viewport_size
         assert window is not None
-        self.view.follow((window["width"], window["height"]))
+        self.view.cameras.follow((window["width"], window["height"]))
         # Messages are carried out in their order; then React and the decoding of images take their time.
         mark = time.monotonic_ns()
         script = _messages.RunJavascriptMessage(source=f"window.tcfitMark = '{mark}';")
         self.client._websock_connection.queue_message(script)
         self.page.wait_for_function(f"window.tcfitMark === '{mark}'")
         self.page.evaluate(_DRAW)
-        self.view.follow()
+        self.view.cameras.follow()
 
     def _until(self, done: Callable[[], bool]) -> None:
         end = time.monotonic() + PATIENCE_SECONDS
@@ -104,7 +103,8 @@ def screen(browser: "Browser", size: tuple[int, int] = (1440, 900)) -> Iterator[
         while not clients and time.monotonic() < end:
             page.wait_for_timeout(20)
         Channel(clients[0], lambda event: None)
-        shown = Screen(SceneView(clients[0], covered=132), clients[0], page)
+        shown = Screen(SceneView(clients[0]), clients[0], page)
+        shown.view.cameras.follow(covered=132)
         shown.settle()
         yield shown
         assert not errors, errors

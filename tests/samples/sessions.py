@@ -1,7 +1,7 @@
 """A session over a small project on the tiny body, for tests of the review app without a browser."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,12 +13,14 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent, Iteration
+from fitting_core.fit.result import FitResult
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.runs import BodyRecord
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tests.samples.scenes import arms_in_motion, clip_of, hidden, keypoints_of, noisy
 
 FRAMES = 8
@@ -95,3 +97,22 @@ def newest(session: Session) -> Shown:
     shown = session.fits.show(FitChoice())
     assert shown is not None
     return shown
+
+
+class _Endless:
+    """A job that does nothing until it is cancelled."""
+
+    title, phases = "endless", (3,)
+
+    def run(self) -> Generator[FitEvent, None, FitResult]:
+        while True:
+            time.sleep(0.002)
+            yield Iteration(phase=3, label="", share=0.0, cost=1.0)
+
+
+@contextmanager
+def held(session: Session) -> Iterator[None]:
+    """Jobs that are submitted inside wait, as behind a long fit; drags are followed all the same."""
+    number = session.worker.submit(_Endless())
+    yield
+    session.worker.cancel(number)

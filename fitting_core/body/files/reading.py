@@ -46,7 +46,7 @@ _GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "n": "neut
 _OTHER_MODELS = {16: "a MANO hand", 5: "a FLAME head", 33: "a SMAL animal", 35: "a SMAL animal"}
 
 _IN_USE: WeakValueDictionary[tuple[Path, int, int], BodyModel] = WeakValueDictionary()
-"""By file, its time and its size: a command asks for the same body in many places, and SMPL-X takes a second to read."""
+"""By file, its time and its size: a command asks for the same body in many places, and SMPL-X takes long to read."""
 
 
 def load_body(path: Path) -> BodyModel:

@@ -104,14 +104,6 @@ def decode(text: str | bytes) -> Action:
         ) from error
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Before:
-    """What an edit has overwritten."""
-
-    edit: Edit
-    values: Corrected
-
-
 class EditHistory:
     """The log's meaning: the corrected keypoints, and what can be undone and redone.
 
@@ -125,8 +117,8 @@ class EditHistory:
         self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
-        self._before: deque[_Before] = deque()
-        """Of the last entries of _done, as many as memory allows."""
+        self._before: deque[tuple[Edit, Corrected]] = deque()
+        """What the last entries of _done have overwritten, of as many as memory allows."""
         self._bytes = 0
         self._published: Corrected | None = None
         self._keypoints: Keypoints | None = None
@@ -186,16 +178,16 @@ class EditHistory:
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)
         self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
-        self._before.append(_Before(edit=edit, values=before))
+        self._before.append((edit, before))
         self._bytes += before.nbytes
         while self._bytes > _MEMORY:
-            self._bytes -= self._before.popleft().values.nbytes
+            self._bytes -= self._before.popleft()[1].nbytes
 
     def _take_back(self) -> None:
         if self._before:
-            last = self._before.pop()
-            self._bytes -= last.values.nbytes
-            self._now.put(last.edit.frames, last.edit.joints, last.values)
+            edit, values = self._before.pop()
+            self._bytes -= values.nbytes
+            self._now.put(edit.frames, edit.joints, values)
             return
         every = range(len(self._now.xy)), range(self._now.xy.shape[1])
         self._now.put(tuple(every[0]), tuple(every[1]), self._detections)

@@ -34,12 +34,13 @@ MIRRORED = {joint: _mirrored(joint) for joint in range(FACE.start)}
 SIDES = {
     "body": tuple(j for j in range(len(BODY_25)) if MIRRORED[j] != j),
     "hands": tuple(range(COUNT)[HANDS]),
-    "arms": tuple(INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("shoulder", "elbow", "wrist")),
+    "arms": tuple(INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("elbow", "wrist")),
     "legs": tuple(
-        INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("hip", "knee", "ankle", "big_toe", "small_toe", "heel")
+        INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("knee", "ankle", "big_toe", "small_toe", "heel")
     ),
 }
-"""Keypoints that can be swapped together, by a name for them."""
+"""Keypoints that can be swapped together, by a name for them. A detector that takes one limb for the other does so from
+the elbow or knee on: shoulders and hips stay on their sides."""
 
 
 class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):

@@ -5,8 +5,8 @@ import logging
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -50,24 +50,21 @@ def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> No
     if clip.source:
         link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
     Database.create(draft / database.NAME)
-    store = Database(draft / database.NAME, read_only=False)
-    try:
-        with store.transaction() as connection:
-            connection.execute(
-                "INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?)",
-                (
-                    name_of_file(clip.name),
-                    datetime.now(UTC).isoformat(),
-                    clip.frame_rate,
-                    clip.first_frame,
-                    msgspec.json.encode(clip.camera).decode(),
-                    msgspec.json.encode(clip.notes).decode(),
-                    msgspec.json.encode(link).decode() if link else None,
-                    _sha256(draft / DETECTIONS),
-                ),
-            )
-    finally:
-        store.close()
+    values = (
+        name_of_file(clip.name),
+        datetime.now(UTC).isoformat(),
+        clip.frame_rate,
+        clip.first_frame,
+        msgspec.json.encode(clip.camera).decode(),
+        msgspec.json.encode(clip.notes).decode(),
+        msgspec.json.encode(link).decode() if link else None,
+        _sha256(draft / DETECTIONS),
+    )
+    with (
+        closing(Database(draft / database.NAME, read_only=False)) as store,
+        store.transaction() as connection,
+    ):
+        connection.execute("INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?)", values)
     sync(draft)
 
 
@@ -99,23 +96,14 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     return clip, link
 
 
-@contextmanager
-def clip_store(folder: Path) -> Iterator[Database]:
-    """The database of a project that others may have open, for a look at its clip.
-
-    Raises:
-        InputError: It cannot be read.
-    """
-    store = Database(folder / database.NAME, read_only=True)
-    try:
-        yield store
-    finally:
-        store.close()
+def same_detections(one: Keypoints, other: Keypoints) -> bool:
+    """Whether both are the same keypoints, whatever a person has said about them."""
+    return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
 
 
 def creation_time(folder: Path) -> str:
     """When a project was made, which tells it from others of its name. Raises InputError if it cannot be read."""
-    with clip_store(folder) as store:
+    with closing(Database(folder / database.NAME, read_only=True)) as store:
         rows = store.rows("SELECT created FROM clip")
     return rows[0]["created"] if rows else ""
 

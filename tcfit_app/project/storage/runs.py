@@ -162,30 +162,26 @@ class Runs:
         Raises:
             InputError: It is not running, or the project cannot be written.
         """
-        self._expect(run, running=True)
+        self._expect(run, "running")
         write_run(self._path(run), fit)
 
-    def finish(self, run: int, fit: FitResult, *, summary: dict[str, Any] | None = None) -> Run:
+    def finish(
+        self, run: int, fit: FitResult, *, summary: dict[str, Any] | None = None, state: RunState = "running"
+    ) -> Run:
         """Keep a run's result; when this returns, it is on the disk.
 
-        Raises:
-            InputError: It is not running, or the project cannot be written; then the run goes on being "running".
-        """
-        self.store(run, fit)
-        self._end(run, "finished", "", _summary(fit, summary))
-        return self.get(run)
-
-    def finish_late(self, run: int, fit: FitResult) -> Run:
-        """Keep the result of a run that has failed because it could not be written.
+        Args:
+            run: Its number.
+            fit: The result.
+            summary: Figures for lists; None: seconds and costs.
+            state: What it must be in: "running", or "failed" because the result could not be written before.
 
         Raises:
-            InputError: It has not failed, or the project cannot be written.
+            InputError: It is in another state, or the project cannot be written; then it stays as it was.
         """
-        found = self.get(run)
-        if found.state != "failed":
-            raise InputError(f"{found.name} has not failed; it stays as it is.")
+        self._expect(run, state)
         write_run(self._path(run), fit)
-        self._end(run, "finished", "", _summary(fit, None))
+        self._end(run, "finished", "", _summary(fit, summary))
         return self.get(run)
 
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
@@ -211,7 +207,7 @@ class Runs:
         Raises:
             InputError: It is not running, or the project cannot be written.
         """
-        self._expect(run, running=True)
+        self._expect(run, "running")
         # A message may hold a path that is no text.
         self._end(run, state, message.encode(errors="replace").decode(), None)
         return self.get(run)
@@ -239,7 +235,8 @@ class Runs:
         Raises:
             InputError: It is running, there is no such run, or the project cannot be written.
         """
-        self._expect(run, running=False)
+        if (found := self.get(run)).state == "running":
+            raise InputError(f"{found.name} is running; cancel it first.")
         self._set_deleted(run, _now().isoformat())
 
     def undelete(self, run: int) -> None:
@@ -288,11 +285,10 @@ class Runs:
         """
         return read_run(self._path(run), self.get(run).config)
 
-    def _expect(self, run: int, *, running: bool) -> None:
+    def _expect(self, run: int, state: RunState) -> None:
         found = self.get(run)
-        if (found.state == "running") != running:
-            wanted = "expected one that is running" if running else "cancel it first"
-            raise InputError(f"{found.name} is {found.state}; {wanted}.")
+        if found.state != state:
+            raise InputError(f"{found.name} is {found.state}; expected one that is {state}.")
 
     def _path(self, run: int) -> Path:
         return self._folder / _file_name(run)

@@ -6,8 +6,11 @@ Down go viser's RunJavascriptMessages, which carry nothing but a call with JSON.
 text field.
 """
 
+import hashlib
 import logging
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -15,7 +18,6 @@ import viser
 
 from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
 from tcfit_app.review.browser.page_states import STATES, PageState
-from tcfit_app.review.browser.web_files import loader, web_files, web_version
 from tcfit_app.server.viser_bridge import field_id, run_javascript
 
 CALLS = ("connect", "receive", "dress", "setColorTable")
@@ -90,3 +92,28 @@ def _plain_number(value: object) -> object:
     if isinstance(value, np.generic):
         return value.item()
     raise NotImplementedError(f"{type(value)} cannot be sent to the page")
+
+
+_FOLDER = Path(__file__).with_name("web")
+_LOADER = "load.js"
+"""The one that is no module: the server has the page run it."""
+
+
+@cache
+def web_files() -> dict[str, bytes]:
+    """The page's modules by the path at which it fetches them, such as "/tcfit/picture/overlay.js"."""
+    found = sorted(path for path in _FOLDER.rglob("*.js") if path.name != _LOADER)
+    return {f"/tcfit/{path.relative_to(_FOLDER).as_posix()}": path.read_bytes() for path in found}
+
+
+@cache
+def web_version() -> str:
+    """Another one for every change of the modules."""
+    parts = [part for path, content in web_files().items() for part in (path.encode(), content)]
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
+
+
+def loader() -> str:
+    """A JavaScript function that loads the modules: of their version and paths, viser's version, and the calls
+    to keep."""
+    return (_FOLDER / _LOADER).read_text(encoding="utf-8")

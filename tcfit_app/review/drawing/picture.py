@@ -7,12 +7,12 @@ from jaxtyping import Float
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from tcfit_app.analysis.between_runs import vertex_distances
+from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
-from tcfit_app.review.scene.poster import Poster, Posters, poster_places
+from tcfit_app.review.scene.poster import PLATE, Poster, Posters, poster_places
 from tcfit_app.review.scene.space import Space, extent
 from tcfit_app.review.shared.desk import Drawn
 from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
@@ -69,7 +69,7 @@ class Picture:
         """The video's frame, the last one while a paused one is still to come."""
         tab, state, video = self._tab, self._tab.state, self._desk.video
         if not state.video:
-            return PLAIN
+            return PLATE
         if state.playing:
             frames = coming(state.frame, tab.played, _AHEAD, loop=state.loop)
             video.prefetch([state.frame, *frames], reader=tab)
@@ -156,7 +156,7 @@ class Picture:
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
         scene = self._tab.scene
-        scene.follow(self._size if self._size[0] else None, covered)
+        scene.cameras.follow(self._size if self._size[0] else None, covered)
         for problem in scene.show(snapshot):
             self.problem = problem
 
@@ -201,8 +201,6 @@ def _layout(clip: Camera, labels: tuple[tuple[str, str], ...], *, flat: bool) ->
     return Layout(mode="poster", image=clip.size, posters=posters) if flat else Layout(mode="space", posters=posters)
 
 
-PLAIN = FrameImage.uniform((38, 40, 44))
-"""In place of the video where that is switched off."""
 _SHADES = color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()
 LEGEND = Legend(
     title="Distance between A and B",

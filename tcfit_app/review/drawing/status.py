@@ -1,8 +1,8 @@
 """What one tab says over its picture: what is being fitted, what was saved, what is wrong."""
 
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
 
 PHASES = {1: "every frame", 2: "shape", 3: "over time"}
 """Phases in few words."""

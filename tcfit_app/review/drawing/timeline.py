@@ -3,9 +3,8 @@
 import numpy as np
 
 from fitting_core.fit.provenance import Provenance
-from tcfit_app.analysis.between_runs import BETWEEN, peaks
-from tcfit_app.analysis.curves import CURVES, Curve
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve, peaks
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import FitSpan, curve_values, spans
 from tcfit_app.review.scene.layers import RUN_COLORS, css

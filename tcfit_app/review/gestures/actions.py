@@ -1,13 +1,26 @@
 """Everything that a key or the command palette can do, in one table."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
 from tcfit_app.review.browser.page_states import KeyBinding
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.gestures.zooming import zoom_to_selection
-from tcfit_app.review.tab.state import MODES, Mode
+from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.fitting import Fitting
+from tcfit_app.review.gestures.reviewing import Reviewing
+from tcfit_app.review.tab.state import MODES
+from tcfit_app.review.tab.tab import Tab
+
+
+class Gestures:
+    """The gestures of one tab; they raise InputError for what cannot be done, and then nothing changes."""
+
+    def __init__(self, tab: Tab) -> None:
+        self.tab = tab
+        self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,20 +73,8 @@ def _keys(*codes: str, shift: bool = False, ctrl: bool = False) -> tuple[Key, ..
     return tuple(Key(code=code, shift=shift, ctrl=ctrl) for code in codes)
 
 
-def _step(frames: int) -> Callable[[Gestures], None]:
-    return lambda g: g.tab.step(frames)
-
-
 def _toggle(name: str) -> Callable[[Gestures], None]:
     return lambda g: g.tab.set(**{name: not getattr(g.tab.state, name)})
-
-
-def _set_mode(gestures: Gestures, mode: Mode) -> None:
-    gestures.tab.set(mode=mode)
-
-
-def _nudge(dx: float, dy: float) -> Callable[[Gestures], None]:
-    return lambda g: g.correcting.nudge(dx, dy)
 
 
 def _escape(gestures: Gestures) -> None:
@@ -90,14 +91,13 @@ def _edge(gestures: Gestures, *, first: bool) -> None:
     tab.set(frames=range(start, last + 1))
 
 
-ACTIONS: dict[str, Action] = {
-    "play": Action(title="Play or pause", run=lambda g: g.tab.toggle_playing(), keys=_keys("Space"), group="Playing"),
+_PLAYING = {
+    "play": Action(title="Play or pause", run=lambda g: g.tab.toggle_playing(), keys=_keys("Space")),
     **{
         name: Action(
             title=title,
-            run=_step(frames),
+            run=lambda g, frames=frames: g.tab.step(frames),
             keys=_keys(code, shift=abs(frames) > 1),
-            group="Playing",
             family="A frame back, on" if abs(frames) == 1 else f"{abs(frames)} frames back, on",
             repeats=True,
         )
@@ -109,80 +109,52 @@ ACTIONS: dict[str, Action] = {
         )
     },
     "first": Action(
-        title="First frame",
-        run=lambda g: g.tab.step(-g.tab.length),
-        keys=_keys("Home"),
-        group="Playing",
-        family="First, last frame",
+        title="First frame", run=lambda g: g.tab.step(-g.tab.length), keys=_keys("Home"), family="First, last frame"
     ),
     "last": Action(
-        title="Last frame",
-        run=lambda g: g.tab.step(g.tab.length),
-        keys=_keys("End"),
-        group="Playing",
-        family="First, last frame",
+        title="Last frame", run=lambda g: g.tab.step(g.tab.length), keys=_keys("End"), family="First, last frame"
     ),
-    "loop": Action(title="Loop or not", run=_toggle("loop"), keys=_keys("KeyL"), group="Playing"),
+    "loop": Action(title="Loop or not", run=_toggle("loop"), keys=_keys("KeyL")),
+}
+_VIEW = {
     **{
         mode: Action(
             title=f"Mode: {name}",
-            run=partial(_set_mode, mode=mode),
+            run=lambda g, mode=mode: g.tab.set(mode=mode),
             keys=_keys(f"Digit{number}"),
-            group="View",
             family=f"Mode {', '.join(MODES.values())}",
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     },
-    "blink": Action(title="Blink: A in B's place", run=_toggle("blinked"), keys=_keys("KeyB"), group="View"),
-    "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("KeyM"), group="View"),
-    "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("KeyK"), group="View"),
-    "wireframe": Action(title="Wireframe on or off", run=_toggle("wireframe"), keys=_keys("KeyG"), group="View"),
-    "difference": Action(
-        title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD"), group="View"
-    ),
-    "fit_view": Action(title="Whole picture", run=lambda g: g.tab.scene.reset_view(), keys=_keys("KeyF"), group="View"),
-    "zoom": Action(
-        title="Zoom to the selected keypoints",
-        run=lambda g: zoom_to_selection(g.tab),
-        keys=_keys("KeyZ"),
-        group="View",
-    ),
-    "bad": Action(
-        title="Mark bad, or restore", run=lambda g: g.correcting.toggle_bad(), keys=_keys("KeyX"), group="Keypoints"
-    ),
+    "blink": Action(title="Blink: A in B's place", run=_toggle("blinked"), keys=_keys("KeyB")),
+    "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("KeyM")),
+    "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("KeyK")),
+    "wireframe": Action(title="Wireframe on or off", run=_toggle("wireframe"), keys=_keys("KeyG")),
+    "difference": Action(title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD")),
+    "fit_view": Action(title="Whole picture", run=lambda g: g.tab.scene.cameras.reset(), keys=_keys("KeyF")),
+    "zoom": Action(title="Zoom to the selected keypoints", run=lambda g: zoom_to_selection(g.tab), keys=_keys("KeyZ")),
+    "help": Action(title="Show all keys", run=_toggle("keys"), keys=_keys("KeyH")),
+}
+_KEYPOINTS = {
+    "bad": Action(title="Mark bad, or restore", run=lambda g: g.correcting.toggle_bad(), keys=_keys("KeyX")),
     "reset": Action(
-        title="Reset to the detection",
-        run=lambda g: g.correcting.reset(),
-        keys=_keys("Backspace", "Delete"),
-        group="Keypoints",
+        title="Reset to the detection", run=lambda g: g.correcting.reset(), keys=_keys("Backspace", "Delete")
     ),
     "copy": Action(
-        title="Copy from the previous frame",
-        run=lambda g: g.correcting.copy_previous(),
-        keys=_keys("KeyC"),
-        group="Keypoints",
+        title="Copy from the previous frame", run=lambda g: g.correcting.copy_previous(), keys=_keys("KeyC")
     ),
-    "interpolate": Action(
-        title="Interpolate", run=lambda g: g.correcting.interpolate(), keys=_keys("KeyI"), group="Keypoints"
-    ),
+    "interpolate": Action(title="Interpolate", run=lambda g: g.correcting.interpolate(), keys=_keys("KeyI")),
     "swap_body": Action(
-        title="Swap left and right of the body",
-        run=lambda g: g.correcting.swap_sides("body"),
-        keys=_keys("KeyS"),
-        group="Keypoints",
+        title="Swap left and right of the body", run=lambda g: g.correcting.swap_sides("body"), keys=_keys("KeyS")
     ),
     "swap_hands": Action(
-        title="Swap the hands",
-        run=lambda g: g.correcting.swap_sides("hands"),
-        keys=_keys("KeyS", shift=True),
-        group="Keypoints",
+        title="Swap the hands", run=lambda g: g.correcting.swap_sides("hands"), keys=_keys("KeyS", shift=True)
     ),
     **{
         f"nudge_{name}": Action(
             title=f"Nudge {name} by 1 px",
-            run=_nudge(dx, dy),
+            run=lambda g, dx=dx, dy=dy: g.correcting.nudge(dx, dy),
             keys=_keys(code, ctrl=True),
-            group="Keypoints",
             family="Nudge by 1 px",
             repeats=True,
         )
@@ -194,64 +166,62 @@ ACTIONS: dict[str, Action] = {
         )
     },
     "all": Action(
-        title="Select all keypoints on show",
-        run=lambda g: g.correcting.select_all(),
-        keys=_keys("KeyA", ctrl=True),
-        group="Keypoints",
+        title="Select all keypoints on show", run=lambda g: g.correcting.select_all(), keys=_keys("KeyA", ctrl=True)
     ),
-    "escape": Action(title="Cancel, select nothing", run=_escape, keys=_keys("Escape"), group="Keypoints"),
-    "undo": Action(
-        title="Undo", run=lambda g: g.correcting.undo(), keys=_keys("KeyZ", ctrl=True), group="Keypoints", repeats=True
-    ),
+    "escape": Action(title="Cancel, select nothing", run=_escape, keys=_keys("Escape")),
+    "undo": Action(title="Undo", run=lambda g: g.correcting.undo(), keys=_keys("KeyZ", ctrl=True), repeats=True),
     "redo": Action(
         title="Redo",
         run=lambda g: g.correcting.redo(),
         keys=(*_keys("KeyZ", shift=True, ctrl=True), *_keys("KeyY", ctrl=True)),
-        group="Keypoints",
         repeats=True,
     ),
+}
+_FRAMES = {
     "range_start": Action(
         title="Select frames from here on",
         run=lambda g: _edge(g, first=True),
         keys=_keys("BracketLeft"),
-        group="Frames",
         family="Select frames from here on, up to here",
     ),
     "range_end": Action(
         title="Select frames up to here",
         run=lambda g: _edge(g, first=False),
         keys=_keys("BracketRight"),
-        group="Frames",
         family="Select frames from here on, up to here",
     ),
     "next_suspect": Action(
         title="Next suspicious frame",
         run=lambda g: g.reviewing.go(1),
         keys=_keys("KeyN"),
-        group="Frames",
         family="Next, previous suspicious frame",
     ),
     "previous_suspect": Action(
         title="Previous suspicious frame",
         run=lambda g: g.reviewing.go(-1),
         keys=_keys("KeyN", shift=True),
-        group="Frames",
         family="Next, previous suspicious frame",
     ),
-    "fine": Action(title="Looks fine, or not", run=lambda g: g.reviewing.dismiss(), keys=_keys("KeyO"), group="Frames"),
-    "flag": Action(title="Flag, or not", run=lambda g: g.reviewing.flag(), keys=_keys("KeyT"), group="Frames"),
-    "rerun": Action(
-        title="Re-run the selected frames", run=lambda g: g.fitting.frames(), keys=_keys("KeyR"), group="Fit"
-    ),
-    "rerun_edited": Action(
-        title="Re-run around edited and flagged frames", run=lambda g: g.fitting.edited(), group="Fit"
-    ),
-    "rerun_shape": Action(title="Re-run the shape", run=lambda g: g.fitting.shape(), group="Fit"),
-    "fit": Action(
-        title="Fit everything", run=lambda g: g.fitting.everything(), keys=_keys("KeyR", shift=True), group="Fit"
-    ),
-    "cancel": Action(title="Cancel all fitting", run=lambda g: g.tab.session.cancel(), group="Fit"),
-    "help": Action(title="Show all keys", run=_toggle("keys"), keys=_keys("KeyH"), group="View"),
+    "fine": Action(title="Looks fine, or not", run=lambda g: g.reviewing.dismiss(), keys=_keys("KeyO")),
+    "flag": Action(title="Flag, or not", run=lambda g: g.reviewing.flag(), keys=_keys("KeyT")),
+}
+_FIT = {
+    "rerun": Action(title="Re-run the selected frames", run=lambda g: g.fitting.frames(), keys=_keys("KeyR")),
+    "rerun_edited": Action(title="Re-run around edited and flagged frames", run=lambda g: g.fitting.edited()),
+    "rerun_shape": Action(title="Re-run the shape", run=lambda g: g.fitting.shape()),
+    "fit": Action(title="Fit everything", run=lambda g: g.fitting.everything(), keys=_keys("KeyR", shift=True)),
+    "cancel": Action(title="Cancel all fitting", run=lambda g: g.tab.session.cancel()),
+}
+ACTIONS: dict[str, Action] = {
+    name: replace(action, group=group)
+    for group, actions in {
+        "Playing": _PLAYING,
+        "View": _VIEW,
+        "Keypoints": _KEYPOINTS,
+        "Frames": _FRAMES,
+        "Fit": _FIT,
+    }.items()
+    for name, action in actions.items()
 }
 """By the name under which the page sends them."""
 
@@ -263,3 +233,28 @@ def bindings() -> tuple[KeyBinding, ...]:
         for name, action in ACTIONS.items()
         for key in action.keys
     )
+
+
+_LEAST_MARGIN, _MARGIN = 1 / 12, 1 / 4
+"""Around keypoints that are zoomed to: of the image's diagonal at least, and of their own extent."""
+
+
+def zoom_to_selection(tab: Tab) -> None:
+    """Zoom to the selected keypoints. Raises InputError without any that are in the picture."""
+    if not tab.state.selection or tab.state.mode == "space":
+        raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
+    chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))
+    # Undetected ones lie at (0, 0), and so do copies of them.
+    xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
+    if not len(xy):
+        raise InputError("None of the selected keypoints was detected in this frame: there is nothing to zoom to.")
+    low, high = surroundings(xy, tab.session.project.clip.camera.size)
+    tab.scene.zoom_to((*low.tolist(), *high.tolist()))
+
+
+def surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[np.ndarray, "2 2"]:
+    """A rectangle around points, with a margin as far as the image goes: first its least, then its largest corner."""
+    low, high = xy.min(0), xy.max(0)
+    margin = max(_LEAST_MARGIN * float(np.hypot(*size)), _MARGIN * float((high - low).max()))
+    inside = np.array([np.maximum(low - margin, 0), np.minimum(high + margin, size)])
+    return np.array([np.minimum(inside[0], low), np.maximum(inside[1], high)])

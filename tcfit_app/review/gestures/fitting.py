@@ -7,7 +7,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.project.edits.edit_windows import around
+from tcfit_app.fitting.jobs import around
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 

@@ -12,12 +12,11 @@ from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
 from tcfit_app.fitting.fits import TITLES, Shown
 from tcfit_app.project.frame_words import in_words, numbers
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
     button,
-    cells,
     choice,
     dot,
     heading,
@@ -25,14 +24,15 @@ from tcfit_app.review.panels.elements.html import (
     paragraph,
     progress_bar,
     row,
+    tag,
     text,
     words,
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.state import TabState
-from tcfit_app.review.tasks import Step, Task
 
 Side = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
@@ -201,7 +201,7 @@ class ExportPanel:
                 for name, export in EXPORTS.items()
                 if export.group == group
             ]
-            rows.append(row(cells(*buttons), label=group))
+            rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))
         return [heading("Formats"), *rows]
 
 

@@ -1,4 +1,4 @@
-"""All keys and gestures as lists: the app's window of keys, and the table in docs/app.md."""
+"""All keys and gestures as lists, in the app's window of keys; docs/app.md has them as a table."""
 
 from itertools import groupby
 from typing import Any
@@ -87,13 +87,3 @@ def keys_html() -> Html:
 def _block(title: str, rows: tuple[tuple[str, str], ...]) -> Html:
     lines = [line(tag("kbd", keys), what, whole=(0,)) for keys, what in rows]
     return tag("section", joined(heading(title, first=True), table(lines)))
-
-
-def keys_markdown() -> str:
-    """The table in docs/app.md."""
-    rows = [
-        (f"**{title}**" if number == 0 else "", keys, what.replace("|", "\\|"))
-        for title, lines in {**key_groups(), **GESTURES}.items()
-        for number, (keys, what) in enumerate(lines)
-    ]
-    return "\n".join(["| | keys | |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in rows)])

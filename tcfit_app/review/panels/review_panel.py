@@ -10,9 +10,10 @@ from fitting_core.errors import InputError
 from fitting_core.video.frame_names import runs
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.project.frame_words import in_words, numbers
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.field import only_read
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, line, paragraph, row, table
 
 _MOST = 40
@@ -42,7 +43,8 @@ class ReviewPanel:
         self._flagged: list[int] = []
         self._checked: set[int] = set()
         self._media = Board(tab)
-        self._path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
+        path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
+        self._path = only_read(path)
         self._relink = Board(tab)
         self._head = Board(tab)
         self._queue = Board(tab)
@@ -111,7 +113,7 @@ class ReviewPanel:
             self._suspects, self._looking, self._problem = None, False, ""
             return
         found = tab.desk.suspects(shown)
-        self._problem = tab.desk.suspects_problem(shown) if found is None else ""
+        self._problem = tab.desk.problem("suspects", shown) if found is None else ""
         self._looking = found is None and not self._problem
         if not self._looking:
             self._suspects = found

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.keypoint_source import Going
-from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.imports.keypoint_jobs import Download, ImportFiles, ImportUpload
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.field import Dropdown, only_read
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -20,6 +20,7 @@ from tcfit_app.review.panels.elements.html import (
     row,
     words,
 )
+from tcfit_app.review.session.keypoint_source import Going
 from tcfit_app.review.tab.tab import Tab
 
 if TYPE_CHECKING:
@@ -54,13 +55,13 @@ class StartPanel:
         self._said = Board(tab)
         tab.buttons.on("start.import", lambda _: self._import_path())
         tab.buttons.on("start.detect", lambda _: self._detect())
-        tab.buttons.on("start.download", lambda name: tab.session.source.download(name), _known_model)
+        tab.buttons.on("start.download", lambda name: tab.session.source.begin(Download(name=name)), _known_model)
         tab.buttons.on("start.cancel", lambda _: tab.session.source.cancel())
 
     def _add_import(self) -> None:
         tab, gui = self._tab, self._tab.client.gui
         hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
-        self._path = gui.add_text("Path", "", hint=hint)
+        self._path = only_read(gui.add_text("Path", "", hint=hint))
         self._import = Board(tab)
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
         upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
@@ -68,19 +69,19 @@ class StartPanel:
         @upload.on_upload
         async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
             file = event.target.value
-            tab.do(lambda: tab.session.source.import_upload(file.name, file.content))
+            tab.do(lambda: tab.session.source.begin(ImportUpload(name=file.name, content=file.content)))
 
     def _import_path(self) -> None:
         if not self._path.value.strip():
             raise InputError(
                 "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
             )
-        self._tab.session.source.import_path(self._tab.files.path(self._path.value))
+        self._tab.session.source.begin(ImportFiles(path=self._tab.files.path(self._path.value)))
 
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
         gui = self._tab.client.gui
         choice = _ModelChoice(self._tab, finds, label, hint)
-        file = gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit")
+        file = only_read(gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit"))
         return choice, file
 
     def _detect(self) -> None:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,8 +17,7 @@ RUN_COLORS: tuple[RGB, RGB] = (90, 160, 255), (255, 150, 60)
 """Of run A and run B: blue and orange, apart for every kind of colour vision."""
 OPACITY = 0.85
 DISTANCE_LIMIT = 0.1
-"""Metres at the top end of the colours."""
-_JPEG_QUALITY = 85
+"""Metres at the top end of the colours; larger values look the same."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,8 +38,6 @@ class BodyLayer:
     """Metres at each vertex, such as the distance to another run. They are drawn as colours, instead of `color`."""
     camera: Camera | None = None
     """What it was fitted with; None: the poster's own."""
-    limit: float = DISTANCE_LIMIT
-    """Metres at the top end of the colours; larger values look the same."""
 
     def problem(self) -> str | None:
         """Why this body cannot be drawn, for the user; None if it can."""
@@ -61,13 +57,13 @@ class FrameImage:
     """An encoded image, handed to the browser as it is."""
 
     data: bytes
-    format: Literal["jpeg", "png"] = "jpeg"
+    """JPEG."""
 
     @classmethod
-    def encode(cls, rgb: UInt8[np.ndarray, "H W 3"], *, quality: int = _JPEG_QUALITY) -> "FrameImage":
+    def encode(cls, rgb: UInt8[np.ndarray, "H W 3"], *, quality: int = 85) -> "FrameImage":
         """A JPEG of an RGB array."""
         done, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        assert done
+        assert done, "OpenCV has no JPEG encoder"
         return cls(data=data.tobytes())
 
     @classmethod
@@ -91,9 +87,9 @@ def color_table() -> UInt8[np.ndarray, "256 3"]:
     return cv2.applyColorMap(ramp, cv2.COLORMAP_INFERNO)[:, 0, ::-1].copy()
 
 
-def color_index(values: Float[np.ndarray, "V"], limit: float) -> UInt8[np.ndarray, "V"]:
+def color_index(values: Float[np.ndarray, "V"]) -> UInt8[np.ndarray, "V"]:
     """Which line of `color_table` each value has; what is not a number is drawn as 0."""
-    return (np.clip(np.nan_to_num(values) / limit, 0, 1) * 255).astype(np.uint8)
+    return (np.clip(np.nan_to_num(values) / DISTANCE_LIMIT, 0, 1) * 255).astype(np.uint8)
 
 
 def drawable(bodies: Sequence[BodyLayer]) -> tuple[list[BodyLayer | None], list[str]]:

@@ -13,16 +13,14 @@ import viser
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.body_node import BodyNode
-from tcfit_app.review.scene.image_node import ImageNode
 from tcfit_app.review.scene.layers import NEAREST, BodyLayer, FrameImage, drawable
-from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poses import Rectangle
 
 GAP = 0.03
 """Between two posters, in image heights."""
 PLATE = FrameImage.uniform((38, 40, 44))
-"""In place of a frame that is not there yet."""
+"""In place of a frame that is not there yet, or of a video that is switched off."""
 _FAR_OUT = 8.0
 """How far from the middle, in image heights, a vertex is drawn: beyond, float32 and the browser's clipping lose it."""
 _CLEARANCE = 0.01

@@ -7,10 +7,8 @@ import viser
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.body_node import BodyNode
-from tcfit_app.review.scene.image_node import ImageNode
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, drawable
-from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
 
 FRUSTUM_DEPTH = 0.9

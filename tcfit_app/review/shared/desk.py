@@ -3,24 +3,23 @@
 import logging
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float32
 
 from fitting_core.errors import InputError
-from tcfit_app.analysis.between_runs import between_runs
-from tcfit_app.analysis.curves import Curve, curve
+from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.reference_metrics import reference_metrics
-from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, run_metrics
+from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, reference_metrics, run_metrics
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.following import LiveWindow
 from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.session.tasks import Value
 from tcfit_app.review.shared.video_frames import VideoFrames
-from tcfit_app.review.tasks import Value
 
 _GROUND_PERCENTILE = 95.0
 """Of the lowest joint's height over the frames: a foot that the fit pushes through the floor now and then is none."""
@@ -47,7 +46,7 @@ class Desk:
     def __init__(self, session: Session, wake: Callable[[], None]) -> None:
         self.session = session
         clip = session.project.clip
-        self.length, self.size = len(clip), clip.camera.size
+        self.length = len(clip)
         self.tasks, self._wake = session.tasks, wake
         self._meshes: dict[str, Meshes] = {}
         self.warming = False
@@ -101,12 +100,12 @@ class Desk:
         version = (shown.run.id, shown.phase, shown.revision)
         return Drawn(vertices=meshes.vertices(version, shown.params, frame), version=(version, frame))
 
-    def posed(self, shown: Shown) -> PosedFit:
-        """A run beside the keypoints as they are now. Raises InputError if its body model is not there."""
-        return self._poser(shown)()
+    def posed(self, shown: Shown) -> Callable[[], PosedFit]:
+        """What poses a run beside the keypoints as they are now, for another thread.
 
-    def _poser(self, shown: Shown) -> Callable[[], PosedFit]:
-        """`posed`, for another thread: of what there is now, and raising now what it raises."""
+        Raises:
+            InputError: Its body model is not there.
+        """
         project, meshes = self.session.project, self.meshes(shown)
         clip, fit, bad = project.clip, self.session.fits.fit(shown.run), project.corrected.bad
 
@@ -148,12 +147,8 @@ class Desk:
         if result is None:
             return None
         seconds = sum(p.seconds for p in self.session.fits.fit(shown.run).phases if p.phase <= shown.phase)
-        key = ("metrics", self.key(shown))
+        key = self._metrics_key(shown)
         return self._made(key, shown, lambda posed: run_metrics(MeasuredRun(fit=posed, phase=result, seconds=seconds)))
-
-    def metrics_problem(self, shown: Shown) -> str:
-        """Why a run cannot be measured; empty if that is not so."""
-        return self._body_problem(shown) or self.tasks.problem(("metrics", self.key(shown)))
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run against the project's reference, empty without one; None while they are taken."""
@@ -166,9 +161,8 @@ class Desk:
 
         return self._made(self._reference_key(shown), shown, measured)
 
-    def reference_problem(self, shown: Shown) -> str:
-        """Why a run cannot be compared with the reference; empty if that is not so."""
-        return self.tasks.problem(self._reference_key(shown))
+    def _metrics_key(self, shown: Shown) -> Hashable:
+        return "metrics", self.key(shown)
 
     def _reference_key(self, shown: Shown) -> Hashable:
         return "reference", shown.run.id, shown.phase, shown.revision, self.session.referenced
@@ -197,10 +191,6 @@ class Desk:
             return []
         return [(run.moment, run.frames or range(self.length))]
 
-    def suspects_problem(self, shown: Shown) -> str:
-        """Why there will be no review queue of a run; empty if nothing is wrong."""
-        return self._body_problem(shown) or self.tasks.problem(self._suspects_key(shown))
-
     def _suspects_key(self, shown: Shown) -> Hashable:
         return "suspects", self.key(shown), self.session.marked
 
@@ -209,17 +199,18 @@ class Desk:
         return None if posed is None else self.tasks.get(key, lambda: make(posed()))
 
     def _ready(self, shown: Shown) -> Callable[[], PosedFit] | None:
-        """`_poser` of a run, if its body model is there by now."""
+        """`posed` of a run, if its body model is there by now."""
         try:
-            return None if self.warming else self._poser(shown)
+            return None if self.warming else self.posed(shown)
         except InputError:
             return None
 
-    def _body_problem(self, shown: Shown) -> str:
-        """Why a run's body model is not there; empty if that is not so."""
+    def problem(self, what: Literal["metrics", "reference", "suspects"], shown: Shown) -> str:
+        """Why a run will get no figures, none against the reference, or no review queue; empty if nothing is wrong."""
         try:
             if not self.warming:
                 self.meshes(shown)
-            return ""
         except InputError as error:
             return str(error)
+        keys = {"metrics": self._metrics_key, "reference": self._reference_key, "suspects": self._suspects_key}
+        return self.tasks.problem(keys[what](shown))

@@ -1,6 +1,6 @@
 """The frames of a clip's video as JPEGs, decoded in a thread ahead of whoever shows them.
 
-Nothing here waits unless it is told to, and nothing raises for a video that is missing or broken: there is a grey
+Nothing here waits, and nothing raises for a video that is missing or broken: there is a grey
 frame then, and a text that says what is wrong.
 
 One thread opens, decodes and encodes, for a video is read forward: what it does first is what somebody waits for, then
@@ -22,16 +22,24 @@ import threading
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
-from types import TracebackType
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
+from jaxtyping import UInt8
 
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
-from tcfit_app.review.shared.jpeg import SIZES, FrameSize, encoded, placeholder, shown_size
+from tcfit_app.review.scene.layers import FrameImage
 
+FrameSize = Literal["playing", "full"]
+"""Small, for frames that follow each other quickly; or every pixel of the video."""
+SIZES: tuple[FrameSize, ...] = get_args(FrameSize)
+PLAYING = (960, 540)
+"""Most pixels of a playing frame; an upright one has them the other way round."""
+_QUALITY = {"playing": 80, "full": 85}
+_GREY = 96
 _LIMIT = 256 * 2**20
 _FILLED = 0.5
 """Share of the cache up to which frames that nobody has asked for are kept."""
@@ -44,7 +52,7 @@ Wanted = tuple[int, FrameSize]
 
 
 class VideoFrames:
-    """Frames of one clip. Thread-safe; a context manager.
+    """Frames of one clip. Thread-safe.
 
     Args:
         source: A video or a folder of images; None if there is none.
@@ -68,7 +76,7 @@ class VideoFrames:
         arrived: Callable[[], None] = lambda: None,
     ) -> None:
         self.count, self.size = count, size
-        self._source, self._first, self._arrived = source, first_frame, arrived
+        self._first, self._arrived = first_frame, arrived
         self._awaited: set[Wanted] = set()
         self._cache: ByteCache[bytes] = ByteCache(limit, len)
         self._grey = {shown: placeholder(size, shown) for shown in SIZES}
@@ -81,14 +89,9 @@ class VideoFrames:
         self._rest = deque(range(count)) if fill else deque()
         self._changed = threading.Condition()
         self._closed = source is None
-        self._thread = threading.Thread(target=self._work, name="video frames", daemon=True)
+        self._thread = threading.Thread(target=self._work, args=(source,), name="video frames", daemon=True)
         if source:
             self._thread.start()
-
-    @property
-    def problem(self) -> str:
-        """What is wrong with the video as a whole, for the user; empty if nothing is known to be."""
-        return self._problem
 
     def problem_of(self, frame: int) -> str:
         """Why a frame is grey; empty if it is not, or was not decoded yet."""
@@ -107,23 +110,14 @@ class VideoFrames:
         """The frame in this size, or else in the other one if that is there; what is missing is decoded next."""
         return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
 
-    def wait(self, frame: int, shown: FrameSize = "full", *, timeout: float = 10.0) -> bytes:
-        """The frame as JPEG; the placeholder if it cannot be decoded, or not within `timeout` seconds."""
-        if found := self.get(frame, shown):
-            return found
-        with self._changed:
-            wanted = frame, self._kept[shown]
-            return self._changed.wait_for(lambda: self._cached(wanted), timeout) or self._grey[shown]
-
-    def prefetch(self, frames: Iterable[int], shown: FrameSize = "playing", *, reader: Hashable = None) -> None:
-        """Decode frames that are about to be played.
+    def prefetch(self, frames: Iterable[int], *, reader: Hashable = None) -> None:
+        """Decode frames that are about to be played, in the size for that.
 
         Args:
             frames: In the order in which they will be shown: forward, backward, around a loop.
-            shown: In which size.
             reader: Who plays; the frames take the place of what it asked for before.
         """
-        kept = self._kept[shown]
+        kept = self._kept["playing"]
         coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if 0 <= frame < self.count)
         with self._changed:
             self._coming[reader] = coming
@@ -142,12 +136,6 @@ class VideoFrames:
         if self._thread.is_alive():
             self._thread.join()
 
-    def __enter__(self) -> "VideoFrames":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
     def _cached(self, wanted: Wanted) -> bytes | None:
         found = self._cache.get(wanted)
         if self._closed or self._problem or wanted[0] in self._problems:
@@ -162,15 +150,11 @@ class VideoFrames:
             self._awaited.add(wanted)
             self._changed.notify_all()
 
-    def _work(self) -> None:
+    def _work(self, source: Path) -> None:
         try:
-            frames = FrameSource(self._source) if self._source else None
+            frames = FrameSource(source)
         except (InputError, OSError, cv2.error) as error:
             self._problem = str(error)
-            frames = None
-        if frames is None:
-            with self._changed:
-                self._changed.notify_all()
             self._arrived()
             return
         with frames:
@@ -223,7 +207,6 @@ class VideoFrames:
         with self._changed:
             awaited = wanted in self._awaited
             self._awaited.discard(wanted)
-            self._changed.notify_all()
         if awaited:
             self._arrived()
         return last
@@ -235,3 +218,28 @@ def _forward(frames: list[int]) -> list[int]:
     if not backwards:
         return frames
     return [frame for start in range(0, len(frames), _BLOCK) for frame in reversed(frames[start : start + _BLOCK])]
+
+
+def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
+    """Width and height in pixels of a JPEG, for a video of `size`: never larger, of the same shape."""
+    if shown == "full":
+        return size
+    wide, high = max(PLAYING), min(PLAYING)
+    most = (wide, high) if size[0] >= size[1] else (high, wide)
+    scale = min(1.0, most[0] / size[0], most[1] / size[1])
+    return max(1, round(scale * size[0])), max(1, round(scale * size[1]))
+
+
+def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize) -> bytes:
+    """A frame (RGB) as JPEG."""
+    size = shown_size((image.shape[1], image.shape[0]), shown)
+    if size != (image.shape[1], image.shape[0]):
+        # Linear, not by area: 2 against 20 ms where 1080p shrinks by a factor that is no whole number.
+        image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
+    return FrameImage.encode(image, quality=_QUALITY[shown]).data
+
+
+def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:
+    """A grey frame in the place of one that cannot be shown."""
+    width, height = shown_size(size, shown)
+    return encoded(np.full((height, width, 3), _GREY, np.uint8), "full")

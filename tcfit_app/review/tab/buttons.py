@@ -41,11 +41,6 @@ class Buttons:
         assert command not in self._known, f"{command} is taken"
         self._known[command] = (run, read)
 
-    @property
-    def commands(self) -> Collection[str]:
-        """Names of everything that some button does."""
-        return self._known.keys()
-
     def show(self, owner: object, html: str) -> None:
         """From now on the buttons in this HTML are those that its owner shows; none in an empty text."""
         now, there = time.monotonic(), offered(html)

@@ -7,8 +7,8 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.following import LiveWindow
-from tcfit_app.review.session import Session
-from tcfit_app.review.stored_fits import StoredFits
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.tab.state import TabState
 
 Side = Literal["a", "b"]

@@ -10,16 +10,16 @@ from typing import Any, Literal
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.notices import Notice
+from tcfit_app.fitting.outbox import Notice
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.scene.scene import SceneView
+from tcfit_app.review.session.tasks import Task, Value, Work
 from tcfit_app.review.shared.desk import Desk
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.playback import Playback
 from tcfit_app.review.tab.state import TabState
-from tcfit_app.review.tasks import Task, Value, Work
 from tcfit_app.server.page_files import PageFiles
 
 Do = Callable[[Callable[[], None]], None]

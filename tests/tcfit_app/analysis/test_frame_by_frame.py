@@ -8,8 +8,7 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from tcfit_app.analysis.frame_by_frame import KEPT, FrameByFrame
-from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.meshes import KEPT, FrameByFrame, Meshes
 from tests.samples.scenes import random_params
 
 

@@ -14,7 +14,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io.summary import summary
-from tcfit_app.analysis.between_runs import between_runs, vertex_distances
+from tcfit_app.analysis.curves import between_runs, vertex_distances
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import METRICS, Comparison, MeasuredRun, Metric, compare, run_metrics
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints

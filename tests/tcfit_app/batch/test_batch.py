@@ -154,7 +154,7 @@ def test_an_unforeseen_error_is_a_failure_with_its_place(tmp_path: Path, free_bo
     def failing(*args: object, **kwargs: object) -> None:
         raise ZeroDivisionError("by chance")
 
-    monkeypatch.setattr("tcfit_app.batch.writing.write_result", failing)
+    monkeypatch.setattr("tcfit_app.batch.clip_fit.write_result", failing)
     assert batch(tmp_path) == 1
     assert rows(tmp_path)["fits/c000"]["reason"] == "ZeroDivisionError: by chance"
     note = sorted((tmp_path / "clips.batch/failed").iterdir())[0]

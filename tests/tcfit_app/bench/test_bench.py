@@ -16,11 +16,22 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.synthetic.excerpts import picked
 from tcfit_app.bench import trials as trials_module
-from tcfit_app.bench.figures import FORMAT, Bench, Figure, compared, differences, read_bench, write_bench
+from tcfit_app.bench.figures import (
+    FORMAT,
+    Bench,
+    Figure,
+    compared,
+    comparison_tables,
+    differences,
+    growth_table,
+    number,
+    ratio_table,
+    read_bench,
+    write_bench,
+)
 from tcfit_app.bench.machine import machine, peak_memory
 from tcfit_app.bench.measuring import Setup, fit_measures
 from tcfit_app.bench.subject import Measured, Subject
-from tcfit_app.bench.tables import comparison_tables, growth_table, number, ratio_table
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Trial, compared_trials, run_trials
 from tcfit_app.cli.main import INPUT_ERROR, main, parse
 from tcfit_app.fitting import child_processes
@@ -73,7 +84,7 @@ def test_a_comparison_is_of_medians_and_clear_only_if_all_turns_agree():
     now = [figure("b", 4, 4.25, 4.5), figure("a", 6, 5, 4), figure("c", 1, 1), figure("new", 1)]
     now += [figure("d", 3, 4), figure("e", 101.5, 101.2, 109)]
     b, a, c, d, e = rows = compared(before, now)
-    assert (a.name, a.unit, a.ratio, a.verdict) == ("a", "s", 5 / 3, "in the spread")
+    assert (a.now.name, a.now.unit, a.ratio, a.verdict) == ("a", "s", 5 / 3, "in the spread")
     assert (b.ratio, b.verdict) == (4.25, "clear")
     assert (c.ratio, c.verdict) == (None, "")
     assert (d.ratio, d.verdict) == (3.5 / 1.5, "too few turns")

@@ -10,6 +10,7 @@ import pytest
 from fitting_core.body.files import registry
 from tcfit_app.cli import doctor as report
 from tcfit_app.cli.doctor import (
+    Outcome,
     check_bodies,
     check_folders,
     check_python,
@@ -17,8 +18,9 @@ from tcfit_app.cli.doctor import (
     check_torch,
     check_video,
     doctor,
+    probe_codec,
+    probe_rendering,
 )
-from tcfit_app.cli.probes import Outcome, probe_codec, probe_rendering
 from tests.samples.body_files import body_arrays, write_npz
 
 WORKS = Outcome(works=True)

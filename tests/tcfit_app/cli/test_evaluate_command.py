@@ -208,7 +208,7 @@ def short_suite(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return replace(result, phases=result.phases[:1]) if config.last_phase == 1 else result
 
     monkeypatch.setattr(suite_runs, "make_sequence", lambda sequence, level: cut)
-    monkeypatch.setattr("tcfit_app.cli.suite_command.make_sequence", lambda sequence, level: cut)
+    monkeypatch.setattr("tcfit_app.cli.evaluate_command.make_sequence", lambda sequence, level: cut)
     monkeypatch.setattr(suite_runs, "fit_clip", fit)
     return fitted
 

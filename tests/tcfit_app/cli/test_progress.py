@@ -11,7 +11,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.cli.progress import Progress
+from tcfit_app.cli.fit_command import Progress
 
 
 class _Terminal(io.StringIO):

@@ -9,7 +9,7 @@ import pytest
 from tcfit_app.cli.main import main, parse
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tests.tcfit_app.conftest import FRAMES
 
 

@@ -25,8 +25,8 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports import results as importing
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels.compare import compare_panel as compare
-from tcfit_app.review.panels.compare.compare_panel import ComparePanel
+from tcfit_app.review.panels import compare_panel as compare
+from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.priors.networks import random_latents, random_network
@@ -260,7 +260,7 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
     monkeypatch.setattr(compare, "SETTLING", 0.0)
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
         own, session = tested.fit(), tested.page.tab.session
-        run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE)
+        run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE, lambda text, share: None)
         tested.page.tab.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
         tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
         shown = page_a(tested)

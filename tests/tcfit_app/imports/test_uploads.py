@@ -9,8 +9,8 @@ import pytest
 
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.openpose import read_openpose
-from tcfit_app.imports import keypoint_uploads as uploads
-from tcfit_app.imports.keypoint_uploads import received
+from tcfit_app.imports import keypoint_jobs as uploads
+from tcfit_app.imports.keypoint_jobs import received
 
 FRAME = json.dumps({"people": [{"pose_keypoints_2d": [1.0, 2.0, 0.5] * 25}]}).encode()
 

@@ -124,6 +124,7 @@ def test_the_other_side_of_a_keypoint():
         swapped = {"left": "right", "right": "left"}.get(NAMES[joint].split("_")[0])
         assert NAMES[other] == (NAMES[joint] if swapped is None else f"{swapped}_{NAMES[joint].split('_', 1)[1]}")
         assert (joint in range(137)[BODY]) == (other in range(137)[BODY])
+    assert {NAMES[j].partition("_")[2] for j in SIDES["arms"]} == {"elbow", "wrist"}, "shoulders are not mixed up"
     assert len(SIDES["body"]) == 22 and set(SIDES["hands"]) == set(range(137)[HANDS])
 
 

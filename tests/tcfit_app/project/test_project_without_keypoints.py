@@ -19,7 +19,7 @@ from tcfit_app.project.edits.kinds import SIDES, MoveKeypoint, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import clip as clip_storage
 from tcfit_app.project.storage.database import Database
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tests.drivers.processes import killed_after, needs_fork
 from tests.samples.project_samples import FRAMES, same_keypoints, sample_clip, sample_keypoints
 

@@ -38,14 +38,14 @@ def desk(tiny_body: BodyModel, tmp_path: Path) -> Iterator[Desk]:
 
 def test_marked_keypoints_are_known_as_marked(desk: Desk):
     desk.session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me")
-    bad = desk.posed(newest(desk.session)).bad
+    bad = desk.posed(newest(desk.session))().bad
     assert np.argwhere(bad).tolist() == [[4, WRIST]]
 
 
 def test_what_was_imported_did_not_fail(desk: Desk):
     shown = newest(desk.session)
-    assert desk.posed(shown).frame_cost is not None
-    assert desk.posed(replace(shown, run=replace(shown.run, kind="imported"))).frame_cost is None
+    assert desk.posed(shown)().frame_cost is not None
+    assert desk.posed(replace(shown, run=replace(shown.run, kind="imported")))().frame_cost is None
 
 
 def test_frames_that_looked_fine_are_looked_at_again_after_another_fit(desk: Desk, monkeypatch: pytest.MonkeyPatch):
@@ -92,7 +92,7 @@ def test_nothing_waits_for_the_first_body(desk: Desk):
     shown = newest(desk.session)
     desk.warming = True
     assert desk.curve("reprojection", shown) is None and desk.suspects(shown) is None
-    assert desk.suspects_problem(shown) == "" and desk.metrics_problem(shown) == ""
+    assert desk.problem("suspects", shown) == "" and desk.problem("metrics", shown) == ""
     desk.warm_up()
     until(desk.session, lambda: not desk.warming)
     until(desk.session, lambda: desk.curve("reprojection", shown) is not None)

@@ -18,13 +18,13 @@ from fitting_core.detect import known_models
 from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.imports.keypoint_jobs import FoundKeypoints, Report
+from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
 from tcfit_app.project import project as project_module
 from tcfit_app.project.project import Project
-from tcfit_app.review import keypoint_source
-from tcfit_app.review.keypoint_source import PARTS
+from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.keypoint_source import PARTS
+from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.fitting_core.detect.onnx_files import brightest_model
 from tests.samples.sessions import session_of, told, until
@@ -76,13 +76,13 @@ def ended(session: Session) -> None:
 
 def test_keypoints_of_this_computer(session: Session, files: Path):
     edits = session.edits
-    session.source.import_path(files)
+    session.source.begin(ImportFiles(path=files))
     ended(session)
     assert session.project.has_detections and session.edits > edits
     assert np.array_equal(session.project.detections.xy, imported_xy())
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="has its keypoints already"):
-        session.source.import_path(files)
+        session.source.begin(ImportFiles(path=files))
 
 
 def test_an_uploaded_archive(session: Session, files: Path):
@@ -90,7 +90,7 @@ def test_an_uploaded_archive(session: Session, files: Path):
     with zipfile.ZipFile(buffer, "w") as archive:
         for path in files.iterdir():
             archive.write(path, f"kp/{path.name}")
-    session.source.import_upload("kp.zip", buffer.getvalue())
+    session.source.begin(ImportUpload(name="kp.zip", content=buffer.getvalue()))
     ended(session)
     assert np.array_equal(session.project.detections.xy, imported_xy())
 
@@ -164,7 +164,7 @@ def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
         write(*args)
 
     monkeypatch.setattr(project_module, "replace_detections", slowly)
-    session.source.import_path(files)
+    session.source.begin(ImportFiles(path=files))
     assert writing.wait(60)
     session.take_news()
     project = session.project
@@ -178,8 +178,8 @@ def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
 @pytest.mark.parametrize(
     ("begin", "words"),
     [
-        (lambda source: source.import_path(Path("/no/such/folder")), "there is no such file or folder"),
-        (lambda source: source.import_upload("a.exe", b"x"), "is no keypoint file by its name"),
+        (lambda source: source.begin(ImportFiles(path=Path("/no/such/folder"))), "there is no such file or folder"),
+        (lambda source: source.begin(ImportUpload(name="a.exe", content=b"x")), "is no keypoint file by its name"),
         (lambda source: source.detect("/no/model.onnx"), "there is no such model file"),
     ],
 )
@@ -190,20 +190,19 @@ def test_what_fails_is_told_and_another_try_can_begin(
     ended(session)
     assert session.source.going and session.source.going.state == "failed" and words in session.source.going.reason
     assert told(session)[-1].kind == "error" and words in told(session)[-1].text
-    session.source.import_path(files)
+    session.source.begin(ImportFiles(path=files))
     ended(session)
     assert session.project.has_detections
 
 
-def test_one_job_at_a_time_and_none_where_nothing_may_be_written(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(keypoint_source, "ImportFiles", lambda path: Waits())
+def test_one_job_at_a_time_and_none_where_nothing_may_be_written(folder: Path):
     with session_of(folder, None) as session:
-        session.source.import_path(Path("x"))
+        session.source.begin(Waits())
         with pytest.raises(InputError, match="Waiting: wait for it, or cancel it"):
             session.source.detect("model.onnx")
     assert session.source.going and session.source.going.state == "cancelled", "closing ends it"
     with session_of(folder, None, read_only=True) as reader, pytest.raises(InputError, match="read-only"):
-        reader.source.import_path(Path("x"))
+        reader.source.begin(ImportFiles(path=Path("x")))
 
 
 # --- the panel ---
@@ -274,7 +273,7 @@ def test_a_failure_stays_in_the_panel_as_text(page: LonePage):
 
 
 def test_progress_can_be_cancelled_in_the_panel(page: LonePage, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(keypoint_source, "ImportFiles", lambda path: Waits())
+    monkeypatch.setattr(start_panel, "ImportFiles", lambda path: Waits())
     page.enter("Path", "x")
     page.click("Import from this path")
     page.until(lambda: "waits …" in page.html())

@@ -82,7 +82,7 @@ def _resize(user: Reviewing, rng: np.random.Generator) -> None:
 def _reload(user: Reviewing, rng: np.random.Generator) -> None:
     pages = len(user.app.pages)
     user.tab.reload()
-    until(lambda: len(user.app.pages) == pages and all(page.ready for page in user.app.pages.values()))
+    until(lambda: len(user.app.pages) == pages and all(page.tab.ready for page in user.app.pages.values()))
 
 
 def _click(user: Reviewing, rng: np.random.Generator) -> None:

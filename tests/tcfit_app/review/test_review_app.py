@@ -137,7 +137,7 @@ def test_a_reload_keeps_everything(review: Reviewing):
     before, edits = review.page.tab.state, review.session.project.last_edit
     client = review.page.tab.client.client_id
     review.tab.reload()
-    until(lambda: review.app.pages and review.page.tab.client.client_id != client and review.page.ready, "the page")
+    until(lambda: review.app.pages and review.page.tab.client.client_id != client and review.page.tab.ready, "the page")
     assert replace(review.page.tab.state, playing=False) == replace(before, playing=False)
     assert review.session.project.last_edit == edits
     until(lambda: len(shown_labels(review)) == 2)

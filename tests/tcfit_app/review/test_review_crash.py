@@ -16,7 +16,7 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, Restore
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import review_server
 from tests.drivers.processes import killed_after, needs_fork
 from tests.samples.sessions import FRAMES, QUICK, OneBody, small_clip

@@ -18,16 +18,15 @@ from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting import following, live, worker
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.jobs import RerunFrames
-from tcfit_app.fitting.outbox import DragAbandoned, DragMoved, JobFinished
-from tcfit_app.fitting.running_job import RunningJob
-from tcfit_app.project.edits.edit_windows import around
+from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.jobs import RerunFrames, around
+from tcfit_app.fitting.outbox import DragEnded, DragMoved, JobEnded
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.runs.run_texts import result_of
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 from tests.samples.scenes import finished
-from tests.samples.sessions import FRAMES, QUICK, idle, newest, session_of, small_clip, told, until
+from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -216,7 +215,7 @@ def test_windows_of_two_drags_are_both_told(session: Session):
     assert sorted(moved.drag for moved in outbox.empty().moved) == [1, 2]
     for drag in (1, 2):
         show(drag)
-    outbox.tell(DragAbandoned(drag=1))
+    outbox.tell(DragEnded(drag=1, how="abandoned"))
     assert [moved.drag for moved in outbox.empty().moved] == [2] and outbox.empty().moved == ()
 
 
@@ -383,9 +382,7 @@ def test_a_cancelled_shape_keeps_its_second_phase(session: Session):
     until(session, lambda: newest(session).phase == 3)
     betas = newest(session).params.betas
     assert torch.equal(betas, betas[:1].expand_as(betas)), "frames that are still to come have the new shape, too"
-    session.worker.pause()
     session.cancel(run.id)
-    session.worker.resume()
     idle(session)
     after = session.fits.run(run.id)
     assert after is not None and after.state == "cancelled" and session.fits.phases(after) == (1, 2)
@@ -428,11 +425,10 @@ def test_frames_of_a_run_under_way_are_fitted_again_when_it_has_finished(session
     before = newest(session)
     nudge(session, 0, None)
     nudge(session, 7, None)
-    session.worker.pause()
-    first = session.rerun_frames(before, QUICK, (range(0, 2),))
-    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
-    assert second.parent == first.id
-    session.worker.resume()
+    with held(session):
+        first = session.rerun_frames(before, QUICK, (range(0, 2),))
+        second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+        assert second.parent == first.id
     idle(session)
     found = [session.fits.show(FitChoice(run=run.id)) for run in (first, second)]
     one, both = (shown.params.body_pose for shown in found if shown is not None)
@@ -441,11 +437,10 @@ def test_frames_of_a_run_under_way_are_fitted_again_when_it_has_finished(session
 
 
 def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
-    session.worker.pause()
-    first = session.rerun_frames(newest(session), QUICK, (range(0, 2),))
-    second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
-    session.cancel(first.id)
-    session.worker.resume()
+    with held(session):
+        first = session.rerun_frames(newest(session), QUICK, (range(0, 2),))
+        second = session.rerun_frames(newest(session), QUICK, (range(6, 8),))
+        session.cancel(first.id)
     idle(session)
     after = session.fits.run(second.id)
     assert after is not None and after.state == "failed" and "did not finish" in after.message
@@ -453,13 +448,12 @@ def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
 
 def test_a_drag_that_overtook_an_edit_stays(session: Session):
     before = newest(session)
-    session.worker.pause()  # as behind a long fit
-    nudge(session, 4, before)
-    until(session, lambda: session.jobs)
-    drag(session, before, 40.0, frame=5)
-    until(session, lambda: newest(session).run.kind == "corrections")
-    dragged = pose(session, 5)
-    session.worker.resume()
+    with held(session):
+        nudge(session, 4, before)
+        until(session, lambda: session.jobs)
+        drag(session, before, 40.0, frame=5)
+        until(session, lambda: newest(session).run.kind == "corrections")
+        dragged = pose(session, 5)
     idle(session)
     away = torch.linalg.norm(before.params.body_pose[5] - dragged)
     assert torch.linalg.norm(pose(session, 5) - dragged) < 0.2 * away, "fitted again from the drag on, with both edits"
@@ -490,12 +484,11 @@ def test_edits_made_while_the_fit_follows_others_are_followed_together(
     monkeypatch.setattr(following, "SETTLING", 0.0)
     monkeypatch.setattr(following, "MOST_FOLLOWED", FRAMES - 1)
     before = newest(session)
-    session.worker.pause()  # as behind a long fit
-    for frame in (0, 7, 1, 6, 0):
-        nudge(session, frame, before)
-        session.take_news()
-    assert len(session.jobs) == 1 and session.following.busy
-    session.worker.resume()
+    with held(session):
+        for frame in (0, 7, 1, 6, 0):
+            nudge(session, frame, before)
+            session.take_news()
+        assert len(session.jobs) == 1 and session.following.busy
     idle(session)
     assert not told(session), "each of them is few frames: that they wait together is nothing to refuse"
     assert session.edits_since(newest(session).run) == 0
@@ -508,12 +501,11 @@ def test_cancelling_what_follows_edits_cancels_those_that_wait_for_it(
 ):
     monkeypatch.setattr(following, "SETTLING", 0.0)
     before = newest(session)
-    session.worker.pause()
-    for frame in (0, 7):
-        nudge(session, frame, before)
-        session.take_news()
-    session.cancel()
-    session.worker.resume()
+    with held(session):
+        for frame in (0, 7):
+            nudge(session, frame, before)
+            session.take_news()
+        session.cancel()
     idle(session)
     assert newest(session).run.id == before.run.id and session.edits_since(before.run) == 2
 
@@ -567,9 +559,9 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
 
         return tried
 
-    for name in (*barred, "finish_late"):
+    for name in barred:
         monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
-    monkeypatch.setattr("tcfit_app.review.session._RETRY", 0.0)
+    monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
     run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
     idle(session)
     kept = session.fits.run(run.id)
@@ -582,6 +574,43 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
     assert newest(session).run.id == run.id and torch.equal(
         session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
     )
+
+
+@pytest.mark.parametrize("closing", [False, True])
+def test_a_run_whose_end_goes_wrong_is_ended_later(session: Session, monkeypatch: pytest.MonkeyPatch, closing: bool):
+    runs, broken = session.project.runs, [OSError("a bad cable")]
+    end = runs.end
+    monkeypatch.setattr(runs, "end", lambda *given: (_ for _ in ()).throw(broken.pop()) if broken else end(*given))
+    monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
+    begun = [session.fit_everything(QUICK, kind="smplx", gender="neutral") for _ in range(2)]
+    if closing:
+        session.close()
+    else:
+        session.cancel()
+        idle(session)
+        session.take_news()
+        assert "a bad cable" in " ".join(notice.text for notice in told(session))
+    assert {runs.get(run.id).state for run in begun} == {"cancelled"}
+
+
+def test_nothing_is_read_from_the_disk_where_a_drag_or_an_edit_begins(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    before = newest(session)
+    drag(session, before, 40.0)
+    idle(session)
+    corrections = newest(session).run
+    assert corrections.kind == "corrections"
+    threads, load = [], session.project.runs.load
+    monkeypatch.setattr(
+        session.project.runs, "load", lambda run: threads.append(threading.current_thread()) or load(run)
+    )
+    for begin in (lambda: drag(session, before, 60.0), lambda: nudge(session, 1, before)):
+        del session.fits._versions[corrections.id]
+        begin()
+        idle(session)
+    assert len(threads) > 1 and threading.current_thread() not in threads
+    assert session.edits_since(newest(session).run) == 0
 
 
 def test_cancelled_and_failed_runs_leave_everything_usable(session: Session, monkeypatch: pytest.MonkeyPatch):
@@ -609,8 +638,8 @@ def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeyp
 
     monkeypatch.setattr(session.following, "take_end", fail)
     session.jobs[99] = RunningJob(number=99, run=None, title="job", phases=(3,))
-    session.worker.outbox.tell(DragAbandoned(drag=7))
-    session.worker.outbox.tell(JobFinished(job=99, outcome=None))  # pyright: ignore[reportArgumentType]
+    session.worker.outbox.tell(DragEnded(drag=7, how="abandoned"))
+    session.worker.outbox.tell(JobEnded(job=99, how="finished"))
     session.take_news()
     assert not session.jobs
     assert [notice.kind for notice in told(session)] == ["error"] and "no such drag" in told(session)[0].text

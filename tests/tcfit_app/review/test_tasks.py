@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from fitting_core.errors import InputError
-from tcfit_app.review import tasks as module
-from tcfit_app.review.tasks import Step, Task, Tasks
+from tcfit_app.review.session import tasks as module
+from tcfit_app.review.session.tasks import Step, Task, Tasks
 
 PATIENCE = 20.0
 

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -12,8 +13,7 @@ import numpy as np
 import pytest
 
 from fitting_core.video.frames import FrameSource
-from tcfit_app.review.shared.jpeg import FrameSize, encoded, placeholder, shown_size
-from tcfit_app.review.shared.video_frames import VideoFrames, _forward
+from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, _forward, encoded, placeholder, shown_size
 
 COUNT, SIZE, STEP = 24, (1200, 640), 10
 
@@ -65,6 +65,12 @@ def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
         time.sleep(0.005)
 
 
+def waited(frames: VideoFrames, frame: int, kind: FrameSize = "full") -> bytes:
+    """The frame, or what stands in its place, once it is there."""
+    until(lambda: frames.get(frame, kind) is not None)
+    return frames.get(frame, kind) or waited(frames, frame, kind)
+
+
 @pytest.mark.parametrize(
     ("size", "small"),
     [((1920, 1080), (960, 540)), ((1088, 1920), (540, 953)), ((640, 480), (640, 480)), ((4000, 10), (960, 2))],
@@ -86,16 +92,16 @@ def test_every_frame_in_any_order(opened: Callable[..., VideoFrames], kind: Fram
     order = list(range(COUNT))
     random.Random(0).shuffle(order)
     for frame in order:
-        jpeg = frames.wait(frame, kind)
+        jpeg = waited(frames, frame, kind)
         assert shown(jpeg) == frame and decoded(jpeg).shape[1::-1] == size
         assert frames.get(frame, kind) == jpeg and frames.problem_of(frame) == ""
-    red = decoded(frames.wait(3))[:, : SIZE[0] // 3].mean((0, 1))
+    red = decoded(waited(frames, 3))[:, : SIZE[0] // 3].mean((0, 1))
     assert red[0] > 240 and red[1:].max() < 15
 
 
 def test_a_clip_that_starts_later_in_its_video(opened: Callable[..., VideoFrames]):
     frames = opened(first_frame=5, count=10)
-    assert [shown(frames.wait(frame)) for frame in (0, 9)] == [5, 14]
+    assert [shown(waited(frames, frame)) for frame in (0, 9)] == [5, 14]
 
 
 def test_asking_does_not_wait_but_has_the_frame_decoded(opened: Callable[..., VideoFrames]):
@@ -110,8 +116,8 @@ def test_asking_does_not_wait_but_has_the_frame_decoded(opened: Callable[..., Vi
 
 def test_a_small_clip_is_kept_in_one_size(tmp_path: Path):
     small = walk(tmp_path / "small.avi", (192, 108))
-    with VideoFrames(small, first_frame=0, count=COUNT, size=(192, 108)) as frames:
-        assert frames.wait(7) is frames.get(7, "playing") is frames.nearest(7)
+    with closing(VideoFrames(small, first_frame=0, count=COUNT, size=(192, 108))) as frames:
+        assert waited(frames, 7) is frames.get(7, "playing") is frames.nearest(7)
         until(lambda: len(frames._cache) == COUNT)
 
 
@@ -150,7 +156,7 @@ def test_what_was_to_be_played_is_forgotten(opened: Callable[..., VideoFrames]):
     frames.prefetch([3], reader=1)
     frames.prefetch(range(COUNT), reader=2)
     frames.leave(2)
-    frames.wait(3, "playing")
+    waited(frames, 3, "playing")
     time.sleep(0.05)
     assert len(frames._cache) < COUNT
 
@@ -162,7 +168,7 @@ def test_the_rest_of_the_clip_follows(opened: Callable[..., VideoFrames]):
 
 
 def test_the_rest_of_the_clip_leaves_half_of_the_memory(opened: Callable[..., VideoFrames]):
-    one = len(opened().wait(2, "playing"))
+    one = len(waited(opened(), 2, "playing"))
     frames = opened(limit=10 * one)
     until(lambda: frames._cache.used >= 5 * one * 0.9)
     time.sleep(0.1)
@@ -178,28 +184,28 @@ def test_playing_backwards_decodes_forwards():
 def test_no_video_is_a_grey_frame_and_a_reason(opened: Callable[..., VideoFrames], tmp_path: Path, source: str | None):
     (tmp_path / "text.mp4").write_text("no video")
     frames = opened(tmp_path / source if source else None)
-    assert frames.wait(3, "playing") == placeholder(SIZE, "playing") == frames.get(4, "playing")
-    assert decoded(frames.wait(0)).shape[1::-1] == SIZE
+    assert waited(frames, 3, "playing") == placeholder(SIZE, "playing") == frames.get(4, "playing")
+    assert decoded(waited(frames, 0)).shape[1::-1] == SIZE
     expected = {None: "no video", "gone.mp4": "does not exist", "text.mp4": "is not a video"}[source]
-    assert expected in frames.problem and expected in frames.problem_of(2)
+    assert expected in frames.problem_of(0) and expected in frames.problem_of(2)
 
 
 def test_missing_frames_are_grey_and_the_others_are_not(opened: Callable[..., VideoFrames]):
     frames = opened(count=COUNT + 3)
-    assert shown(frames.wait(COUNT - 1)) == COUNT - 1
-    assert frames.wait(COUNT) == placeholder(SIZE, "full")
+    assert shown(waited(frames, COUNT - 1)) == COUNT - 1
+    assert waited(frames, COUNT) == placeholder(SIZE, "full")
     assert f"There is no frame {COUNT}" in frames.problem_of(COUNT)
-    assert frames.problem == "" and frames.problem_of(COUNT - 1) == ""
+    assert frames.problem_of(0) == "" and frames.problem_of(COUNT - 1) == ""
     assert frames.get(COUNT) == placeholder(SIZE, "full"), "it is not decoded again and again"
 
 
 def test_closing_ends_the_thread_at_once(video: Path):
     frames = VideoFrames(video, first_frame=0, count=COUNT, size=SIZE)
-    frames.prefetch(range(COUNT), "full")
+    frames.prefetch(range(COUNT))
     frames.close()
     assert not frames._thread.is_alive()
     start = time.monotonic()
-    assert decoded(frames.wait(9)).shape[1::-1] == SIZE and time.monotonic() - start < 1
+    assert decoded(waited(frames, 9)).shape[1::-1] == SIZE and time.monotonic() - start < 1
     frames.close()
 
 
@@ -207,4 +213,4 @@ def test_many_readers_at_once(opened: Callable[..., VideoFrames]):
     frames = opened(limit=10**6)
     wanted = [random.Random(seed).randrange(COUNT) for seed in range(60)]
     with ThreadPoolExecutor(6) as pool:
-        assert [shown(jpeg) for jpeg in pool.map(lambda f: frames.wait(f, "playing"), wanted)] == wanted
+        assert [shown(jpeg) for jpeg in pool.map(lambda f: waited(frames, f, "playing"), wanted)] == wanted

@@ -7,10 +7,12 @@ from typing import Any, Generic, TypeVar
 
 import viser
 
+from fitting_core.errors import InputError
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.viser_bridge import put_back
 
 Value = TypeVar("Value", str, int, float, Any)
+Handle = TypeVar("Handle", bound=viser.GuiInputHandle[Any])
 
 _log = logging.getLogger(__name__)
 
@@ -38,9 +40,7 @@ class Field(Generic[Value]):
         if event.client is None:
             return
         value = event.target.value
-        if not _alike(value, self._like):
-            _log.warning("A value from the page is dropped: %r is none like %r", value, self._like)
-            put_back(self._handle, self._like)
+        if not _sound(self._handle, self._like):
             return
         self._given += 1
         self._tab.do(lambda: self._set(value))
@@ -65,10 +65,33 @@ class Field(Generic[Value]):
             self._handle.value = value
 
 
+def only_read(handle: Handle) -> Handle:
+    """An input whose value is read when a button is pressed; of strange values that a page sends it keeps none."""
+    usual = handle.value
+
+    async def updated(event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            _sound(handle, usual)
+
+    handle.on_update(updated)  # pyright: ignore[reportArgumentType]
+    return handle
+
+
+def _sound(handle: viser.GuiInputHandle[Any], usual: object) -> bool:
+    """Whether an input has a value that it can have; else it gets its usual one back."""
+    if _alike(handle.value, usual):
+        return True
+    _log.warning("A value from the page is dropped: %r is none like %r", handle.value, usual)
+    put_back(handle, usual)
+    return False
+
+
 def _alike(value: object, usual: object) -> bool:
     """Whether a value is of the kind that an input has: a strange page sends anything, such as a file to a slider."""
     if isinstance(usual, int | float) and not isinstance(usual, bool):
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(usual, tuple):
+        return isinstance(value, tuple) and len(value) == len(usual) and all(map(_alike, value, usual))
     return type(value) is type(usual)
 
 
@@ -84,3 +107,11 @@ class Dropdown(Field[str]):
         if tuple(options) != self._dropdown.options:
             self._dropdown.options = tuple(options)
         self.show(value, wrong=wrong)
+
+
+def frame_number(label: str, text: str) -> int | None:
+    """A frame's number that was typed into a text field, None if nothing was. Raises InputError if it is no number."""
+    given = text.strip()
+    if given and not (given.isdecimal() and len(given) < 12):
+        raise InputError(f"{label} is {given[:20]!r}; expected a whole number, or nothing.")
+    return int(given) if given else None

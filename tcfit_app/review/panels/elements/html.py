@@ -103,11 +103,6 @@ def row(*parts: Html, label: str = "", wrap: bool = False) -> Html:
     return tag("div", joined(*named, *parts), class_="tcfit-row tcfit-wrap" if wrap else "tcfit-row")
 
 
-def cells(*buttons: Html) -> Html:
-    """Buttons in two columns, for a row with a label."""
-    return tag("div", joined(*buttons), class_="tcfit-cells")
-
-
 def choice(*buttons: Html) -> Html:
     """Buttons of which one is on, as one piece."""
     return tag("div", joined(*buttons), class_="tcfit-joined")
@@ -129,19 +124,9 @@ def words(content: object, kind: str) -> Html:
     return tag("span", content, class_=f"tcfit-{kind}")
 
 
-def badge(label: str, color: str) -> Html:
-    """A short dark label on a colour."""
-    return tag("b", label, class_="tcfit-badge", style=f"background:{color}")
-
-
 def progress_bar(share: float) -> Html:
     """How far something is, 0 to 1."""
     return tag("div", tag("div", "", class_="tcfit-bar", style=f"width:{100 * share:.1f}%"), class_="tcfit-track")
-
-
-def preformatted(content: str) -> Html:
-    """A file's text."""
-    return tag("pre", content)
 
 
 def table(rows: Iterable[Html], head: Sequence[str] = (), *, numbers: Sequence[int] = ()) -> Html:

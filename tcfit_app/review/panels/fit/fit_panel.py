@@ -3,16 +3,30 @@
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
 import viser
+from viser import uplot
 
 from tcfit_app.fitting.fits import Shown
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import numbers
-from tcfit_app.review.gestures.gestures import Gestures
+from tcfit_app.review.drawing.status import PHASES, duration
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.field import Field
-from tcfit_app.review.panels.elements.html import Board, action, heading, row
-from tcfit_app.review.panels.fit.fit_progress import FitProgress
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    action,
+    button,
+    heading,
+    paragraph,
+    progress_bar,
+    row,
+    words,
+)
 from tcfit_app.review.panels.fit.fit_settings import FitInputs
 from tcfit_app.review.tab.state import FitSettings
+from tcfit_app.review.tab.tab import Tab
 
 
 class FitPanel:
@@ -90,3 +104,148 @@ def with_reach(settings: FitSettings, value: float) -> FitSettings:
         problems["reach"] = f"Frames around edits: {value:g}; expected a whole number, 0 to 1000."
         return replace(settings, problems=tuple(problems.items()))
     return replace(settings, reach=int(value), problems=tuple(problems.items()))
+
+
+Losses = list[tuple[float, dict[str, float]]]
+"""As `RunningJob.losses` has them."""
+TERMS = 5
+"""Curves beside the total: of the terms that cost most."""
+POINTS = 240
+"""Of a curve; longer ones are thinned."""
+_COLORS = ("#f1f3f5", "#4dabf7", "#ffa94d", "#69db7c", "#da77f2", "#ffd43b")
+_LEAST = 0.1
+"""Costs below are drawn here: the axis is logarithmic."""
+_AXIS = "#909296"
+_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.08)")
+_FINE_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.035)")
+"""Of the logarithmic axis, which has nine lines for each power of ten."""
+_LABELS = 54
+"""Pixels for the labels of costs, which go to 1,000,000."""
+_POINTS = uplot.Series_Points(show=False)
+
+
+class FitProgress:
+    """The jobs of a session, in one tab."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        gui = tab.client.gui
+        self._said = Board(tab)
+        self._plot = _empty_plot(gui)
+        tab.buttons.on("fit.cancel", self._cancel)
+
+    def _cancel(self, which: str) -> None:
+        session = self._tab.session
+        if which == "all":
+            session.cancel()
+        elif which in map(str, session.jobs):
+            session.worker.cancel(int(which))
+
+    def draw(self) -> None:
+        """Send what changed."""
+        session = self._tab.session
+        if not self._tab.sent.differs("fit progress", session.changes, session.fits.changes):
+            return
+        jobs = list(session.jobs.values())
+        running = next((job for job in jobs if job.started), None)
+        self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended)))
+        fitted = running if running is not None and running.run is not None else session.ended
+        self._draw_plot(fitted.losses if fitted else [])
+
+    def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
+        waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
+        buttons = [button("Cancel", "fit.cancel", str((job or jobs[0]).number), kind="danger")]
+        if len(jobs) > 1:
+            buttons.append(button(f"Cancel all {len(jobs)}", "fit.cancel", "all", kind="danger"))
+        return [heading("In work"), *(_progress(job) if job else []), *waiting, row(*buttons)]
+
+    def _name(self, job: RunningJob) -> str:
+        run = self._tab.session.fits.run(job.run) if job.run is not None else None
+        return f"{run.name}, {job.title}" if run else job.title
+
+    def _draw_plot(self, losses: Losses) -> None:
+        if not self._tab.sent.differs("losses", len(losses), id(losses)):
+            return
+        if len(losses) < 2:
+            if self._plot.visible:
+                self._plot.visible = False
+            return
+        names = charted(losses)
+        data = curves(losses, names)
+        with self._tab.client.atomic():
+            if self._tab.sent.differs("loss names", names):
+                self._plot.series = _all_series(names)
+            self._plot.data = data
+            if not self._plot.visible:
+                self._plot.visible = True
+
+
+def charted(losses: Losses) -> tuple[str, ...]:
+    """Names of the curves: the total, and the terms that cost most at the end."""
+    last = losses[-1][1]
+    terms = sorted((name for name in last if name != "total"), key=lambda name: -last[name])
+    return ("total", *sorted(terms[:TERMS]))
+
+
+def curves(losses: Losses, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
+    """Seconds, and 1 + TERMS rows of costs, in the order of the names; what is not known is NaN."""
+    chosen = np.unique(np.linspace(0, len(losses) - 1, min(len(losses), POINTS)).round().astype(int))
+    rows = [losses[i] for i in chosen]
+    costs = np.array([[terms.get(name, np.nan) for _, terms in rows] for name in names])
+    costs = np.where(np.isfinite(costs), np.maximum(costs, _LEAST), np.nan)
+    unused = [np.full(len(rows), np.nan)] * (1 + TERMS - len(names))
+    return np.array([seconds for seconds, _ in rows]), *costs, *unused
+
+
+def _all_series(names: tuple[str, ...]) -> tuple[uplot.Series, ...]:
+    """Always as many: uPlot shows nothing between two updates of which one has more curves than the other."""
+    labels = [*names, *["–"] * (1 + TERMS - len(names))]
+    return uplot.Series(label="s"), *map(_series, labels, _COLORS)
+
+
+def _series(name: str, color: str) -> uplot.Series:
+    return uplot.Series(label=name.replace("_", " "), stroke=color, width=2 if name == "total" else 1, points=_POINTS)
+
+
+def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
+    none = np.array([0.0, 1.0])
+    ticks = uplot.Axis_Ticks(stroke=_AXIS, width=1, size=3)
+    font = "10px sans-serif"
+    x_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=30, font=font)
+    y_axis = uplot.Axis(stroke=_AXIS, grid=_FINE_GRID, ticks=uplot.Axis_Ticks(show=False), size=_LABELS, font=font)
+    return gui.add_uplot(
+        (none, *[none] * (1 + TERMS)),
+        _all_series(("total",)),
+        title="Mean cost of a frame, by term",
+        scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
+        axes=(x_axis, y_axis),
+        height=178,
+        padding=(8, 20, 0, 0),
+        visible=False,
+    )
+
+
+def _progress(job: RunningJob) -> list[Html]:
+    progress = job.progress
+    if progress is None:
+        return [paragraph(words(job.title, "strong")), paragraph("begins", "dim"), progress_bar(0.0)]
+    part = job.phases.index(progress.phase) + 1 if progress.phase in job.phases else 1
+    where = f"phase {part} of {len(job.phases)}: {PHASES[progress.phase]}, {progress.label}"
+    left = "" if progress.remaining is None else f", about {duration(progress.remaining)} left"
+    return [
+        paragraph(words(job.title, "strong")),
+        paragraph(where),
+        paragraph(f"{duration(progress.elapsed)}{left}", "dim"),
+        progress_bar(progress.share),
+    ]
+
+
+def _ended(job: RunningJob | None) -> list[Html]:
+    """How the last job ended, until the next one begins."""
+    if job is None:
+        return []
+    took = f" after {duration(job.progress.elapsed)}" if job.progress else ""
+    if job.outcome == "failed":
+        return [paragraph(words(f"{job.title} failed{took}", "strong")), paragraph(job.reason, "bad")]
+    word, kind = ("cancelled", "dim") if job.outcome == "cancelled" else ("done", "good")
+    return [paragraph(f"{job.title}: {word}{took}", kind)]

@@ -16,7 +16,7 @@ from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.files.registry import list_priors
 from tcfit_app.review.gestures.fitting import camera_of
-from tcfit_app.review.panels.elements.field import Dropdown, Field
+from tcfit_app.review.panels.elements.field import Dropdown, Field, only_read
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, text
 from tcfit_app.review.panels.elements.html import words as marked
 from tcfit_app.review.tab.state import FitSettings
@@ -113,7 +113,7 @@ class FitInputs:
 
     def add_source(self) -> None:
         """All settings as a text that can be changed."""
-        self._source = self._gui.add_text("TOML", "", multiline=True)
+        self._source = only_read(self._gui.add_text("TOML", "", multiline=True))
         self._source_of: Hashable = None
         Board(self._tab).show(row(button("Use these settings", "fit.source")))
         self._tab.buttons.on("fit.source", lambda _: self._take_source())

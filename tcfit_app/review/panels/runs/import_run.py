@@ -9,9 +9,10 @@ from fitting_core.body.files.forms import KINDS
 from fitting_core.errors import InputError
 from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.runs import Run
+from tcfit_app.review.panels.elements.field import frame_number, only_read
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
+from tcfit_app.review.session.tasks import Task, Work
 from tcfit_app.review.tab.tab import Tab
-from tcfit_app.review.tasks import Task, Work
 
 _OWN = "the result's body"
 _SAID = (
@@ -35,13 +36,12 @@ class ImportRun:
         gui = tab.client.gui
         with gui.add_folder("Import a result", expand_by_default=False):
             Board(tab).show(paragraph(_SAID, "dim"))
-            self._path = gui.add_text("Path", "", hint="Of a folder or file on the computer where tcfit runs")
-            self._first = gui.add_text(
-                "First frame", "", hint="Number in the video of the result's first frame; empty: as its files are named"
-            )
-            self._body: Any = gui.add_dropdown(
-                "Posed on", (_OWN, *KINDS), hint="Another body keeps the joint angles and leaves out the shape"
-            )
+            hint = "Of a folder or file on the computer where tcfit runs"
+            self._path = only_read(gui.add_text("Path", "", hint=hint))
+            hint = "Number in the video of the result's first frame; empty: as its files are named"
+            self._first = only_read(gui.add_text("First frame", "", hint=hint))
+            hint = "Another body keeps the joint angles and leaves out the shape"
+            self._body: Any = only_read(gui.add_dropdown("Posed on", (_OWN, *KINDS), hint=hint))
             self._buttons = Board(tab)
             self._upload: Any = gui.add_upload_button(
                 "Upload a file …",
@@ -52,11 +52,8 @@ class ImportRun:
         tab.buttons.on("import.path", lambda _: self._import_path())
 
     def _choices(self) -> ImportChoices:
-        first = self._first.value.strip()
-        if first and not (first.isdecimal() and len(first) < 12):
-            raise InputError(f"First frame is {first[:20]!r}; expected a whole number, or nothing.")
         body = None if self._body.value == _OWN else self._body.value
-        return ImportChoices(first_frame=int(first) if first else None, body_model=body)
+        return ImportChoices(first_frame=frame_number("First frame", self._first.value), body_model=body)
 
     def _import_path(self) -> None:
         if not self._path.value.strip():

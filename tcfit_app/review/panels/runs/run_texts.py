@@ -7,15 +7,15 @@ from fitting_core.camera import Camera
 from fitting_core.config.settings import value_of
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.runs import Run, RunState
 from tcfit_app.review.drawing.status import PHASES, duration
-from tcfit_app.review.panels.elements.html import Html, badge, facts, joined, line, paragraph, tag, text, words
+from tcfit_app.review.panels.elements.html import Html, facts, joined, line, paragraph, tag, text, words
 from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
 from tcfit_app.review.panels.fit.fit_settings import words as setting_words
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.session import Session
+from tcfit_app.review.session.session import Session
 
 KINDS = {
     "fit": "everything",
@@ -36,7 +36,10 @@ LOOKS: dict[RunState, str] = {
 _OWN = {"frames": (3,), "shape": (2, 3), "corrections": ()}
 """Phases that a run does itself, and whose seconds are its own; the others are its parent's. All, where nothing is
 said. Corrections are patches of their parent's phase 3."""
-_BADGES = {name: badge(name, css(color)) for name, color in zip("AB", RUN_COLORS, strict=True)}
+_BADGES = {
+    name: tag("b", name, class_="tcfit-badge", style=f"background:{css(color)}")
+    for name, color in zip("AB", RUN_COLORS, strict=True)
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Any, ClassVar
 
 import viser
 
@@ -10,20 +10,20 @@ from fitting_core.config.toml import as_toml
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown, Field
-from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, preformatted, row, table
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.field import Dropdown, Field, only_read
+from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, row, table, tag
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
-from tcfit_app.review.panels.runs.deleted_runs import DeletedRuns
 from tcfit_app.review.panels.runs.import_run import ImportRun
 from tcfit_app.review.panels.runs.run_texts import Listed, details, option, result_of, run_line
 from tcfit_app.review.tab.buttons import one_of
+from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.tab import Tab
 
 LISTED = 30
 """Runs in the table, the newest; the choice has them all."""
 _NONE = "no runs yet"
 _RENAME = "To what stands in the field Name (Enter there)"
-_SIDES: tuple[Literal["a", "b"], ...] = ("a", "b")
 
 
 class RunsPanel:
@@ -182,7 +182,7 @@ class RunsPanel:
         own = run.kind != "imported"
         if self._settings.visible != own:
             self._settings.visible = own
-        settings = [preformatted(as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
+        settings = [tag("pre", as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
         self._toml.show(*settings)
 
     def _draw_buttons(self, chosen: Listed) -> None:
@@ -194,7 +194,7 @@ class RunsPanel:
             row(
                 *(
                     show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
-                    for side in _SIDES
+                    for side in SIDES
                 )
             ),
             row(
@@ -213,4 +213,70 @@ class RunsPanel:
 def _side_and_run(value: str) -> tuple[str, int]:
     """Where to show which run: "a 5"."""
     side, number = value.split(" ")
-    return one_of(_SIDES)(side), int(number)
+    return one_of(SIDES)(side), int(number)
+
+
+_BUTTONS = row(button("Restore", "deleted.restore"), button("Remove all for good …", "deleted.ask", kind="danger"))
+
+
+class DeletedRuns:
+    """Runs that can be brought back, until they are removed for good: a part of the panel, while there are any."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab, gui = tab, tab.client.gui
+        self._runs: tuple[Run, ...] = ()
+        self._window: Any = None
+        """The window that asks, if it was ever open."""
+        self._question: Board | None = None
+        """What it shows."""
+        self._folder = gui.add_folder("Deleted runs", expand_by_default=False, visible=False)
+        with self._folder:
+            self._choice: Any = only_read(gui.add_dropdown("Deleted", ("",)))
+            self._buttons = Board(tab)
+        tab.buttons.on("deleted.restore", lambda _: self._restore())
+        tab.buttons.on("deleted.ask", lambda _: self._ask())
+        tab.buttons.on("deleted.remove", lambda _: self._remove())
+        tab.buttons.on("deleted.keep", lambda _: self._close())
+
+    def _restore(self) -> None:
+        run = next((run for run in self._runs if option(run) == self._choice.value), None)
+        if run is not None:
+            self._tab.session.restore(run.id)
+            self._tab.say(f"Restored: {run.name}")
+
+    def _ask(self) -> None:
+        """Remove them if the user confirms it in a window."""
+        what = f"{len(self._runs)} deleted run{'s' if len(self._runs) != 1 else ''}"
+        self._close()
+        self._window = self._tab.client.gui.add_modal(f"Remove {what} for good?")
+        with self._window:
+            self._question = Board(self._tab)
+        self._question.show(
+            *(paragraph(run.name) for run in self._runs),
+            paragraph("Their results cannot be brought back.", "warn"),
+            row(button(f"Remove {what}", "deleted.remove", kind="danger")),
+            button("Keep them", "deleted.keep", kind="close"),
+        )
+
+    def _remove(self) -> None:
+        self._close()
+        gone = self._tab.session.purge()
+        self._tab.say(f"Removed: {gone} run{'s' if gone != 1 else ''}")
+
+    def _close(self) -> None:
+        if self._question is not None and not self._window.closed:
+            self._question.show()
+            self._window.close()
+
+    def draw(self) -> None:
+        """Send what changed."""
+        session = self._tab.session
+        if not self._tab.sent.differs("deleted runs", session.fits.changes):
+            return
+        self._runs = tuple(session.project.runs.all(deleted=True))
+        if self._folder.visible != bool(self._runs):
+            self._folder.visible = bool(self._runs)
+        self._buttons.show(*([_BUTTONS] if self._runs else []))
+        options = tuple(option(run) for run in reversed(self._runs)) or ("",)
+        if options != self._choice.options:
+            self._choice.options = options

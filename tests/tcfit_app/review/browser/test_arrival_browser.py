@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.browser.page_states import Cursor
-from tcfit_app.review.browser.web_files import web_files
-from tcfit_app.review.scene.body_node import BodyNode
-from tcfit_app.review.scene.image_node import ImageNode
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
-from tcfit_app.review.scene.mesh_dressing import MeshDressing
+from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.server.serving import review_server
 from tests.drivers.page_tab import TABS, Tab, open_tab
 

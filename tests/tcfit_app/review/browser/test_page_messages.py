@@ -6,9 +6,8 @@ import pytest
 
 from fitting_core.keypoints import BONES, COUNT, NAMES
 from tcfit_app.review.browser import page_events, page_states
-from tcfit_app.review.browser.channel import loading
+from tcfit_app.review.browser.channel import loading, web_files
 from tcfit_app.review.browser.page_events import Drag, Hello, Press, Range, decode
-from tcfit_app.review.browser.web_files import web_files
 from tests.drivers import wire_types
 
 

@@ -7,7 +7,7 @@ from posixpath import dirname, join, normpath
 
 import pytest
 
-from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.review.browser.channel import web_files
 
 SOURCES = {path: content.decode() for path, content in web_files().items()}
 IMPORT = re.compile(r"""^import\s(?:[^;]*?from\s)?"([^"]+)";$|[^@]\bimport\("([^"]+)"\)""", re.MULTILINE)

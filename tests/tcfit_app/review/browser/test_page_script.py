@@ -14,9 +14,8 @@ from websockets.http11 import Response
 from fitting_core.keypoints import COUNT
 from tcfit_app.review.browser import channel
 from tcfit_app.review.browser import page_states as states
-from tcfit_app.review.browser.channel import loading
+from tcfit_app.review.browser.channel import loading, web_files
 from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Range, Resized, Seek, Select
-from tcfit_app.review.browser.web_files import web_files
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import (
     ELBOW,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 import viser
 
-from tcfit_app.review.browser.channel import Channel
-from tcfit_app.review.browser.web_files import web_files
+from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.server.serving import review_server
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fitting_core.fit.provenance import Provenance
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.drawing.timeline import PLOTTED, fit_spans, origins
 from tcfit_app.review.tab.state import TabState
 

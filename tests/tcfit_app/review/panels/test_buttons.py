@@ -85,7 +85,7 @@ def panel_page(panel_server: viser.ViserServer, tmp_path: Path):
 def test_no_panel_stumbles_over_a_strange_value(panel_page: LonePage, caplog: pytest.LogCaptureFixture):
     page = panel_page.page
     panel_page.draw()
-    commands = page.tab.buttons.commands
+    commands = list(page.tab.buttons._known)
     page.tab.buttons.show("a strange page", offering(*itertools.product(commands, _NO_VALUES)))
     for command in commands:
         for value in _NO_VALUES:

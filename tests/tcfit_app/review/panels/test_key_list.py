@@ -3,9 +3,19 @@
 from pathlib import Path
 
 from tcfit_app.review.gestures.actions import ACTIONS, Key
-from tcfit_app.review.panels.key_list import joined_keys, key_groups, keys_html, keys_markdown
+from tcfit_app.review.panels.key_list import GESTURES, joined_keys, key_groups, keys_html
 
 PAGE = Path(__file__).parents[4] / "docs" / "app.md"
+
+
+def keys_markdown() -> str:
+    """The table in docs/app.md."""
+    rows = [
+        (f"**{title}**" if number == 0 else "", keys, what.replace("|", "\\|"))
+        for title, lines in {**key_groups(), **GESTURES}.items()
+        for number, (keys, what) in enumerate(lines)
+    ]
+    return "\n".join(["| | keys | |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def test_the_documentation_has_the_keys_of_the_app():

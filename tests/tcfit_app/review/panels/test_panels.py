@@ -13,15 +13,14 @@ from viser._icons import svg_from_icon
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
-from tcfit_app.analysis.between_runs import BETWEEN
-from tcfit_app.analysis.curves import Curve
+from tcfit_app.analysis.curves import BETWEEN, Curve
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag
 from tcfit_app.review.drawing.timeline import PLOTTED
-from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
+from tcfit_app.review.gestures.actions import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
@@ -413,7 +412,7 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
 
 
 def test_the_review_queue_while_there_is_none(tested: LonePage):
-    tested.page.tab.desk.suspects_problem = lambda shown: ""  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.desk.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     assert "Looking for suspicious frames" in tested.html()
 
 

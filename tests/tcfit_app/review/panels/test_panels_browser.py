@@ -135,7 +135,9 @@ def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Rev
         client = opened.page.tab.client.client_id
         part()
         until(
-            lambda client=client: opened.app.pages and opened.page.tab.client.client_id != client and opened.page.ready
+            lambda client=client: (
+                opened.app.pages and opened.page.tab.client.client_id != client and opened.page.tab.ready
+            )
         )
         until(lambda: opened.tab.locator("[role=tab]").count() and shown() == "Runs", "the panel")
     opened.tab.get_by_role("tab", name="View", exact=True).click()

@@ -14,8 +14,7 @@ from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
-from tcfit_app.review.panels.fit.fit_panel import FitPanel
-from tcfit_app.review.panels.fit.fit_progress import POINTS, charted, curves
+from tcfit_app.review.panels.fit.fit_panel import POINTS, FitPanel, charted, curves
 from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page

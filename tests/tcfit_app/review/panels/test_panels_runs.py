@@ -21,7 +21,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.motion.fitted_motion import Progress
-from tcfit_app.analysis.between_runs import peaks
+from tcfit_app.analysis.curves import peaks
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
 from tcfit_app.fitting.fits import FitChoice
@@ -29,11 +29,11 @@ from tcfit_app.project.edits.kinds import MoveKeypoint
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Press
-from tcfit_app.review.panels.compare import compare_panel as compare
-from tcfit_app.review.panels.compare.compare_panel import ComparePanel
+from tcfit_app.review.panels import compare_panel as compare
+from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
-from tcfit_app.review.panels.runs.runs_shown import run_names
+from tcfit_app.review.panels.view_panel import run_names
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.samples.sessions import FRAMES, QUICK
@@ -397,7 +397,7 @@ def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.Monke
     running = tested.panels[0].running
     tested.page.close()
     tested.until(lambda: running.state == "cancelled")
-    assert not tested.page.tab.session.tasks.busy
+    assert not tested.page.tab.session.tasks._running
 
 
 def test_files_are_handed_to_viser_on_the_thread_that_draws(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):

@@ -59,7 +59,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
     assert np.array_equal(review.session.project.detections.xy, imported_xy())
     known = len(review.app.pages)
     review.tab.reload()
-    until(lambda: len(review.app.pages) >= known and review.page.ready and drawn(review) == 137)
+    until(lambda: len(review.app.pages) >= known and review.page.tab.ready and drawn(review) == 137)
     review.tab.get_by_role("tab").first.wait_for()
     assert review.tab.get_by_role("tab").first.inner_text().strip() == "View"
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from viser import _messages
 
-from tcfit_app.review.scene.cameras import Cameras
 from tcfit_app.review.scene.poses import POSTER_FOV, Pose, Window, overview_pose, poster_pose, space_pose
+from tcfit_app.review.scene.scene import Cameras
 
 ONE = (-0.8, -0.5, 0.8, 0.5)
 TWO = (-1.7, -0.5, 1.7, 0.5)
@@ -112,8 +112,9 @@ def tab() -> Tab:
 @pytest.fixture
 def view(tab: Tab) -> Cameras:
     """With one poster, all settled."""
-    view = Cameras(tab, covered=WINDOW.covered)  # type: ignore[arg-type]
-    view.show_posters(ONE)
+    view = Cameras(tab)  # type: ignore[arg-type]
+    view.follow(covered=WINDOW.covered)
+    view.enter(ONE)
     tab.obey()
     view.follow()
     assert not view.moved
@@ -167,12 +168,12 @@ def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
     view.touched()
     tab.move(0.2, 0.1, 800.0)
     was = tab.camera.position
-    for go in (lambda: view.show_space(BOUNDS), lambda: view.show_posters(TWO), lambda: view.show_posters(ONE)):
+    for go in (lambda: view.show_space(BOUNDS), lambda: view.enter(TWO), lambda: view.enter(ONE)):
         go()
         tab.obey()
         view.follow()
     np.testing.assert_allclose(tab.camera.position, was)
-    view.show_posters(ONE)  # the next frame
+    view.enter(ONE)  # the next frame
     assert not tab.sent
 
 
@@ -181,7 +182,7 @@ def test_a_turned_camera_comes_back_straight(tab: Tab, view: Cameras):
     view.touched()
     tab.camera.position = np.add(tab.camera.position, (300.0, 0.0, 20.0))
     view.show_space(BOUNDS)
-    view.show_posters(ONE)
+    view.enter(ONE)
     tab.obey()
     np.testing.assert_allclose(tab.camera.look_at, looked_at)
     np.testing.assert_allclose(tab.camera.position[:2], looked_at[:2])

@@ -84,7 +84,7 @@ def test_bodies_that_cannot_be_drawn_are_left_out_with_a_reason():
 
 
 def test_colours_run_from_zero_to_the_limit():
-    assert color_index(np.array([0.0, 0.05, 0.1, 3.0, -1.0, np.nan]), 0.1).tolist() == [0, 127, 255, 255, 0, 0]
+    assert color_index(np.array([0.0, 0.05, 0.1, 3.0, -1.0, np.nan])).tolist() == [0, 127, 255, 255, 0, 0]
     brightness = color_table().astype(float) @ [0.299, 0.587, 0.114]
     assert len(color_table()) == 256 and (np.diff(brightness) > -2.5).all() and brightness[-1] > 3 * brightness[0]
 

@@ -50,13 +50,13 @@ def test_overlay_is_exact_with_a_principal_point_off_the_middle(shown: Screen):
     shown.view.show(Posters(camera=CAMERA, posters=(Poster(image=PLATE, bodies=(moved,)),)))
     shown.settle()
     assert overlap(seen_body(shown.picture()), expected_body(posters, shown.view.cameras.pose, WINDOW)) < 0.95
-    shown.view.reset_view()
+    shown.view.cameras.reset()
 
 
 def test_the_image_lies_where_its_pixels_are(shown: Screen):
     posters = Posters(camera=CAMERA, posters=(Poster(image=PLATE),))
     shown.view.show(posters)
-    shown.view.reset_view()
+    shown.view.cameras.reset()
     shown.settle()
     assert plate_errors(shown.picture(), posters, shown.view.cameras.pose) < 0.5
 

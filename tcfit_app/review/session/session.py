@@ -17,38 +17,20 @@ from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.following import Following
-from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
-from tcfit_app.fitting.notices import Notice
-from tcfit_app.fitting.outbox import (
-    DragAbandoned,
-    DragFailed,
-    DragFinished,
-    JobCancelled,
-    JobFailed,
-    JobFinished,
-    JobReported,
-    JobStarted,
-    Report,
-)
-from tcfit_app.fitting.run_jobs import RunJob
-from tcfit_app.fitting.running_job import RunningJob
+from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
+from tcfit_app.fitting.outbox import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
-from tcfit_app.imports.result_uploads import upload
-from tcfit_app.imports.results import ImportChoices, import_run
+from tcfit_app.imports.results import ImportChoices, import_run, upload
 from tcfit_app.project.edits.edit_log import LogEntry, edits_since
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.runs import Run, RunKind
-from tcfit_app.review.keypoint_source import Going, KeypointSource
-from tcfit_app.review.stored_fits import StoredFits
-from tcfit_app.review.tasks import Step, Tasks
+from tcfit_app.review.session.keypoint_source import Going, KeypointSource
+from tcfit_app.review.session.stored_fits import StoredFits
+from tcfit_app.review.session.tasks import Step, Tasks
 
-_OUTCOMES: dict[type, Literal["finished", "cancelled", "failed"]] = {
-    JobFinished: "finished",
-    JobCancelled: "cancelled",
-    JobFailed: "failed",
-}
 _RETRY = 5.0
 """Seconds after which it is tried again to write what could not be written."""
 _log = logging.getLogger(__name__)
@@ -171,33 +153,31 @@ class Session:
         job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
         return self._submit(job, kind="fit", start=None)
 
-    def import_run(self, path: Path, choices: ImportChoices, report: Step = lambda text, share: None) -> Run:
-        """Keep another program's result, at a path of this computer, as a run to compare with. Slow: for `tasks`.
+    def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
+        """Keep another program's result as a run to compare with. Slow: for `tasks`.
+
+        Args:
+            path: On this computer.
+            choices: What its files do not tell.
+            report: Called before anything is written.
+            sent_as: What a browser calls the file, if it has sent it.
 
         Raises:
             InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
                 written; nothing is kept then.
         """
         self.project.refuse_read_only()
-        run = import_run(self.project, self.bodies, path, choices, goes_on=lambda: report("", None))
+        name = name_of_file(sent_as) if sent_as else ""
+        run = import_run(
+            self.project, self.bodies, path, choices, name=name, source=sent_as, goes_on=lambda: report("", None)
+        )
         self.fits.changed()
         return run
 
     def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
         """The same with a file that a browser has sent. Raises InputError as `import_run`."""
-        self.project.refuse_read_only()
         with upload(name, content) as path:
-            run = import_run(
-                self.project,
-                self.bodies,
-                path,
-                choices,
-                name=name_of_file(name),
-                source=name,
-                goes_on=lambda: report("", None),
-            )
-        self.fits.changed()
-        return run
+            return self.import_run(path, choices, report, sent_as=name)
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
         """Submit phase 3 of some frames again, as a new run; of one that is not finished, once it is.
@@ -325,9 +305,8 @@ class Session:
             self.following.take_move(moved)
         self.tasks.take()
         self._end_late(time.monotonic())
-        while not self.fits.late.empty():
-            late = self.fits.late.get()
-            self.following.follow(late.run, late.frames)
+        while not self.fits.overtaken.empty():
+            self.following.follow(*self.fits.overtaken.get())
         under_way = {job.follows for job in self.jobs.values()}
         correction = self.following.due(self.tell, under_way)
         if correction is not None:
@@ -353,9 +332,9 @@ class Session:
 
     def _take(self, report: Report) -> None:
         self.changes += 1
-        if isinstance(report, DragFinished | DragAbandoned | DragFailed):
+        if isinstance(report, DragEnded):
             self.following.take_end(report)
-            if isinstance(report, DragFailed):
+            if report.how == "failed":
                 self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
             return
         job = self.jobs.get(report.job)
@@ -372,32 +351,34 @@ class Session:
         else:
             self._take_end(job, report)
 
-    def _take_end(self, job: RunningJob, report: JobFinished | JobCancelled | JobFailed) -> None:
+    def _take_end(self, job: RunningJob, report: JobEnded) -> None:
         del self.jobs[job.number]
-        job.outcome = _OUTCOMES[type(report)]
-        job.reason = report.reason if isinstance(report, JobFailed) else ""
+        job.outcome, job.reason = report.how, report.reason
         self.ended = self.ended if job.run is None else job
-        if isinstance(report, JobCancelled):
+        if report.how != "finished":
             self._end_run(job)
-            if job.follows is not None:
-                self.following.forget(job.follows)
-        elif isinstance(report, JobFailed):
-            self._end_run(job)
-            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
         elif job.run is not None:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
+        if report.how == "failed":
+            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
+        elif report.how == "cancelled" and job.follows is not None:
+            self.following.forget(job.follows)
 
     def _end_run(self, job: RunningJob) -> None:
-        """Keep that a run was cancelled or has failed."""
-        if job.run is None:
-            return
-        assert job.outcome in ("cancelled", "failed")
+        """Keep that a run was cancelled or has failed; what cannot be written now is tried again."""
+        if job.run is not None and (problem := self._ended(job)):
+            self._unended.append(job)
+            self.tell(Notice(title="The project cannot be written", text=problem, kind="error"))
+
+    def _ended(self, job: RunningJob) -> str:
+        """Write the end of a job's run; why that is impossible, empty if it is done."""
+        assert job.run is not None and job.outcome in ("cancelled", "failed")
         try:
             self.fits.end(job.run, job.outcome, job.reason)
-        except InputError as error:  # e.g. a full disk
-            _log.warning("Run %d could not be ended: %s", job.run, error)
-            self._unended.append(job)
-            self.tell(Notice(title="The project cannot be written", text=str(error), kind="error"))
+        except Exception as error:  # a full disk, or whatever it was: no run may seem to go on for ever
+            _log.warning("Run %d could not be ended", job.run, exc_info=not isinstance(error, InputError))
+            return str(error) or type(error).__name__
+        return ""
 
     def _end_late(self, now: float) -> None:
         """Write what could not be written, if that is possible by now."""
@@ -405,11 +386,7 @@ class Session:
             return
         self._next_try = now + _RETRY
         while self._unended:
-            job = self._unended[0]
-            assert job.run is not None and job.outcome in ("cancelled", "failed")
-            try:
-                self.fits.end(job.run, job.outcome, job.reason)
-            except InputError:
+            if self._ended(self._unended[0]):
                 return
             self._unended.pop(0)
         for run in self.fits.write_late():

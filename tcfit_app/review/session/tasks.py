@@ -46,7 +46,8 @@ class Task(Generic[Value]):
         self.share: float | None = None
         self.reason = ""
         """Why it failed, for the user."""
-        self._value: Value | None = None
+        self.value: Value | None = None
+        """What it has made, until `then` has returned; see `result`."""
         self._error: Exception | None = None
         self._cancelled = threading.Event()
 
@@ -64,11 +65,7 @@ class Task(Generic[Value]):
         if self._error is not None:
             raise self._error
         assert self.state == "finished"
-        return self._value  # pyright: ignore[reportReturnType]
-
-    def forget(self) -> None:
-        """Let go of what was made: a file of some 100 MB."""
-        self._value = None
+        return self.value  # pyright: ignore[reportReturnType]
 
     def report(self, text: str, share: float | None) -> None:
         """See `Step`."""
@@ -80,7 +77,7 @@ class Task(Generic[Value]):
         """Do it, on the task's own thread."""
         try:
             self.report("", None)
-            self._value, self.state = work(self.report), "finished"
+            self.value, self.state = work(self.report), "finished"
         except _Cancelled:
             self.state = "cancelled"
         except Exception as error:  # whatever it was: the user is told
@@ -204,11 +201,6 @@ class Tasks:
         self._ended.put(task)
         self.arrived()
 
-    @property
-    def busy(self) -> bool:
-        """Whether a task has not ended, or has ended and nobody was told."""
-        return bool(self._running)
-
     def take(self) -> None:
         """Tell of the tasks that have ended since the last call."""
         while not self._ended.empty():
@@ -218,7 +210,7 @@ class Tasks:
                     task.then(task)
                 except Exception:
                     _log.exception("%s has ended, and could not be taken up", task.title)
-                task.forget()
+                task.value = None  # it may be a file of some 100 MB
 
     def leave(self, owner: object) -> None:
         """Cancel what somebody began who is gone, and tell nobody how it ends."""

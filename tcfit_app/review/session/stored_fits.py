@@ -6,7 +6,7 @@ from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.tasks import Tasks
+from tcfit_app.review.session.tasks import Tasks
 
 
 class StoredFits:

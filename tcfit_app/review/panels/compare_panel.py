@@ -1,18 +1,26 @@
 """The panel Compare: A and B in figures, and where they lie apart."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import viser
 from jaxtyping import Float
 
-from tcfit_app.analysis.between_runs import peaks
+from fitting_core.errors import InputError
+from fitting_core.measure.references.files import read_reference
+from fitting_core.measure.references.reference import Reference
+from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.panels.compare.reference_field import ReferenceField
+from tcfit_app.fitting.outbox import Notice
+from tcfit_app.imports.results import kept_as
+from tcfit_app.project.storage.names import name_of_file
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.field import frame_number, only_read
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -28,6 +36,8 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.session.tasks import Step, Task
+from tcfit_app.review.tab.tab import Tab
 
 SETTLING = 1.0
 """Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
@@ -100,7 +110,7 @@ class ComparePanel:
             return
         head = heading("Against the reference", reference.name)
         if one is None or other is None:
-            problem = self._tab.desk.reference_problem(a) or self._tab.desk.reference_problem(b)
+            problem = self._tab.desk.problem("reference", a) or self._tab.desk.problem("reference", b)
             self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
             self._waiting = self._waiting and not problem
             return
@@ -111,7 +121,7 @@ class ComparePanel:
         running = [fit.run.name for fit in (a, b) if fit.result is None]
         if running:
             return f"{running[0]} is still being fitted: it is measured when it is done."
-        return self._tab.desk.metrics_problem(a) or self._tab.desk.metrics_problem(b) or _MEASURING
+        return self._tab.desk.problem("metrics", a) or self._tab.desk.problem("metrics", b) or _MEASURING
 
     def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
         first, frames = self._tab.first_frame, peaks(values)
@@ -160,3 +170,103 @@ def _number(value: float | None, *, sign: bool = False) -> str:
     digits = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2 if abs(value) >= 1 else 3
     text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
     return text.replace("-", "−")
+
+
+_HINT = "npz of 3D points, TRC, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
+_CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: only form is compared"
+_FIRST_HINT = "Number in the video of the reference's first frame; empty: as it says, or 0"
+_NONE = "Without a reference fits can only be compared with each other."
+_READING = "The reference is being read …"
+
+
+class ReferenceField:
+    """Shows the project's reference, and takes another one: from a path, or as a file from the browser."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self._reading: Task[Reference] | None = None
+        """The reference that was asked for last."""
+        gui = tab.client.gui
+        with gui.add_folder("Reference", expand_by_default=False):
+            self._told = Board(tab)
+            self._path = only_read(gui.add_text("File", "", hint=_HINT))
+            self._camera = only_read(gui.add_text("Camera", "", hint=_CAMERA_HINT))
+            self._first = only_read(gui.add_text("Begins at frame", "", hint=_FIRST_HINT))
+            self._buttons = Board(tab)
+            self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
+        self._upload.on_upload(self._upload_came)
+        tab.buttons.on("compare.reference", lambda _: self._from_path())
+        tab.buttons.on("compare.forget", lambda _: self._forget())
+
+    def draw(self) -> None:
+        """Bring it to the project's state."""
+        session = self._tab.session
+        reading = self._reading is not None and self._reading.state == "running"
+        if self._tab.sent.differs("reference field", session.referenced, reading):
+            reference = session.project.reference
+            self._told.show(paragraph(_READING if reading else _described(reference), "dim"))
+            self._buttons.show(row(*self._choices(reference, off=reading or session.project.read_only)))
+
+    def _choices(self, reference: Reference | None, *, off: bool) -> list[Html]:
+        take = button("Compare with it", "compare.reference", disabled=off)
+        forget = button("Forget the reference", "compare.forget", disabled=off)
+        return [take] if reference is None else [take, forget]
+
+    def _from_path(self) -> None:
+        if not self._path.value.strip():
+            raise InputError("Type where the reference is: a file, or a folder with a truth.npz or fit.npz.")
+        path = self._tab.files.path(self._path.value)
+        camera, placed = self._camera_given(), self._start_given()
+        self._read(lambda: placed(read_reference(path, camera=camera)))
+
+    async def _upload_came(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+        file = event.target.value  # now: another upload may take its place
+        self._tab.do(lambda: self._uploaded(file))
+
+    def _uploaded(self, file: viser.UploadedFile) -> None:
+        shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
+
+        def read() -> Reference:
+            # Its name never becomes part of a path; of it only the form counts that its end tells.
+            name = "upload.trc" if shown.lower().endswith(".trc") else "upload.npz"
+            with kept_as(name, file.content, shown) as path:
+                return replace(placed(read_reference(path, camera=camera)), name=shown)
+
+        self._read(read)
+
+    def _camera_given(self) -> Path | None:
+        self._tab.refuse_read_only()
+        return self._tab.files.path(self._camera.value) if self._camera.value.strip() else None
+
+    def _start_given(self) -> Callable[[Reference], Reference]:
+        """What puts a reference where the user says that it begins."""
+        first, rate = frame_number("Begins at frame", self._first.value), self._tab.session.project.clip.frame_rate
+        return lambda found: found if first is None else found.starting_at(first, rate)
+
+    def _read(self, read: Callable[[], Reference]) -> None:
+        """Read it: a body's joints over a clip take seconds."""
+        session = self._tab.session
+
+        def work(report: Step) -> Reference:
+            reference = read()
+            session.bodies.of_reference(reference)
+            report("Keeping it", None)
+            session.project.set_reference(reference)
+            return reference
+
+        self._reading = self._tab.begin("Reading the reference", work, self._take)
+
+    def _take(self, reference: Reference) -> None:
+        self._tab.session.referenced += 1
+        self._tab.notify(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
+
+    def _forget(self) -> None:
+        self._tab.refuse_read_only()
+        self._tab.session.set_reference(None)
+
+
+def _described(reference: Reference | None) -> str:
+    if reference is None:
+        return _NONE
+    placed = "in the camera's space" if reference.in_camera else "in a world of its own: only form is compared"
+    return "\n".join([f"{reference.name}: {reference.kind}, {len(reference)} frames, {placed}", *reference.notes])

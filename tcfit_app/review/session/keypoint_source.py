@@ -2,12 +2,11 @@
 
 import shutil
 from collections.abc import Callable
-from pathlib import Path
 
 from fitting_core.errors import InputError
-from tcfit_app.imports.keypoint_jobs import Detect, Download, FoundKeypoints, ImportFiles, ImportUpload, KeypointJob
+from tcfit_app.imports.keypoint_jobs import Detect, FoundKeypoints, KeypointJob
 from tcfit_app.project.project import Project
-from tcfit_app.review.tasks import Step, Task, Tasks
+from tcfit_app.review.session.tasks import Step, Task, Tasks
 
 Going = Task[FoundKeypoints | None]
 """A job from its start to its end."""
@@ -29,30 +28,17 @@ class KeypointSource:
         self.going: Going | None = None
         """The job that began last."""
 
-    def import_path(self, path: Path) -> None:
-        """Begin to read keypoints of this computer. Raises InputError if that cannot begin."""
-        self._begin(ImportFiles(path=path))
-
-    def import_upload(self, name: str, content: bytes) -> None:
-        """Begin to read keypoints that a browser has sent. Raises InputError as `import_path`."""
-        self._begin(ImportUpload(name=name, content=content))
-
-    def detect(self, pose: str, boxes: str = "", *, provider: str = "cpu") -> None:
-        """Begin to detect keypoints, or go on with it. Raises InputError as `import_path`.
+    def detect(self, pose: str, boxes: str = "") -> None:
+        """Begin to detect keypoints, or go on with it. Raises InputError as `begin`.
 
         Args:
             pose: Path of a whole-body model, or the name of a known one.
             boxes: The same for a model that finds people; empty: without one.
-            provider: Where they run.
         """
         if not pose.strip():
             raise InputError("No model is given; expected the path of a whole-body ONNX model.")
         parts = self._project.folder / PARTS
-        self._begin(Detect(pose=pose.strip(), boxes=boxes.strip(), parts=parts, provider=provider))
-
-    def download(self, name: str) -> None:
-        """Begin to fetch a known model. Raises InputError as `import_path`."""
-        self._begin(Download(name=name))
+        self.begin(Detect(pose=pose.strip(), boxes=boxes.strip(), parts=parts))
 
     def cancel(self) -> None:
         """Stop what is going on; a detection or download goes on with what it has when it begins again."""
@@ -69,7 +55,8 @@ class KeypointSource:
         """Whether there is the beginning of a detection."""
         return (self._project.folder / PARTS).is_dir()
 
-    def _begin(self, job: KeypointJob) -> None:
+    def begin(self, job: KeypointJob) -> None:
+        """Begin a job. Raises InputError if the project has keypoints or cannot be changed, or another job goes on."""
         self._project.refuse_read_only()
         if self._project.has_detections:
             raise InputError("This project has its keypoints already. Make a new project for others.")

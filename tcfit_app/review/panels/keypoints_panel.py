@@ -1,5 +1,7 @@
-"""The panel that corrects keypoints."""
+"""The panel that corrects keypoints, and lists what was done to them."""
 
+from collections import Counter
+from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
@@ -9,13 +11,14 @@ import viser
 
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import SIDES, Edit
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import GROUP_COLORS
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.correcting import describe
-from tcfit_app.review.gestures.gestures import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.field import Dropdown, only_read
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -25,19 +28,18 @@ from tcfit_app.review.panels.elements.html import (
     heading,
     joined,
     line,
+    paragraph,
     row,
     table,
+    tag,
     text,
 )
-from tcfit_app.review.panels.keypoints.edit_history import history_table, past_edits
-from tcfit_app.review.panels.keypoints.selected_keypoints import selected_keypoints, selection_table
 from tcfit_app.review.tab.buttons import one_of
+from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
 _SWAPPED = ("arms", "legs")
 """What can be swapped and has no key."""
-
-
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by what they are called in the dropdown."""
 assert len(_JOINTS) == COUNT
@@ -57,8 +59,9 @@ class KeypointsPanel:
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
         self._name = Dropdown(tab, names, self._select)
         self._buttons = Board(tab)
-        self._by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
-        self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
+        by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
+        self._by = only_read(by)
+        self._confidence = only_read(gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0))
         self._exactly = Board(tab)
         self._groups = Board(tab)
         self._history = Board(tab)
@@ -106,7 +109,7 @@ class KeypointsPanel:
         tab, state, session = self._tab, self._tab.state, self._tab.session
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         if tab.sent.differs("selected", state.selection, state.frame if state.selection else 0, session.edits):
-            self._selected.show(*selection_table(selected_keypoints(tab), state.frame + tab.first_frame))
+            self._selected.show(*selection_table(tab))
         where, bad = self._where(), self._bad()
         if tab.sent.differs("keypoint buttons", where, bad, not state.selection):
             self._draw_buttons(where, bad)
@@ -180,9 +183,7 @@ class KeypointsPanel:
             row(self._step("undo", "Undo", project.undoable)),
             row(self._step("redo", "Redo", project.redoable)),
             row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
-            *history_table(
-                past_edits(project.log), me=tab.author, first_frame=tab.first_frame, now=datetime.now().astimezone()
-            ),
+            *history_table(project.log, me=tab.author, first_frame=tab.first_frame),
         )
 
     def _step(self, name: str, verb: str, entry: LogEntry | None) -> Html:
@@ -191,3 +192,104 @@ class KeypointsPanel:
         assert not isinstance(entry.action, Undo | Redo)
         what = describe(entry.action, self._tab.first_frame)
         return action(name, f"{verb}: {what}", kind="left", disabled=self._tab.session.project.read_only)
+
+
+SHOWN = 12
+"""Corrections that are listed."""
+
+
+def history_table(log: Sequence[LogEntry], *, me: str, first_frame: int) -> list[Html]:
+    """The last edits of a log, newest first; a row leads to its frame, and those that were undone are marked.
+
+    Args:
+        log: everything that was done to the keypoints.
+        me: the author who reads it.
+        first_frame: the number that users see for frame 0.
+    """
+    undone: set[int] = set()
+    edits: list[tuple[LogEntry, Edit]] = []
+    for entry in log:
+        if isinstance(entry.action, Undo):
+            undone.add(entry.action.edit)
+        elif isinstance(entry.action, Redo):
+            undone.discard(entry.action.edit)
+        else:
+            edits.append((entry, entry.action))
+    if not edits:
+        return [paragraph("No corrections yet.", "dim")]
+    now = datetime.now().astimezone()
+    rows = [
+        line(
+            _when(entry.time, now),
+            "you" if entry.author == me else "another tab" if entry.author.startswith("tab ") else entry.author,
+            describe(edit, first_frame),
+            whole=(0, 1),
+            kind="off" if entry.id in undone else "",
+            command="keypoints.visit",
+            value=str(entry.id),
+            hint=f"{'Undone. ' if entry.id in undone else ''}Go to frame {first_frame + edit.frames[0]}",
+        )
+        for entry, edit in reversed(edits[-SHOWN:])
+    ]
+    return [table(rows)]
+
+
+def _when(time: datetime, now: datetime) -> str:
+    local = time.astimezone(now.tzinfo)
+    return local.strftime("%H:%M") if local.date() == now.date() else local.strftime("%d %b")
+
+
+_MOST = 5
+"""Keypoints that are listed one by one."""
+_STATES = ("bad", "corrected", "detected", "missing")
+"""The style sheet knows these names."""
+
+
+def state_of(corrected: Corrected, frame: int, joint: int) -> str:
+    """What a keypoint is, one of _STATES."""
+    if corrected.bad[frame, joint]:
+        return "bad"
+    if corrected.confidence[frame, joint] == 0:
+        return "missing"
+    return "corrected" if corrected.edited[frame, joint] else "detected"
+
+
+def selection_table(tab: Tab) -> list[Html]:
+    """The selected keypoints in the frame on show as HTML, the one selected last at first."""
+    chosen, frame = tab.state.selection[::-1], tab.state.frame
+    title = f"{len(chosen) or 'No'} keypoint{'s' if len(chosen) != 1 else ''} selected"
+    if not chosen:
+        return [
+            heading(title, first=True),
+            paragraph("Click one in the picture, or draw a rectangle with Shift held.", "dim"),
+        ]
+    head = ("keypoint", "state", "conf.", "x, y in pixels")
+    rows = [_line(tab, joint) for joint in chosen[:_MOST]]
+    parts = [heading(title, f"frame {frame + tab.first_frame}", first=True), table(rows, head, numbers=(2, 3))]
+    if len(chosen) > _MOST:
+        counts = Counter(state_of(tab.session.project.corrected, frame, joint) for joint in chosen)
+        of_all = ", ".join(f"{counts[state]} {state}" for state in _STATES if counts[state])
+        parts.append(paragraph(f"and {len(chosen) - _MOST} more: of all, {of_all}", "dim"))
+    return parts
+
+
+def _line(tab: Tab, joint: int) -> Html:
+    frame, corrected = tab.state.frame, tab.session.project.corrected
+    name, state = full_name(joint), state_of(corrected, frame, joint)
+    shown = tag("span", state, class_=f"tcfit-{state}")
+    if state == "missing":
+        return line(name, shown, "–", "–", numbers=(2, 3), whole=(1,))
+    confidence = f"{corrected.confidence[frame, joint]:.2f}"
+    return line(name, shown, confidence, _place(tab, joint), numbers=(2, 3), whole=(1,))
+
+
+def _place(tab: Tab, joint: int) -> Html:
+    """Where a keypoint is, and where it was detected if that is somewhere else."""
+    frame, detections = tab.state.frame, tab.session.project.detections
+    x, y = tab.session.project.corrected.xy[frame, joint]
+    u, v = detections.xy[frame, joint]
+    here = tag("span", f"{x:.1f}, {y:.1f}")
+    if not detections.confidence[frame, joint] > 0 or (x, y) == (u, v):
+        return here
+    hint = f"Moved by {x - u:+.1f}, {y - v:+.1f} pixels from where it was detected"
+    return joined(here, tag("div", f"was {u:.1f}, {v:.1f}", class_="tcfit-dim", title=hint))

@@ -1,0 +1,162 @@
+"""Bodies and images as nodes of viser's scene, which send only what changed.
+
+What viser's meshes cannot do, a script in the page does: colours at vertices, clean transparency, dark plates.
+"""
+
+import base64
+
+import numpy as np
+import viser
+from jaxtyping import Float, UInt8
+
+from tcfit_app.review.browser.channel import page_call
+from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, color_index, color_table
+from tcfit_app.server.viser_bridge import run_javascript, show_jpeg
+
+_OPAQUE = 0.995
+"""From here on a body is drawn as opaque: without blending, and so without a seam where it lies over itself."""
+_WHITE: RGB = (255, 255, 255)
+
+
+class MeshDressing:
+    """Dresses the mesh nodes of one browser tab, which has a Channel. A node may have been added just before.
+
+    Colours: viser's own way to colours at vertices is a GLB file, built and parsed anew for each frame; this adds an
+    attribute to the mesh that is there, with one byte for each vertex on the wire.
+
+    Transparency: a browser blends a mesh's triangles in the order in which they are listed, so that the back of an arm
+    may shine through its front. Drawn into the depth buffer first, the mesh lets only its nearest surface through.
+    """
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+        self._call("setColorTable", _linear_table())
+
+    def paint(self, name: str, indices: UInt8[np.ndarray, "V"] | None) -> None:
+        """Gives the node's mesh colours, lines of `layers.color_table` by vertex; None takes them away.
+
+        The mesh's own colour multiplies them: make it white.
+        """
+        colors = None if indices is None else base64.b64encode(indices.tobytes()).decode()
+        self._dress(name, colors=colors)
+
+    def show_front_only(self, name: str, front: bool) -> None:
+        """Whether the node's mesh hides its own far side although it is transparent, or a wireframe."""
+        self._dress(name, front=front)
+
+    def keep_dark(self, name: str) -> None:
+        """Draws an image node dark, and not white, until the browser has decoded its first image."""
+        self._dress(name, dark=True)
+
+    def _dress(self, name: str, **wish: object) -> None:
+        self._call("dress", name, wish)
+
+    def _call(self, name: str, *values: object) -> None:
+        run_javascript(self._client, page_call(name, *values))
+
+
+def _linear_table() -> list[float]:
+    """The colour table as three.js wants colours at vertices: linear, 0 to 1, flattened."""
+    srgb = color_table().astype(np.float64) / 255
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    return linear.round(4).ravel().tolist()
+
+
+class BodyNode:
+    """One body in a browser tab. Nothing is made before it is first shown."""
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        name: str,
+        dressing: MeshDressing,
+        position: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        self._client, self._name, self._dressing, self._position = client, name, dressing, position
+        self._node: viser.MeshHandle | None = None
+        self._vertices = self._faces = self._values = None
+        self._front = False
+
+    def draw(
+        self,
+        layer: BodyLayer,
+        vertices: Float[np.ndarray, "V 3"],
+        position: tuple[float, float, float] | None = None,
+        *,
+        solid: bool = False,
+    ) -> None:
+        """Shows the layer with these vertices in place of its own (which are in camera space).
+
+        Args:
+            layer: What to draw.
+            vertices: World units, compared by identity.
+            position: Of the node; None leaves it.
+            solid: Opaque, whatever the layer's opacity is.
+        """
+        self._position = position or self._position
+        if self._node is None or layer.faces is not self._faces:
+            self._create(layer, vertices)
+        elif vertices is not self._vertices:
+            self._node.vertices = vertices
+        assert self._node is not None
+        self._vertices = vertices
+        self._node.color = layer.color if layer.values is None else _WHITE
+        transparent = layer.opacity < _OPAQUE and not solid
+        self._node.opacity = layer.opacity if transparent else None
+        self._node.wireframe = layer.wireframe
+        self._node.position = self._position
+        self._node.visible = True
+        self._paint(layer)
+        self._show_front_only(transparent or layer.wireframe)
+
+    def hide(self) -> None:
+        """Draws nothing, and keeps what was there for the next time."""
+        if self._node is not None:
+            self._node.visible = False
+
+    def _create(self, layer: BodyLayer, vertices: Float[np.ndarray, "V 3"]) -> None:
+        """A node of its own for each body model: its faces stay on the client."""
+        self._node = self._client.scene.add_mesh_simple(
+            self._name,
+            vertices,
+            np.asarray(layer.faces, np.uint32),
+            color=layer.color,
+            opacity=layer.opacity,
+            side="front",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._faces, self._values, self._front = layer.faces, None, False
+
+    def _paint(self, layer: BodyLayer) -> None:
+        """Colours at the vertices, if they changed."""
+        if layer.values is not self._values:
+            self._values = layer.values
+            self._dressing.paint(self._name, None if layer.values is None else color_index(layer.values))
+
+    def _show_front_only(self, front: bool) -> None:
+        if front != self._front:
+            self._front = front
+            self._dressing.show_front_only(self._name, front)
+
+
+class ImageNode:
+    """One image of any size in a browser tab: y down, seen from -z. The image's own size is nowhere in it."""
+
+    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, first: FrameImage) -> None:
+        self._node = client.scene.add_image(
+            name, np.zeros((1, 1, 3), np.uint8), 1.0, 1.0, cast_shadow=False, receive_shadow=False
+        )
+        self._image: FrameImage | None = None
+        dressing.keep_dark(name)
+        self.draw(first, (1.0, 1.0))
+
+    def draw(
+        self, image: FrameImage, size: tuple[float, float], position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Shows the image in a rectangle of that width and height around the position, in world units."""
+        if image is not self._image:
+            show_jpeg(self._node, image.data)
+            self._image = image
+        self._node.render_width, self._node.render_height = size
+        self._node.position = position
