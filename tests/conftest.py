@@ -19,6 +19,7 @@ settings.register_profile("no deadline", deadline=None)
 settings.load_profile("no deadline")
 
 
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Where several processes share the tests: a file's stay together, for they share what it sets up. All that need a
     browser run one after another, and first: two at once are slow enough on two cores to miss what they wait for."""

@@ -4,6 +4,7 @@ import asyncio
 import re
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from html import unescape
@@ -123,8 +124,10 @@ class LonePage:
 
     def call_back(self, handle: Any, client: Any) -> None:
         """Run an input's callbacks, for an event of a client or, with None, of the server."""
-        for callback in handle._impl.update_cb:
-            asyncio.run(callback(viser.GuiEvent(client=client, client_id=None, target=handle)))
+        with ThreadPoolExecutor(1) as pool:  # as viser's: the browser of other tests has its loop in this thread
+            for callback in handle._impl.update_cb:
+                event = viser.GuiEvent(client=client, client_id=None, target=handle)
+                pool.submit(asyncio.run, callback(event)).result()
 
     # --- fits ---
 
