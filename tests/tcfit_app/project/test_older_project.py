@@ -15,6 +15,7 @@ from tcfit_app.cli.main import main
 from tcfit_app.exports.table import EXPORTS
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.edit_log import Undo
+from tcfit_app.project.edits.kinds import SwapSides
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tests.drivers.lone_page import lone_page
@@ -51,7 +52,8 @@ def test_all_that_it_holds_is_there(project: Project):
     *edits, undo = [entry.action for entry in project.log]
     expected = [random_edit(seed) for seed in range(5)]
     # Arms were swapped with their shoulders then: what was done stays as it was done.
-    expected[3] = replace(expected[3], joints=tuple(INDEX[f"{side}_{j}"] for side in ("left", "right") for j in _ARM))
+    arms = tuple(INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in _ARM)
+    expected[3] = SwapSides(frames=expected[3].frames, joints=arms)
     assert edits == expected and undo == Undo(edit=5)
     assert project.corrected.edited.any() and not same_keypoints(clip.keypoints, project.detections)
     assert project.redo() is not None
