@@ -56,6 +56,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 		echo 'No virtual environment could be made. On Debian and Ubuntu: apt-get install python3-venv' >&2; exit 1; }
 	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
+	@$(RUN) -m fitting_core.fit.fused
 	@touch $@
 
 $(INSTALLED_DOCS): $(INSTALLED)

@@ -1,6 +1,7 @@
 """Fixtures for all tests."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,12 @@ from hypothesis import settings
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
+from fitting_core.fit.fused import ready
 from tests.samples.tiny_body import make_tiny_body
 
 # Small problems: on a busy machine two threads that wait for each other take ten times as long as one.
 torch.set_num_threads(1)
+ready.use(threads=1)
 # The first call of an autograd function takes many times as long as the others.
 settings.register_profile("no deadline", deadline=None)
 settings.load_profile("no deadline")
@@ -37,6 +40,14 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the shared development data is not at {folder} (TCFIT_SHARED_DATA names another place)")
     return folder
+
+
+@pytest.fixture
+def in_torch() -> Iterator[None]:
+    """The objective without its compiled kernels."""
+    ready.use(kernels=False)
+    yield
+    ready.use(kernels=True)
 
 
 @pytest.fixture(scope="session")

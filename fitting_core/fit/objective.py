@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.model import POSE_COLUMNS
+from fitting_core.fit.fused.ready import fused_frames
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate, View
@@ -53,6 +54,8 @@ class FrameObjective:
         self.index = free.index(p.columns).to(p.device)
         self.jacobian = PointJacobian(view.points, view.pose_columns, free, p.hand_basis)
         self._pose_index = free.index(view.pose_columns).to(p.device)
+        self.fused = fused_frames(self.terms, view, free, self.index)
+        """Kernels that evaluate the terms they know; None where there are none."""
 
     @property
     def data(self) -> Data:
@@ -66,6 +69,7 @@ class FrameObjective:
     def _with(self, terms: list[Term]) -> "FrameObjective":
         other = copy(self)
         other.terms = terms
+        other.fused = fused_frames(terms, self.view, self.free, self.index)
         return other
 
     def costs(self, state: State, frames: Int[Tensor, "B"]) -> dict[str, Float[Tensor, "B"]]:
@@ -93,10 +97,14 @@ class FrameObjective:
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
         """E of each frame; infinite where a point lies behind the camera."""
+        if self.fused is None or state.vector.requires_grad:
+            return self._cost(state, frames, self.terms)
+        known = self.fused.cost(state, frames)
+        return known + self._cost(state, frames, self.fused.others) if self.fused.others else known
+
+    def _cost(self, state: State, frames: Tensor, terms: list[Term]) -> Tensor:
         estimate = Estimate(self.view, state, frames)
-        total = sum(
-            (term.residual(estimate).square().sum(1) for term in self.terms), state.vector.new_zeros(len(state))
-        )
+        total = sum((term.residual(estimate).square().sum(1) for term in terms), state.vector.new_zeros(len(state)))
         return torch.where(estimate.valid, total, torch.inf)
 
     def softened(self, *, cold: bool) -> "FrameObjective | None":
@@ -112,9 +120,20 @@ class FrameObjective:
         return full
 
     def normal(self, state: State, frames: Int[Tensor, "B"]) -> Normal:
-        """Costs and normal equations, in chunks of frames that stay in the cache."""
-        chunks = torch.arange(len(frames)).split(CHUNK)
-        parts = [self._normal(Estimate(self.view, state[i], frames[i]), self.terms) for i in chunks]
+        """Costs and normal equations, in torch in chunks of frames that stay in the cache."""
+        if self.fused is None:
+            return self._in_chunks(state, frames, self.terms)
+        known = Normal(*self.fused.normal(state, frames))
+        if not self.fused.others:
+            return known
+        rest = self._in_chunks(state, frames, self.fused.others)
+        return Normal(known.cost + rest.cost, known.gradient + rest.gradient, known.matrix + rest.matrix)
+
+    def _in_chunks(self, state: State, frames: Tensor, terms: list[Term]) -> Normal:
+        parts = [
+            self._normal(Estimate(self.view, state[i], frames[i]), terms)
+            for i in torch.arange(len(frames)).split(CHUNK)
+        ]
         return Normal(
             torch.cat([p.cost for p in parts]),
             torch.cat([p.gradient for p in parts]),

@@ -42,7 +42,7 @@ from tcfit_app.batch.records import (
 )
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import record_of
-from tcfit_app.options.preparing import body_file, check_out, prepare_torch
+from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip import same_detections
 from tcfit_app.project.storage.database import is_project
@@ -137,7 +137,7 @@ def _left_behind(task: ClipTask, draft: Path, folder: Path) -> Record | None:
 def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path, report: Report) -> Record:
     begin = time.time()
     body = _body(body_file(task.fit.body))
-    prepare_torch(task.config, 1)
+    prepare_solver(task.config, 1)
     clip = read_clip(
         task.fit.video,
         task.fit.keypoints,

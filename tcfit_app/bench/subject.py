@@ -8,6 +8,7 @@ from typing import Any
 import torch
 
 from fitting_core.errors import InputError
+from fitting_core.fit.fused import ready
 from tcfit_app.fitting import child_processes
 
 Measured = dict[str, tuple[float, str]]
@@ -18,7 +19,7 @@ class Subject:
     """A process that measures when it is told to.
 
     Args:
-        threads: Of torch.
+        threads: Of a fit.
     """
 
     def __init__(self, threads: int) -> None:
@@ -54,7 +55,8 @@ class Subject:
 
 def _serve(pipe: Connection, threads: int) -> None:
     child_processes.end_with_parent()
-    torch.set_num_threads(threads)
+    torch.set_num_threads(1)
+    ready.use(threads=threads)
     with suppress(EOFError):
         while True:
             function, arguments = pipe.recv()

@@ -29,7 +29,7 @@ from tcfit_app.batch.records import (
 )
 from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.preparing import body_file, check_out, prepare_torch
+from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.storage.durable import accessing
 
 _PATIENCE = 3.0
@@ -218,6 +218,6 @@ def _check_devices(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
     first = {(task.config.device, task.config.precision): task for task in reversed(tasks)}
     for task in first.values():
         try:
-            prepare_torch(task.config, 1)
+            prepare_solver(task.config, 1)
         except InputError as error:
             complaints.add(task.line, str(error))

@@ -18,7 +18,7 @@ from fitting_core.synthetic.demo_clip import DemoClip, cached_demo
 from fitting_core.synthetic.truth import Truth, read_truth
 from tcfit_app.cli.fit_command import Outcome, run_fit
 from tcfit_app.options.fit import CameraOptions, DemoOptions, FitOptions, fit_config
-from tcfit_app.options.preparing import check_out, prepare_torch
+from tcfit_app.options.preparing import check_out, prepare_solver
 from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage.database import is_project
 
@@ -42,7 +42,7 @@ def review_demo(options: DemoOptions) -> None:
         demo = demo_clip()
         with Project.create(folder, read_demo(demo), copy_media=True) as project:
             project.set_reference(read_reference(demo.truth))
-    prepare_torch(config, options.threads)
+    prepare_solver(config, options.threads)
     with open_project(folder) as project:
         review(project, options.server, fit=config)
 

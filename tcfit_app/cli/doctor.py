@@ -106,7 +106,14 @@ def check_torch() -> Iterator[Check]:
             status="failed", found=f"torch cannot be imported ({error})", advice="pip install --force-reinstall torch"
         )
         return
-    yield Check(status="ok", found=f"CPU, {torch.get_num_threads()} threads of {os.cpu_count()} cores")
+    yield Check(status="ok", found=f"CPU, {os.cpu_count()} cores")
+    from fitting_core.fit.fused import ready
+
+    if why := ready.problem():
+        advice = "python -m fitting_core.fit.fused compiles them; without them fits take several times as long"
+        yield Check(status="warning", found=f"the solver's kernels are not used: {why}", advice=advice)
+    else:
+        yield Check(status="ok", found="the solver's kernels are compiled")
     if torch.cuda.is_available():
         yield Check(status="ok", found=f"CUDA {torch.version.cuda}: {torch.cuda.get_device_name()}")
     else:

@@ -22,7 +22,7 @@ from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, w
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
-from tcfit_app.options.preparing import body_file, check_out, prepare_torch
+from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     """
     config = fit_config(options.method)
     check_out(options.out, overwrite=options.overwrite)
-    prepare_torch(config, options.threads)
+    prepare_solver(config, options.threads)
     body = load_body(body_file(options.body))
     clip = clip_of(options)
     _tell(_inputs(clip, body))

@@ -5,6 +5,7 @@ torch and what needs it are imported late: they take two seconds, in which the b
 
 import gc
 import logging
+import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing
 from importlib import import_module
@@ -81,11 +82,14 @@ def _review(
     load_app()
     import torch
 
+    from fitting_core.fit.fused import ready
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
     from tcfit_app.review.session.session import Session
 
-    torch.set_num_threads(1)  # the fits, in a thread of their own, need the other cores
+    torch.set_num_threads(1)  # the fits, in threads of their own, need the other cores
+    # Until then they are computed in torch.
+    threading.Thread(target=ready.prepare, args=(tell,), daemon=True).start()
     _log_warnings()
     session = Session(project, Bodies(models, body))
     app = ReviewApp(session, server.viser, files=options.files)

@@ -23,6 +23,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.events import FitEvent, PhaseStarted, drained, mapped
 from fitting_core.fit.fitting import evaluated, fit_clip, shape_events
+from fitting_core.fit.fused import ready
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions
@@ -132,6 +133,7 @@ def run_tasks(tasks: Sequence[SuiteTask], *, jobs: int = 1) -> Iterator[tuple[Su
 def run_task(task: SuiteTask) -> tuple[Record, ...]:
     """The records of a task: from its folder if it was done with the same settings, else fitted and measured now."""
     torch.set_num_threads(1)
+    ready.use(threads=1)
     made, body = make_sequence(SEQUENCES[task.sequence], task.level), fitted_body()
     key = fit_key(task, made, body)
     measured_key = f"{key} {task.every} {MEASURES}"

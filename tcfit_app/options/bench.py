@@ -43,7 +43,7 @@ class BenchOptions:
     clock: Clock = "wall"
     """The wall's clock, or the time of the processor, which other programs disturb less."""
     threads: int = 1
-    """Threads of torch on the CPU."""
+    """Threads on which the frames of a fit are shared out."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)

@@ -142,8 +142,8 @@ class FitOptions:
     """Write into a folder that holds other files too."""
     overlay: bool = True
     """Write overlay.mp4: phase 1 and the final fit side by side."""
-    threads: int = 1
-    """Threads of torch on the CPU."""
+    threads: Annotated[int, shown("N", "one for each core")] = 0
+    """Threads on which the frames of a fit are shared out."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
@@ -230,8 +230,8 @@ class DemoOptions:
     """With --no-review: write into a folder that holds other files too."""
     overlay: bool = True
     """With --no-review: write overlay.mp4, phase 1 and the final fit side by side."""
-    threads: int = 1
-    """Threads of torch on the CPU."""
+    threads: Annotated[int, shown("N", "one for each core")] = 0
+    """Threads on which the frames of a fit are shared out."""
     method: MethodOptions = field(default_factory=MethodOptions)
 
 

@@ -1,6 +1,7 @@
 """What must be there before a fit begins: its body, a device that works, a folder that may be written."""
 
 import os
+import sys
 from pathlib import Path
 
 import torch
@@ -8,8 +9,11 @@ import torch
 from fitting_core.body.files.registry import find_body
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import is_result
 from tcfit_app.options.fit import BodyOptions
+
+MOST_THREADS = 256
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
@@ -36,16 +40,21 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
     )
 
 
-def prepare_torch(config: FitConfig, threads: int | None) -> None:
-    """Set torch's threads, and check that the device works.
+def prepare_solver(config: FitConfig, threads: int) -> None:
+    """Set the threads of a fit (0: one for each core), compile what is not compiled yet, check that the device works.
+
+    Torch itself computes on one: its operations are small, and threads that wait for each other took six times the CPU.
 
     Raises:
         InputError: The device is not there.
     """
-    if threads is not None:
-        if threads < 1:
-            raise InputError(f"--threads is {threads}; expected 1 or more, up to the number of cores.")
-        torch.set_num_threads(threads)
+    cores = os.cpu_count() or 1
+    if not 0 <= threads <= MOST_THREADS:
+        raise InputError(f"--threads is {threads}; expected 0 (one for each of the {cores} cores) to {MOST_THREADS}.")
+    torch.set_num_threads(1)
+    ready.use(threads=threads or cores)
+    if config.device == "cpu":
+        ready.prepare(lambda text: print(text, file=sys.stderr, flush=True))
     try:
         torch.zeros(1, device=config.device, dtype=getattr(torch, config.precision))
     except (RuntimeError, AssertionError, TypeError) as error:

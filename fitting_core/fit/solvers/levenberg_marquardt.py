@@ -1,14 +1,20 @@
 """Levenberg-Marquardt on the closed-form normal equations, every independent group with its own damping."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
+from fitting_core.fit.provenance import Ending
 from fitting_core.fit.solvers.problem import Problem
-from fitting_core.fit.solvers.solution import Ending, Progress, Solution
+from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.variables.state import State
+
+if TYPE_CHECKING:
+    from fitting_core.fit.fused.frames import Descents
 
 _START, _SMALLEST, _LARGEST = 1e-3, 1e-7, 1e8
 _GROWTH = 2.0
@@ -35,21 +41,23 @@ class LevenbergMarquardt:
         soft, evaluations = problem.softened(), 0
         direct = start
         if soft is not None:
-            gentle = yield from self._descend(_Run(soft, start), passing)
+            gentle = yield from self._descend(soft, start, passing)
             start, evaluations = _lower(problem, start, gentle.state), gentle.evaluations
         if soft is not None and problem.cold:
-            run = yield from self._descend(_Run(problem, direct), passing)
-            other = yield from self._descend(_Run(problem, gentle.state), passing)
+            run = yield from self._descend(problem, direct, passing)
+            other = yield from self._descend(problem, gentle.state, passing)
             start, evaluations = (
                 _lower(problem, run.state, other.state),
                 evaluations + run.evaluations + other.evaluations,
             )
-        run = yield from self._descend(_Run(problem, start), last if final else passing)
-        return Solution(
-            state=run.state, cost=run.cost, reason=tuple(run.reason), evaluations=run.evaluations + evaluations
-        )
+        run = yield from self._descend(problem, start, last if final else passing)
+        return replace(run, evaluations=run.evaluations + evaluations)
 
-    def _descend(self, run: "_Run", tolerance: float) -> Generator[Progress, None, "_Run"]:
+    def _descend(self, problem: Problem, start: State, tolerance: float) -> Generator[Progress, None, Solution]:
+        descents = problem.descents(start, iterations=self.iterations, tolerance=tolerance)
+        if descents is not None:
+            return (yield from self._collected(problem, start, descents))
+        run = _Run(problem, start)
         for iteration in range(self.iterations):
             if not len(run.active):
                 break
@@ -60,7 +68,27 @@ class LevenbergMarquardt:
                 running=len(run.active),
                 terms=lambda: run.problem.terms(run.state),
             )
-        return run
+        return Solution(state=run.state, cost=run.cost, reason=tuple(run.reason), evaluations=run.evaluations)
+
+    def _collected(
+        self, problem: Problem, start: State, descents: "Iterator[Descents]"
+    ) -> Generator[Progress, None, Solution]:
+        """What the kernels find, some groups after the others."""
+        state, cost = start, start.vector.new_full((problem.groups,), torch.inf)
+        reason: list[Ending] = ["failed"] * problem.groups
+        evaluations = done = 0
+        for found in descents:
+            state, cost[found.rows] = state.put(found.rows, found.state), found.cost
+            for row, ending in zip(found.rows.tolist(), found.ending, strict=True):
+                reason[row] = ending
+            evaluations, done = evaluations + found.evaluations, done + len(found.rows)
+            yield Progress(
+                iteration=-(-self.iterations * done // problem.groups),
+                cost=cost.clone(),
+                running=problem.groups - done,
+                terms=lambda state=state: problem.terms(state),
+            )
+        return Solution(state=state, cost=cost, reason=tuple(reason), evaluations=evaluations)
 
 
 def _lower(problem: Problem, start: State, other: State) -> State:

@@ -7,9 +7,10 @@ from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.events import mapped
+from fitting_core.fit.provenance import Ending
 from fitting_core.fit.solvers.lbfgs import Limits, Reason, Standing, lbfgs_steps
 from fitting_core.fit.solvers.problem import Problem
-from fitting_core.fit.solvers.solution import Ending, Progress, Solution
+from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.variables.state import State
 
 _ITERATIONS = 30

@@ -1,8 +1,9 @@
 """What a solver solves: costs and damped steps of one of three structures, behind one interface."""
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -11,6 +12,9 @@ from torch import Tensor
 from fitting_core.body.model import N_BETAS
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.variables.state import State
+
+if TYPE_CHECKING:
+    from fitting_core.fit.fused.frames import Descents
 
 DIAGONAL_FLOOR = 1e-9
 """Share of the largest diagonal entry that keeps parameters regular which no residual sees."""
@@ -26,6 +30,10 @@ class Problem(Protocol):
     """Whether the start is far from the solution, as in a row of stages, or near it."""
     unknowns: int
     """Numbers that move a group, without repetition: one that several rows share counts once."""
+
+    def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
+        """Levenberg-Marquardt of every group by the kernels; None where these do not know all of it."""
+        ...
 
     def rows(self, groups: Int[Tensor, "g"]) -> Int[Tensor, "r"]:
         """Rows of the state that belong to these groups, in order."""
@@ -61,6 +69,10 @@ class OnFrames:
 
     objective: FrameObjective
     cold: bool = False
+
+    def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
+        """None: the kernels descend one frame alone."""
+        return None
 
     def softened(self) -> Self | None:
         """The same problem on a gentler objective (see FrameObjective.softened); None where that is the same."""
@@ -104,6 +116,13 @@ class IndependentFrames(OnFrames):
     def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"], *, cold: bool = False) -> None:
         self.objective, self.frames, self.groups, self.cold = objective, frames, len(frames), cold
         self.unknowns = len(objective.index)
+
+    def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
+        """Where the kernels know all terms."""
+        fused = self.objective.fused
+        if fused is None or fused.others:
+            return None
+        return fused.descend(start, self.frames, iterations=iterations, tolerance=tolerance)
 
     def rows(self, groups: Tensor) -> Tensor:
         """A group is a frame."""

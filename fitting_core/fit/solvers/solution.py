@@ -2,16 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 from jaxtyping import Float
 from torch import Tensor
 
+from fitting_core.fit.provenance import Ending
 from fitting_core.fit.variables.state import State
-
-Ending = Literal["converged", "iterations", "stalled", "failed"]
-"""Why a minimisation ended: it converged, the limit of iterations was reached, no step lowered the cost although the
-slope promised more (a staircase, a wrong derivative), or there was no finite cost to start from."""
 
 
 @dataclass(frozen=True, kw_only=True)

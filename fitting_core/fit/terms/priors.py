@@ -42,32 +42,38 @@ class Quadratic(Term):
         return self.weight.expand(len(e.frames), -1)
 
 
-_BENDING = [("left_elbow", 1, 1.0), ("right_elbow", 1, -1.0), ("left_knee", 0, -1.0), ("right_knee", 0, -1.0)]
+BENDING = tuple(
+    (3 * (JOINT[joint] - 1) + axis, sign)
+    for joint, axis, sign in (
+        ("left_elbow", 1, 1.0),
+        ("right_elbow", 1, -1.0),
+        ("left_knee", 0, -1.0),
+        ("right_knee", 0, -1.0),
+    )
+)
+"""Columns of the 63 about which elbows and knees bend, and the sign s with which the natural bend is negative."""
 
 
 @dataclass(frozen=True)
 class Bending(Term):
-    """weight x exp(s theta) on elbows (y axis) and knees (x axis), s such that the natural bend is negative."""
+    """weight x exp(s theta) on elbows (y axis) and knees (x axis), see `BENDING`."""
 
     weight: float
     name: str = "bending"
     derivative: ClassVar = Derivative.POSE_COLUMNS
 
-    def _columns(self) -> list[int]:
-        return [3 * (JOINT[joint] - 1) + axis for joint, axis, _ in _BENDING]
-
     def residual(self, e: Estimate) -> Tensor:
         """One residual for each of the four joints."""
-        sign = e.body_pose.new_tensor([s for *_, s in _BENDING])
-        return self.weight * torch.exp(sign * e.body_pose[:, self._columns()])
+        sign = e.body_pose.new_tensor([s for _, s in BENDING])
+        return self.weight * torch.exp(sign * e.body_pose[:, [column for column, _ in BENDING]])
 
     def columns(self, e: Estimate) -> Tensor:
         """Of the axis-angle pose."""
-        return 3 + torch.tensor(self._columns(), device=e.body_pose.device)
+        return 3 + torch.tensor([column for column, _ in BENDING], device=e.body_pose.device)
 
     def slope(self, e: Estimate) -> Tensor:
         """s x residual."""
-        return e.body_pose.new_tensor([s for *_, s in _BENDING]) * self.residual(e)
+        return e.body_pose.new_tensor([s for _, s in BENDING]) * self.residual(e)
 
 
 @dataclass(frozen=True)

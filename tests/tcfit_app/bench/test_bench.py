@@ -270,7 +270,7 @@ def test_a_comparison_of_two_values(in_this_process: None, keypoint_folder: Path
         ("--lengths 4 4", "different numbers"),
         ("--repeats 0", "--repeats is 0"),
         ("--lengths 7", "has only 6"),
-        ("--threads 0", "--threads is 0"),
+        ("--threads 300", "--threads is 300"),
         ("--lengths 3 --compare solver=lm", "two or more"),
         ("--against none.json", "none.json: cannot be read"),
     ],

@@ -116,7 +116,7 @@ REFUSED = {
     "no file": (["--config", "none.toml"], "none.toml: cannot be read"),
     "device": (["--device", "gpu"], "device is 'gpu'; expected cpu"),
     "absent device": (["--device", "cuda:77"], "--device cuda:77 cannot be used"),
-    "threads": (["--threads", "0"], "--threads is 0; expected 1 or more"),
+    "threads": (["--threads", "-1"], "--threads is -1; expected 0 (one for each"),
     "two focal lengths": (["--fov", "60"], "The focal length is given 2 times"),
     "person": (["--person", "4"], "person=4, but no frame of"),
     "frames": (["--first-frame", "90"], "Frames 90 to 5 were asked for (--first-frame, --last-frame)"),

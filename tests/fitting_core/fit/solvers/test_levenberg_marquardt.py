@@ -53,6 +53,9 @@ class Toy:
     def softened(self) -> None:
         return None
 
+    def descents(self, start: State, *, iterations: int, tolerance: float) -> None:
+        return None
+
     def spread(self, x: Tensor) -> Tensor:
         return torch.cat([torch.zeros(len(x), 3, dtype=x.dtype), x], 1)
 

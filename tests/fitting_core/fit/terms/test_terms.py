@@ -409,6 +409,7 @@ def test_matrix_of_the_data_term_is_reweighted_least_squares(rigid_scene: Scene,
     torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
 
 
+@pytest.mark.usefixtures("in_torch")  # the kernels keep the prior's derivative in float32
 def test_matrix_of_the_data_term_through_a_latent_prior(rigid_scene: Scene, tiny_body: BodyModel):
     """chain^T H chain, with the decoder's derivative in the place of the pose columns."""
     latent = make_scene(without_correctives(tiny_body), latent=True)

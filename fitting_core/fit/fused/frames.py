@@ -1,0 +1,162 @@
+"""The kernels behind tensors: costs, normal equations and descents of frames, on several threads."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core.fit.fused import constants as k
+from fitting_core.fit.fused import descent, known
+from fitting_core.fit.fused.scratch import Scratch, scratch_for
+from fitting_core.fit.provenance import Ending
+from fitting_core.fit.terms.term import Term
+from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.state import Free, State
+
+_PIECE = 8
+"""Frames that a thread takes at a time: some tens of milliseconds of a descent."""
+ENDINGS: tuple[Ending, ...] = ("converged", "iterations", "stalled", "failed")
+"""By the numbers of `descent`."""
+
+
+@dataclass(frozen=True)
+class Descents:
+    """Where the descents of some frames ended."""
+
+    rows: Int[Tensor, "n"]
+    """Which of the frames that were asked for."""
+    state: State
+    cost: Float[Tensor, "n"]
+    ending: list[Ending]
+    evaluations: int
+
+
+class FusedFrames:
+    """E_o of the frames of a clip as far as the kernels know its terms.
+
+    Args:
+        terms: of an objective.
+        view: points and camera.
+        free: the groups that may move.
+        index: their columns.
+        threads: on which frames are shared out.
+    """
+
+    def __init__(self, terms: list[Term], view: View, free: Free, index: Tensor, *, threads: int) -> None:
+        self.others = [term for term in terms if not known.is_known(term)]
+        """Terms that the kernels leave out."""
+        self.threads = threads
+        self._constants = known.constants_of([term for term in terms if known.is_known(term)], view, free, index)
+        self._scratch: list[Scratch] = []
+
+    def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
+        """Infinite where a point lies behind the camera."""
+        return self._evaluated(state, frames, 0)[0]
+
+    def normal(
+        self, state: State, frames: Int[Tensor, "B"]
+    ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B d"], Float[Tensor, "B d d"]]:
+        """Costs, half gradients and half Gauss-Newton matrices in the free columns."""
+        return self._evaluated(state, frames, len(frames))
+
+    def _evaluated(self, state: State, frames: Tensor, derivatives: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Costs, and the derivatives of all frames or of none."""
+        size, result = int(self._constants.fixed["free"]), _Results.of(len(frames))
+        gradient, matrix = np.zeros((derivatives, size)), np.zeros((derivatives, size, size))
+        orient, vector = state.orient.numpy().copy(), state.vector.numpy().copy()
+
+        def work(piece: slice, scratch: Scratch) -> None:
+            start = frames[piece].numpy(), orient[piece], vector[piece]
+            normal = gradient[piece], matrix[piece]
+            descent.descend(self._constants, *start, scratch, 0, 0.0, *result[piece], *normal)
+
+        for _ in self._shared_out(len(frames), work):
+            pass
+        return torch.from_numpy(result.cost), torch.from_numpy(gradient), torch.from_numpy(matrix)
+
+    def descend(
+        self, state: State, frames: Int[Tensor, "B"], *, iterations: int, tolerance: float
+    ) -> Iterator[Descents]:
+        """Levenberg-Marquardt of each frame by itself; some frames at a time, as they are done."""
+        assert not self.others, "the kernels do not know all terms"
+        orient, vector = state.orient.numpy().copy(), state.vector.numpy().copy()
+        result = _Results.of(len(frames))
+
+        def work(piece: slice, scratch: Scratch) -> None:
+            start = frames[piece].numpy(), orient[piece], vector[piece]
+            descent.descend(self._constants, *start, scratch, iterations, tolerance, *result[piece], *_NO_NORMAL)
+
+        for piece in self._shared_out(len(frames), work):
+            yield Descents(
+                rows=torch.arange(piece.start, piece.stop),
+                state=State(torch.from_numpy(orient[piece]), torch.from_numpy(vector[piece])),
+                cost=torch.from_numpy(result.cost[piece]),
+                ending=[ENDINGS[n] for n in result.ending[piece]],
+                evaluations=int(result.evaluations[piece].sum()),
+            )
+
+    def _shared_out(self, count: int, work: Callable[[slice, Scratch], None]) -> Iterator[slice]:
+        """Does the work piece by piece, on as many threads as there are; the pieces as they are done."""
+        pieces = [slice(start, min(start + _PIECE, count)) for start in range(0, count, _PIECE)]
+
+        def do(piece: slice) -> slice:
+            scratch = self._scratch.pop() if self._scratch else scratch_for(self._constants)
+            work(piece, scratch)
+            self._scratch.append(scratch)
+            return piece
+
+        if self.threads == 1 or len(pieces) == 1:
+            yield from map(do, pieces)
+            return
+        with ThreadPoolExecutor(self.threads) as pool:
+            futures = [pool.submit(do, piece) for piece in pieces]
+            try:
+                for future in as_completed(futures):
+                    yield future.result()
+            finally:  # a reader that goes away waits for what is being computed, and for no more
+                for future in futures:
+                    future.cancel()
+
+
+@dataclass(frozen=True)
+class _Results:
+    cost: np.ndarray
+    ending: np.ndarray
+    evaluations: np.ndarray
+
+    @staticmethod
+    def of(count: int) -> "_Results":
+        return _Results(np.empty(count), np.zeros(count, np.int64), np.zeros(count, np.int64))
+
+    def __getitem__(self, piece: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.cost[piece], self.ending[piece], self.evaluations[piece]
+
+
+_NO_NORMAL = np.zeros((0, 0)), np.zeros((0, 0, 0))
+
+
+def compile_all() -> None:
+    """Call every kernel with no frame, for which it is compiled."""
+    pairs = k.Pairs(np.zeros((1, 0), k.PAIR), np.zeros(0, np.int64), np.zeros((1, 0, 0)))
+    constants = k.Constants(
+        fixed=np.zeros(1, k.FIXED).view(np.recarray)[0],
+        limits=np.zeros(0, k.LIMIT),
+        layers=np.zeros(0, k.LAYER),
+        weights=np.zeros(0),
+        weights32=np.zeros(0, np.float32),
+        biases=np.zeros(0),
+        tables=(pairs, pairs),
+        points=np.zeros(0, k.POINT),
+        entries=np.zeros(0, k.ENTRY),
+        arms=np.zeros(0, np.int64),
+        order=np.zeros(0, np.int64),
+        groups=np.zeros(0, k.GROUP),
+        keypoints=np.zeros((0, 0), k.KEYPOINT),
+        held=np.zeros(0, k.HELD),
+    )
+    start = np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 1))
+    descent.descend(constants, *start, scratch_for(constants), 1, 0.0, *_Results.of(0)[:], *_NO_NORMAL)

@@ -1,0 +1,65 @@
+"""How the kernels are compiled, and where the result is kept."""
+
+import atexit
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+
+# NaN and infinity are told apart (no "nnan", "ninf"): costs beyond the camera and failed solves are such numbers.
+_OPTIONS: dict[str, Any] = {"fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
+FOLDER_VARIABLE = "TCFIT_KERNELS"
+"""Names another folder for what was compiled: one that several users share, or that comes with an image."""
+
+
+@cache
+def kept_in() -> Path:
+    """Where this version's kernels are kept once they are compiled.
+
+    A folder for each state of the sources: numba itself looks at the file of a kernel alone, and not at the helpers
+    that are compiled into it. Kinds of processors are told apart by numba.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    given = os.environ.get(FOLDER_VARIABLE)
+    parent = Path(given).expanduser() if given else platformdirs.user_cache_path("tcfit") / "kernels"
+    return parent / digest.hexdigest()[:16]
+
+
+@cache
+def _folder() -> Path:
+    """The same where it can be written, as numba wants it; else a copy that goes with the process."""
+    folder = kept_in()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        copy = Path(tempfile.mkdtemp(prefix="tcfit-kernels-"))
+        atexit.register(shutil.rmtree, copy, ignore_errors=True)
+        if folder.is_dir():
+            shutil.copytree(folder, copy, dirs_exist_ok=True)
+        return copy
+    return folder
+
+
+def helper(function: Callable) -> Any:
+    """A function that kernels call; it is compiled with each of them."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def kernel(function: Callable) -> Any:
+    """A function that Python calls: compiled once and kept, and other threads run meanwhile."""
+    config: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
+    before, config.CACHE_DIR = config.CACHE_DIR, str(_folder())
+    try:
+        return numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+    finally:
+        config.CACHE_DIR = before

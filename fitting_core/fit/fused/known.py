@@ -1,0 +1,305 @@
+"""From the terms of an objective to the constants of the kernels: the KNOWN table."""
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from fitting_core.body.points.body_points import BodyPoints
+from fitting_core.body.points.pairs import PairTable
+from fitting_core.fit.fused import constants as k
+from fitting_core.fit.fused.scratch import MOST_LAYERS, WIDEST
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.priors import BENDING, Bending, Quadratic, Rest, Upright
+from fitting_core.fit.terms.term import Term
+from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.state import Columns, Free
+from fitting_core.priors.files.network import Activation, Layer
+from fitting_core.priors.latent import LatentPrior
+from fitting_core.priors.pose import AxisAnglePrior
+
+_ACTIVATIONS: dict[Activation, tuple[int, float]] = {
+    "linear": (k.LINEAR, 1.0),
+    "leaky_relu_0.01": (k.LEAKY_RELU, 0.01),
+    "leaky_relu_0.2": (k.LEAKY_RELU, 0.2),
+    "elu": (k.ELU, 1.0),
+    "silu": (k.SILU, 1.0),
+    "softplus": (k.SOFTPLUS, 1.0),
+    "tanh": (k.TANH, 1.0),
+}
+"""Number and slope below zero."""
+_LIMBS = (12, 13, 14, 1, 2)
+"""Neck, both collars, both hips: points beyond one of them share their columns."""
+
+
+def _floats(values: Any) -> np.ndarray:
+    return np.ascontiguousarray(values.detach() if isinstance(values, Tensor) else values, np.float64)
+
+
+def _ints(values: Any) -> np.ndarray:
+    return np.ascontiguousarray(values, np.int64)
+
+
+def _records(kind: np.dtype, shape: tuple[int, ...], **fields: Any) -> np.ndarray:
+    """An array of records with these fields filled in, the others zero; narrower values fill the front."""
+    made = np.zeros(shape, kind)
+    for name, value in fields.items():
+        value = np.asarray(value.detach() if isinstance(value, Tensor) else value)
+        wide = value.shape[value.ndim - kind[name].ndim :] if value.ndim else ()
+        made[name][(..., *(slice(n) for n in wide))] = value
+    return made
+
+
+@lru_cache(maxsize=4)
+def network_of(prior: object) -> tuple[Layer, ...] | None:
+    """The layers of a prior's decoder, none for axis-angle; None where the kernels do not know the prior."""
+    if isinstance(prior, AxisAnglePrior):
+        return ()
+    layers = tuple(prior.network.decoder) if isinstance(prior, LatentPrior) else ()
+    shapes = [layer.weight.shape for layer in layers]
+    known = 0 < len(layers) <= MOST_LAYERS and max(map(max, shapes)) <= WIDEST and shapes[0][1] <= k.MOST_LATENT
+    return layers if known else None
+
+
+class _Network(NamedTuple):
+    layers: np.ndarray
+    weights: np.ndarray
+    weights32: np.ndarray
+    biases: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def _network(prior: object) -> _Network:
+    layers = network_of(prior)
+    assert layers is not None, "see `served`"
+    weights = np.concatenate([np.zeros(0), *[np.ravel(layer.weight) for layer in layers]])
+    codes = [_ACTIVATIONS[layer.activation] for layer in layers]
+    table = _records(
+        k.LAYER,
+        (len(layers),),
+        inputs=[layer.weight.shape[1] for layer in layers],
+        outputs=[layer.weight.shape[0] for layer in layers],
+        activation=[code for code, _ in codes],
+        below=[slope for _, slope in codes],
+    )
+    biases = np.concatenate([np.zeros(0), *[np.asarray(layer.bias) for layer in layers]])
+    return _Network(table, _floats(weights), weights.astype(np.float32), _floats(biases))
+
+
+def _columns(c: Columns) -> dict[str, Any]:
+    jaw = k.HANDS + 2 * c.hand
+    names = ("hand", "jaw", "expression", "translation", "betas", "width", "latent", "shift")
+    return dict(zip(names, (c.hand, jaw, jaw + 3, jaw + 13, jaw + 16, jaw + 26, c.pose, 63 - c.pose), strict=True))
+
+
+def _pairs(table: PairTable | None) -> k.Pairs:
+    if table is None:
+        return k.Pairs(np.zeros((1, 0), k.PAIR), np.zeros(0, np.int64), np.zeros((1, 0, 0)))
+    fields = {"bone": table.bone, "weight": table.weight, "template": table.template, "directions": table.directions}
+    return k.Pairs(
+        _records(k.PAIR, tuple(table.weight.shape), **fields), _ints(table.driving), _floats(table.correctives)
+    )
+
+
+class _Laid(NamedTuple):
+    """Points as the kernels have them, without what a clip knows of them."""
+
+    tables: tuple[k.Pairs, k.Pairs]
+    points: np.ndarray
+    entries: np.ndarray
+    arms: np.ndarray
+    order: np.ndarray
+    groups: np.ndarray
+
+
+@lru_cache(maxsize=16)
+def _laid(points: BodyPoints, columns: Columns, free: Free) -> _Laid:
+    """The points' tables, which take a moment to make: stages come back to the same ones."""
+    first, second = [*points.tables, None][:2]
+    starts = [0, *(int(t.point.max()) + 1 if len(t.point) else 0 for t in points.tables[:-1])]
+    owner = np.concatenate([t.point.numpy() + at for t, at in zip(points.tables, starts, strict=True)])
+    pick = points.pick.numpy()
+    surface = pick >= k.N_JOINTS
+    pairs = [np.where(surface, np.searchsorted(owner, pick - k.N_JOINTS + end), 0) for end in (0, 1)]
+    kept = np.flatnonzero(_free_joints(free)[points.entry_joint.numpy()])
+    point, joint = points.entry_point.numpy()[kept], points.entry_joint.numpy()[kept]
+    arms = [np.flatnonzero(row == 1) for row in points.incidence.numpy()[kept][:, k.N_JOINTS :]]
+    arm_ends = np.cumsum([0, *map(len, arms)])
+    limb = _limbs(points)
+    groups = np.zeros(len(set(limb)), k.GROUP)
+    order: list[int] = []
+    for group, number in zip(groups, sorted(set(limb)), strict=True):
+        mine = np.flatnonzero(limb == number)
+        found = sorted(_moving_columns(set(joint[np.isin(point, mine)].tolist()), columns, free))
+        group["first"], group["last"], group["width"] = len(order), len(order) + len(mine), len(found)
+        group["column"][: len(found)] = found
+        group["place"][found] = np.arange(len(found))
+        order += mine.tolist()
+    ends = [np.searchsorted(point, np.arange(len(pick)) + end) for end in (0, 1)]
+    return _Laid(
+        tables=(_pairs(first), _pairs(second)),
+        points=_records(
+            k.POINT,
+            (len(pick),),
+            joint=np.where(surface, -1, pick),
+            first_pair=pairs[0],
+            last_pair=pairs[1],
+            first_entry=ends[0],
+            last_entry=ends[1],
+        ),
+        entries=_records(k.ENTRY, (len(joint),), joint=joint, first_arm=arm_ends[:-1], last_arm=arm_ends[1:]),
+        arms=_ints(np.concatenate([np.zeros(0, np.int64), *arms])),
+        order=_ints(order),
+        groups=groups,
+    )
+
+
+def _limbs(points: BodyPoints) -> np.ndarray:
+    """The limb that each point belongs to, (N,)."""
+    limb = np.zeros(len(points.pick), np.int64)
+    for joint in reversed(_LIMBS):
+        limb[points.entry_point[points.entry_joint == joint].numpy()] = joint
+    return limb
+
+
+def _free_joints(free: Free) -> np.ndarray:
+    moves = np.zeros(k.N_JOINTS, bool)
+    moves[0], moves[1 : k.N_BODY + 1], moves[k.JAW_JOINT], moves[k.FIRST_FINGER :] = (
+        True,
+        free.body,
+        free.face,
+        free.hands,
+    )
+    return moves
+
+
+def _moving_columns(joints: set[int], columns: Columns, free: Free) -> set[int]:
+    """Turn columns that move points which these joints turn."""
+    at = _columns(columns)
+    found = set(range(at["translation"], at["betas"]))
+    found |= set(range(at["betas"], at["width"])) if free.betas else set()
+    found |= set(range(at["expression"], at["translation"])) if free.face else set()
+    for joint in joints:
+        if joint >= k.FIRST_FINGER:
+            first = k.HANDS + (columns.hand if joint >= k.FIRST_FINGER + 15 else 0)
+            found |= set(range(first, first + columns.hand))
+        else:
+            first = at["jaw"] if joint == k.JAW_JOINT else 3 * joint
+            found |= set(range(first, first + 3))
+    return found
+
+
+class _Fields(NamedTuple):
+    """What a term fills in."""
+
+    fixed: Mapping[str, Any]
+    held: Mapping[str, Any] = MappingProxyType({})
+    limits: np.ndarray = np.zeros(0, k.LIMIT)
+
+
+def _limits(term: Limits) -> _Fields:
+    table, count = term.table, len(term.low)
+    limits = _records(
+        k.LIMIT, (count,), joint=table.joint, frame=table.frame, offset=table.offset, low=term.low, high=term.high
+    )
+    return _Fields(fixed={"limited": count, "limit_weight": term.weight}, limits=limits)
+
+
+def _rest(term: Rest) -> _Fields:
+    return _Fields(fixed={"held": True, "rest_pose": term.target}, held={"rest": term.weight})
+
+
+def _bending(term: Bending) -> _Fields:
+    sign = np.zeros(3 * k.N_BODY)
+    for column, bend in BENDING:
+        sign[column] = bend
+    return _Fields(fixed={"bending": term.weight, "bent": sign})
+
+
+def _upright(term: Upright) -> _Fields:
+    return _Fields(fixed={"upright": True}, held={"lean": term.lean, "turn": term.turn})
+
+
+KNOWN: dict[type[Term], Callable[[Any], _Fields]] = {
+    Limits: _limits,
+    Rest: _rest,
+    Bending: _bending,
+    Upright: _upright,
+}
+"""What a term fills in, by its kind. Data and Quadratic are known as well; of each other kind an objective has at most
+one. Terms of kinds that are not here are evaluated in torch, and added to what the kernels know."""
+
+
+def served(view: View) -> bool:
+    """Whether the kernels know the body's points and the pose prior."""
+    p = view.parametrisation
+    fits = p.dtype == torch.float64 and p.device.type == "cpu" and p.columns.hand <= k.MOST_HAND
+    return fits and network_of(p.prior) is not None
+
+
+def is_known(term: Term) -> bool:
+    """Whether the kernels evaluate the term."""
+    return isinstance(term, Data | Quadratic) or type(term) in KNOWN
+
+
+def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.Constants:
+    """The constants of terms that the kernels know, one of them the data term."""
+    p, points = view.parametrisation, view.points
+    laid = _laid(points, p.columns, free)
+    data = next(term for term in terms if isinstance(term, Data))
+    given = [KNOWN[type(term)](term) for term in terms if type(term) in KNOWN]
+    weight, target = _quadratic([term for term in terms if isinstance(term, Quadratic)], p.columns.total)
+    fixed = _records(
+        k.FIXED,
+        (1,),
+        **_columns(p.columns),
+        free_body=free.body,
+        free_hands=free.hands,
+        free_face=free.face,
+        free_betas=free.betas,
+        free=len(index),
+        index=index,
+        parents=points.tree.parents,
+        rest=points.rest,
+        rest_directions=points.rest_directions,
+        bone_directions=points.bone_directions,
+        hand_mean=p.hand_mean.flatten(),
+        hand_basis=p.hand_basis.flatten(0, 1),
+        focal=view.focal,
+        center=view.center,
+        columns_held=p.columns.total,
+        weight=weight,
+        **{name: value for fields in given for name, value in fields.fixed.items()},
+    )
+    held = {name: value for fields in given for name, value in fields.held.items()}
+    variant = 0 if view.contour_bin is None else view.contour_bin
+    points_of_clip = laid.points.copy()
+    points_of_clip["rho"] = data.rho[:, 0]
+    return k.Constants(
+        fixed=fixed.view(np.recarray)[0],
+        limits=np.concatenate([np.zeros(0, k.LIMIT), *[fields.limits for fields in given]]),
+        **_network(p.prior)._asdict(),
+        **{**laid._asdict(), "points": points_of_clip},
+        keypoints=_records(k.KEYPOINT, tuple(data.weight.shape), xy=data.xy, side=data.side, weight=data.weight),
+        held=_records(k.HELD, (len(data.xy),), variant=variant, target=target, **held),
+    )
+
+
+def _quadratic(terms: list[Quadratic], total: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights and targets by columns of the state; the targets of all frames, or of each."""
+    weight, targets = np.zeros(total), []
+    for term in terms:
+        assert not weight[term.where].any(), f"{term.name} holds columns that another term holds"
+        weight[term.where] = _floats(term.weight)
+        if term.target is not None:
+            targets.append((term.where, _floats(term.target)))
+    rows = max((len(values) for _, values in targets if values.ndim == 2), default=1)
+    target = np.zeros((rows, total))
+    for where, values in targets:
+        target[:, where] = values
+    return weight, target

@@ -1,0 +1,90 @@
+"""Whether the kernels can be used, and making them ready: the one way into this folder.
+
+Without numba, or before anything was compiled, everything works all the same, in torch and several times slower.
+"""
+
+import os
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING
+
+from torch import Tensor
+
+from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.term import Term
+from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.state import Free
+
+if TYPE_CHECKING:
+    from fitting_core.fit.fused.frames import FusedFrames
+
+SECONDS = 30
+"""What compiling takes, about."""
+_MARK = "compiled"
+"""File beside the kernels that says that all of them are there."""
+
+
+class _Use:
+    """Of this process."""
+
+    allowed = True
+    compiled = False
+    threads = os.cpu_count() or 1
+
+
+def use(*, kernels: bool | None = None, threads: int | None = None) -> None:
+    """Set for this process whether kernels are used where they are ready, and on how many threads."""
+    _Use.allowed = _Use.allowed if kernels is None else kernels
+    _Use.threads = _Use.threads if threads is None else threads
+
+
+@cache
+def _missing() -> str:
+    """Why nothing can be compiled here; empty if it can."""
+    try:
+        import fitting_core.fit.fused.frames
+    except (ImportError, RuntimeError) as error:  # numba's second one: no folder for what it compiles
+        return f"numba cannot be used ({error}); pip install numba"
+    assert fitting_core.fit.fused.frames
+    return ""
+
+
+def problem() -> str:
+    """Why the kernels are not used; empty if they are."""
+    if not _Use.allowed:
+        return "the kernels are turned off"
+    return _missing() or ("" if _compiled() else "the kernels are not compiled yet")
+
+
+def _compiled() -> bool:
+    if not _Use.compiled:
+        from fitting_core.fit.fused.jit import kept_in
+
+        _Use.compiled = (kept_in() / _MARK).is_file()
+    return _Use.compiled
+
+
+def prepare(say: Callable[[str], None]) -> None:
+    """Compile the kernels unless that was done before; `say` is told that it takes a while."""
+    if _missing() or _compiled():
+        return
+    from fitting_core.fit.fused.frames import compile_all
+    from fitting_core.fit.fused.jit import kept_in
+
+    say(f"Compiling the solver's kernels, which happens once and takes about {SECONDS} seconds ...")
+    compile_all()
+    _Use.compiled = True
+    try:
+        (kept_in() / _MARK).touch()
+    except OSError:
+        say(f"They cannot be kept in {kept_in()}; TCFIT_KERNELS names another folder.")
+
+
+def fused_frames(terms: list[Term], view: View, free: Free, index: Tensor) -> "FusedFrames | None":
+    """The kernels for an objective; None where they are not ready, or do not know the body's points or its prior."""
+    if problem() or not any(isinstance(term, Data) for term in terms):
+        return None
+    from fitting_core.fit.fused.frames import FusedFrames
+    from fitting_core.fit.fused.known import served
+
+    return FusedFrames(terms, view, free, index, threads=_Use.threads) if served(view) else None
