@@ -23,11 +23,12 @@ FOLDER_VARIABLE = "TCFIT_KERNELS"
 def kept_in() -> Path:
     """Where this version's kernels are kept once they are compiled.
 
-    A folder for each state of the sources: numba itself looks at the file of a kernel alone, and not at the helpers
-    that are compiled into it. Kinds of processors are told apart by numba.
+    A folder for each installation and state of the sources: numba itself tells installations and kinds of processors
+    apart, but looks at the file of a kernel alone, and not at the helpers that are compiled into it.
     """
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    sources = Path(__file__).resolve().parent
+    digest = hashlib.sha256(f"{numba.__version__} {sources}".encode())
+    for source in sorted(sources.glob("*.py")):
         digest.update(source.read_bytes())
     given = os.environ.get(FOLDER_VARIABLE)
     parent = Path(given).expanduser() if given else platformdirs.user_cache_path("tcfit") / "kernels"
