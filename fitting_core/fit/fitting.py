@@ -1,9 +1,10 @@
 """The three phases as a generator of events, and as one call."""
 
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 import torch
@@ -37,11 +38,42 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.video.frame_names import spans
 
+P = ParamSpec("P")
 Outcome = TypeVar("Outcome")
 """What a phase returns."""
 TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
+def _on_one_thread(
+    function: Callable[P, Generator[FitEvent, None, Outcome]],
+) -> Callable[P, Generator[FitEvent, None, Outcome]]:
+    """Torch computes on one thread while the generator runs, and on as many as before between its values.
+
+    Its operations are small here: two threads that wait for each other took six times the processor time. Frames are
+    shared out on threads by the kernels.
+    """
+
+    @wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> Generator[FitEvent, None, Outcome]:
+        events = function(*args, **kwargs)
+        try:
+            while True:
+                before = torch.get_num_threads()
+                torch.set_num_threads(1)
+                try:
+                    event = next(events)
+                except StopIteration as stop:
+                    return stop.value
+                finally:
+                    torch.set_num_threads(before)
+                yield event
+        finally:
+            events.close()
+
+    return run
+
+
+@_on_one_thread
 def fit_events(clip: Clip, body: BodyModel, config: FitConfig) -> Generator[FitEvent, None, FitResult]:
     """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
 
@@ -71,6 +103,7 @@ class Refit:
     """Of all frames; only what it says of those that were fitted again counts."""
 
 
+@_on_one_thread
 def rerun_events(
     clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, frames: range
 ) -> Generator[FitEvent, None, Refit]:
@@ -105,6 +138,7 @@ def rerun_events(
     )
 
 
+@_on_one_thread
 def shape_events(
     clip: Clip, body: BodyModel, config: FitConfig, start: FitResult
 ) -> Generator[FitEvent, None, FitResult]:

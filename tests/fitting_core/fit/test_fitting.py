@@ -214,6 +214,24 @@ def test_gradients_are_as_the_caller_left_them(free_body: BodyModel, short_clip:
             assert not any(getattr(event.result.params, f.name).requires_grad for f in fields(BodyParams))
 
 
+def test_torch_computes_on_one_thread_and_gives_the_others_back(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    inside, told = [], progress.TermSampling.terms
+
+    def terms(self: progress.TermSampling, step: progress.Step) -> dict[str, float]:
+        inside.append(torch.get_num_threads())
+        return told(self, step)
+
+    monkeypatch.setattr(progress.TermSampling, "terms", terms)
+    torch.set_num_threads(2)
+    try:
+        events = fit_events(clip_of(body_only(tiny_body, 1)), tiny_body, QUICK)
+        outside = [torch.get_num_threads() for _ in zip(range(4), events, strict=False)]
+        events.close()
+        assert set(inside) == {1} and {*outside, torch.get_num_threads()} == {2}
+    finally:
+        torch.set_num_threads(1)
+
+
 @pytest.mark.parametrize("last", [1, 2])
 def test_stops_after_the_chosen_phase(free_body: BodyModel, short_clip: Clip, quick: FitResult, last: int):
     result = fit_clip(short_clip, free_body, replace(QUICK, last_phase=last))
