@@ -38,11 +38,11 @@ def field(review: Reviewing, label: str) -> "Locator":
 
 def drawn(review: Reviewing) -> int:
     """How many keypoints the page has for its frame."""
-    return review.tab.evaluate("() => (tcfit.state('keypoints')?.confidence ?? []).filter((c) => c > 0).length")
+    return review.tab.evaluate("() => (window.tcfit?.state('keypoints')?.confidence ?? []).filter((c) => c > 0).length")
 
 
 def chips(review: Reviewing) -> str:
-    return review.tab.evaluate("() => (tcfit.state('chips')?.chips ?? []).map((c) => c.text).join(' | ')")
+    return review.tab.evaluate("() => (window.tcfit?.state('chips')?.chips ?? []).map((c) => c.text).join(' | ')")
 
 
 def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_path: Path, browser: "Browser"):
