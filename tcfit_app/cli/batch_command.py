@@ -29,7 +29,7 @@ from tcfit_app.batch.records import (
 )
 from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.preparing import body_file, check_out, prepare_solver
+from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 from tcfit_app.project.storage.durable import accessing
 
 _PATIENCE = 3.0
@@ -67,6 +67,8 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     folder = batch_folder(options.manifest)
     todo = plan(tasks, folder, complaints, retry=options.retry, here=options.ray is None)
     complaints.raise_any()
+    if todo.to_do and options.ray is None:
+        compile_kernels(tasks[todo.to_do[0]].config)  # once, and not in each of the processes
     held = patient_lock(folder, seconds=_PATIENCE, wanted="fit this list")
     ended: dict[int, Record] = {}
     try:

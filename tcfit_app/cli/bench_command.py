@@ -34,7 +34,7 @@ from tcfit_app.bench.trials import FULL, PARTS, QUICK, Amount, Trial, compared_t
 from tcfit_app.cli.demo_command import demo_clip, read_demo
 from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.fit import fit_config
-from tcfit_app.options.preparing import body_file, prepare_solver
+from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
 
 
 def run_bench(options: BenchOptions) -> Bench:
@@ -49,6 +49,7 @@ def run_bench(options: BenchOptions) -> Bench:
     prepare_solver(config, options.threads)
     setup = Setup(clip=_clip(options), body=body_file(options.body), config=config, clock=options.clock)
     trials = _trials(options, setup, amount)
+    compile_kernels(config)
     begin = time.monotonic()
     figures = _run(trials, amount.repeats)
     bench = Bench(

@@ -110,7 +110,9 @@ def check_torch() -> Iterator[Check]:
     from fitting_core.fit.fused import ready
 
     if why := ready.problem():
-        advice = "python -m fitting_core.fit.fused compiles them; without them fits take several times as long"
+        advice = (
+            "python -m fitting_core.fit.fused says more, and compiles them; fits take several times as long without"
+        )
         yield Check(status="warning", found=f"the solver's kernels are not used: {why}", advice=advice)
     else:
         yield Check(status="ok", found="the solver's kernels are compiled")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import torch
 
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
 from fitting_core.errors import InputError
 from fitting_core.io.result_files import read_fit
 from fitting_core.measure.records import Evaluation, Record
@@ -28,6 +29,7 @@ from tcfit_app.evaluation.suite_runs import (
 )
 from tcfit_app.evaluation.worst_frames import Drawable, worst_frames
 from tcfit_app.options.evaluate import EvaluateOptions
+from tcfit_app.options.preparing import compile_kernels
 
 _FIGURE = "vertex_to_surface_mean"
 """Of the suite, told as its sequences are done."""
@@ -50,6 +52,7 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     _check(options)
     torch.set_num_threads(1)
     if options.suite:
+        compile_kernels(PRESETS[DEFAULT_PRESET])
         return run_suite(options, command=command)
     assert options.fit is not None
     fit = evaluated_fit(options.fit, run=options.run, models=options.models)

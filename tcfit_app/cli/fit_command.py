@@ -22,7 +22,7 @@ from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, w
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
-from tcfit_app.options.preparing import body_file, check_out, prepare_solver
+from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -50,6 +50,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     prepare_solver(config, options.threads)
     body = load_body(body_file(options.body))
     clip = clip_of(options)
+    compile_kernels(config)
     _tell(_inputs(clip, body))
     fit, summary = _fit_and_write(clip, body, config, options.out, command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])

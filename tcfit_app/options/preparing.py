@@ -14,6 +14,7 @@ from fitting_core.io.result_files import is_result
 from tcfit_app.options.fit import BodyOptions
 
 MOST_THREADS = 256
+"""More are a slip of the hand."""
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
@@ -41,20 +42,17 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
 
 
 def prepare_solver(config: FitConfig, threads: int) -> None:
-    """Set the threads of a fit (0: one for each core), compile what is not compiled yet, check that the device works.
+    """Set the threads of a fit (0: one for each core), and check that the device works.
 
     Torch itself computes on one: its operations are small, and threads that wait for each other took six times the CPU.
 
     Raises:
         InputError: The device is not there.
     """
-    cores = os.cpu_count() or 1
     if not 0 <= threads <= MOST_THREADS:
-        raise InputError(f"--threads is {threads}; expected 0 (one for each of the {cores} cores) to {MOST_THREADS}.")
+        raise InputError(f"--threads is {threads}; expected 0 (one for each core) to {MOST_THREADS}.")
     torch.set_num_threads(1)
-    ready.use(threads=threads or cores)
-    if config.device == "cpu":
-        ready.prepare(lambda text: print(text, file=sys.stderr, flush=True))
+    ready.use(threads=threads)
     try:
         torch.zeros(1, device=config.device, dtype=getattr(torch, config.precision))
     except (RuntimeError, AssertionError, TypeError) as error:
@@ -63,6 +61,12 @@ def prepare_solver(config: FitConfig, threads: int) -> None:
             f"--device {config.device} cannot be used with {config.precision} ({reason}). Use --device cpu; "
             "`tcfit doctor` shows the devices that torch finds."
         ) from error
+
+
+def compile_kernels(config: FitConfig) -> None:
+    """Compile the solver's kernels if this fit can use them and nobody has yet; to be called when all else is right."""
+    if config.device == "cpu" and config.precision == "float64" and config.solver == "lm":
+        ready.prepare(lambda text: print(text, file=sys.stderr, flush=True))
 
 
 def body_file(options: BodyOptions) -> Path:

@@ -47,10 +47,11 @@ class FusedFrames:
     """
 
     def __init__(self, terms: list[Term], view: View, free: Free, index: Tensor, *, threads: int) -> None:
-        self.others = [term for term in terms if not known.is_known(term)]
+        mine, others = known.divided(terms)
+        self.others = others
         """Terms that the kernels leave out."""
         self.threads = threads
-        self._constants = known.constants_of([term for term in terms if known.is_known(term)], view, free, index)
+        self._constants = known.constants_of(mine, view, free, index)
         self._scratch: list[Scratch] = []
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
@@ -104,7 +105,10 @@ class FusedFrames:
         pieces = [slice(start, min(start + _PIECE, count)) for start in range(0, count, _PIECE)]
 
         def do(piece: slice) -> slice:
-            scratch = self._scratch.pop() if self._scratch else scratch_for(self._constants)
+            try:
+                scratch = self._scratch.pop()
+            except IndexError:
+                scratch = scratch_for(self._constants)
             work(piece, scratch)
             self._scratch.append(scratch)
             return piece

@@ -4,12 +4,14 @@ import atexit
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import numba
 import platformdirs
 
@@ -23,11 +25,12 @@ FOLDER_VARIABLE = "TCFIT_KERNELS"
 def kept_in() -> Path:
     """Where this version's kernels are kept once they are compiled.
 
-    A folder for each installation and state of the sources: numba itself tells installations and kinds of processors
+    A folder for each installation, Python, processor and state of the sources: numba itself tells all these
     apart, but looks at the file of a kernel alone, and not at the helpers that are compiled into it.
     """
     sources = Path(__file__).resolve().parent
-    digest = hashlib.sha256(f"{numba.__version__} {sources}".encode())
+    processor = llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()
+    digest = hashlib.sha256(f"{numba.__version__} {sys.implementation.cache_tag} {processor} {sources}".encode())
     for source in sorted(sources.glob("*.py")):
         digest.update(source.read_bytes())
     given = os.environ.get(FOLDER_VARIABLE)

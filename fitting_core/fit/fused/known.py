@@ -1,9 +1,9 @@
 """From the terms of an objective to the constants of the kernels: the KNOWN table."""
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -55,14 +55,13 @@ def _records(kind: np.dtype, shape: tuple[int, ...], **fields: Any) -> np.ndarra
     return made
 
 
-@lru_cache(maxsize=4)
 def network_of(prior: object) -> tuple[Layer, ...] | None:
     """The layers of a prior's decoder, none for axis-angle; None where the kernels do not know the prior."""
     if isinstance(prior, AxisAnglePrior):
         return ()
     layers = tuple(prior.network.decoder) if isinstance(prior, LatentPrior) else ()
     shapes = [layer.weight.shape for layer in layers]
-    known = 0 < len(layers) <= MOST_LAYERS and max(map(max, shapes)) <= WIDEST and shapes[0][1] <= k.MOST_LATENT
+    known = 1 < len(layers) <= MOST_LAYERS and max(map(max, shapes)) <= WIDEST and shapes[0][1] <= k.MOST_LATENT
     return layers if known else None
 
 
@@ -73,8 +72,18 @@ class _Network(NamedTuple):
     biases: np.ndarray
 
 
-@lru_cache(maxsize=4)
+_networks: WeakKeyDictionary[object, _Network] = WeakKeyDictionary()
+_tables: WeakKeyDictionary[BodyPoints, dict[tuple[Columns, Free], "_Laid"]] = WeakKeyDictionary()
+"""What was made of a prior, and of points: as long as these live."""
+
+
 def _network(prior: object) -> _Network:
+    if prior not in _networks:
+        _networks[prior] = _new_network(prior)
+    return _networks[prior]
+
+
+def _new_network(prior: object) -> _Network:
     layers = network_of(prior)
     assert layers is not None, "see `served`"
     weights = np.concatenate([np.zeros(0), *[np.ravel(layer.weight) for layer in layers]])
@@ -117,9 +126,15 @@ class _Laid(NamedTuple):
     groups: np.ndarray
 
 
-@lru_cache(maxsize=16)
 def _laid(points: BodyPoints, columns: Columns, free: Free) -> _Laid:
     """The points' tables, which take a moment to make: stages come back to the same ones."""
+    known = _tables.setdefault(points, {})
+    if (columns, free) not in known:
+        known[columns, free] = _new_tables(points, columns, free)
+    return known[columns, free]
+
+
+def _new_tables(points: BodyPoints, columns: Columns, free: Free) -> _Laid:
     first, second = [*points.tables, None][:2]
     starts = [0, *(int(t.point.max()) + 1 if len(t.point) else 0 for t in points.tables[:-1])]
     owner = np.concatenate([t.point.numpy() + at for t, at in zip(points.tables, starts, strict=True)])
@@ -242,9 +257,23 @@ def served(view: View) -> bool:
     return fits and network_of(p.prior) is not None
 
 
-def is_known(term: Term) -> bool:
-    """Whether the kernels evaluate the term."""
-    return isinstance(term, Data | Quadratic) or type(term) in KNOWN
+def divided(terms: list[Term]) -> tuple[list[Term], list[Term]]:
+    """Terms that the kernels evaluate, and the others: of unknown kinds, and those for which another one has the place.
+
+    A kind is known by itself alone: what is derived from it may differ.
+    """
+    known: list[Term] = []
+    columns: set[int] = set()
+    for term in terms:
+        if type(term) is Quadratic:
+            mine = set(range(term.where.start, term.where.stop))
+            free = not mine & columns
+            columns |= mine
+        else:
+            free = (type(term) is Data or type(term) in KNOWN) and type(term) not in map(type, known)
+        if free:
+            known.append(term)
+    return known, [term for term in terms if not any(term is one for one in known)]
 
 
 def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.Constants:
@@ -277,6 +306,7 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
         **{name: value for fields in given for name, value in fields.fixed.items()},
     )
     held = {name: value for fields in given for name, value in fields.held.items()}
+    assert view.contour_bin is not None or not points.has_contour, "contour landmarks need each frame's yaw table"
     variant = 0 if view.contour_bin is None else view.contour_bin
     points_of_clip = laid.points.copy()
     points_of_clip["rho"] = data.rho[:, 0]

@@ -29,11 +29,16 @@ class _Use:
 
     allowed = True
     compiled = False
-    threads = os.cpu_count() or 1
+    threads = 0
+
+
+def cores() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def use(*, kernels: bool | None = None, threads: int | None = None) -> None:
-    """Set for this process whether kernels are used where they are ready, and on how many threads."""
+    """Set for this process whether kernels are used where they are ready, and on how many threads (0: cores)."""
     _Use.allowed = _Use.allowed if kernels is None else kernels
     _Use.threads = _Use.threads if threads is None else threads
 
@@ -43,7 +48,7 @@ def _missing() -> str:
     """Why nothing can be compiled here; empty if it can."""
     try:
         import fitting_core.fit.fused.frames
-    except (ImportError, RuntimeError) as error:  # numba's second one: no folder for what it compiles
+    except (ImportError, RuntimeError, OSError) as error:  # the latter two: no folder for what it compiles
         return f"numba cannot be used ({error}); pip install numba"
     assert fitting_core.fit.fused.frames
     return ""
@@ -72,7 +77,12 @@ def prepare(say: Callable[[str], None]) -> None:
     from fitting_core.fit.fused.jit import kept_in
 
     say(f"Compiling the solver's kernels, which happens once and takes about {SECONDS} seconds ...")
-    compile_all()
+    try:
+        compile_all()
+    except Exception as error:  # of numba or LLVM: whatever it is, there is another way
+        _Use.allowed = False
+        say(f"They cannot be compiled ({type(error).__name__}: {error}); fits take several times as long without.")
+        return
     _Use.compiled = True
     try:
         (kept_in() / _MARK).touch()
@@ -87,4 +97,4 @@ def fused_frames(terms: list[Term], view: View, free: Free, index: Tensor) -> "F
     from fitting_core.fit.fused.frames import FusedFrames
     from fitting_core.fit.fused.known import served
 
-    return FusedFrames(terms, view, free, index, threads=_Use.threads) if served(view) else None
+    return FusedFrames(terms, view, free, index, threads=_Use.threads or cores()) if served(view) else None

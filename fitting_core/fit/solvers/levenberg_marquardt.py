@@ -74,11 +74,12 @@ class LevenbergMarquardt:
         self, problem: Problem, start: State, descents: "Iterator[Descents]"
     ) -> Generator[Progress, None, Solution]:
         """What the kernels find, some groups after the others."""
-        state, cost = start, start.vector.new_full((problem.groups,), torch.inf)
+        state, cost = State(start.orient.clone(), start.vector.clone()), torch.full_like(start.vector[:, 0], torch.inf)
         reason: list[Ending] = ["failed"] * problem.groups
         evaluations = done = 0
         for found in descents:
-            state, cost[found.rows] = state.put(found.rows, found.state), found.cost
+            state.orient[found.rows], state.vector[found.rows] = found.state.orient, found.state.vector
+            cost[found.rows] = found.cost
             for row, ending in zip(found.rows.tolist(), found.ending, strict=True):
                 reason[row] = ending
             evaluations, done = evaluations + found.evaluations, done + len(found.rows)
@@ -86,7 +87,7 @@ class LevenbergMarquardt:
                 iteration=-(-self.iterations * done // problem.groups),
                 cost=cost.clone(),
                 running=problem.groups - done,
-                terms=lambda state=state: problem.terms(state),
+                terms=lambda: problem.terms(state),
             )
         return Solution(state=state, cost=cost, reason=tuple(reason), evaluations=evaluations)
 

@@ -1,5 +1,7 @@
 """The kernels against torch: costs, gradients, matrices and whole descents of single frames."""
 
+import gc
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -17,7 +19,7 @@ from fitting_core.fit.phases.initialize import guess_depth
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.priors import Bending
+from fitting_core.fit.terms.priors import Bending, Quadratic
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
@@ -109,6 +111,33 @@ def test_priors_of_other_networks(tiny_body: BodyModel, activation: str, tmp_pat
     assert_same(*both(made, 5, state), state)
 
 
+def test_a_prior_of_one_layer_stays_in_torch(tiny_body: BodyModel, tmp_path: Path):
+    network = random_network("silu", size=9, hidden=30, spread=1.0)
+    layer = replace(network.decoder[-1], weight=network.decoder[-1].weight[:, :9])
+    write_network(tmp_path / "prior.npz", replace(network, decoder=(layer,)))
+    made = stages(tiny_body, config_of("tcfit", str(tmp_path / "prior.npz")))
+    assert objective(made, 5, made.parametrisation.neutral(len(FRAMES))).fused is None
+
+
+def test_two_terms_on_the_same_columns(tiny_body: BodyModel):
+    made = stages(tiny_body, config_of("tcfit"))
+    state = random_state(made.parametrisation, len(FRAMES))
+    fused, plain = both(made, 5, state)
+    second = Quadratic("again", slice(5, 8), torch.full((3,), 2.0, dtype=torch.float64))
+    kernels = FrameObjective([*fused.terms, second], fused.view, fused.free)
+    with without_kernels():
+        assert_same(kernels, FrameObjective([*plain.terms, second], plain.view, plain.free), state)
+
+
+def test_nothing_of_a_fit_is_kept(tiny_body: BodyModel):
+    made = stages(tiny_body, config_of("tcfit"))
+    prior = weakref.ref(made.parametrisation.prior)
+    assert objective(made, 5, made.parametrisation.neutral(len(FRAMES))).fused is not None
+    del made
+    gc.collect()
+    assert prior() is None
+
+
 def test_hands_of_other_spaces(tiny_body: BodyModel):
     made = stages(tiny_body, replace(config_of("tcfit"), hand_components=45))
     state = random_state(made.parametrisation, len(FRAMES))
@@ -129,9 +158,11 @@ class LikeBending(Bending):
     """Known by its own kind only: what is built on it may differ."""
 
 
-@pytest.mark.parametrize("term", [Strange(), LikeBending(2.0)])
+@pytest.mark.parametrize(
+    "term", [Strange(), LikeBending(2.0), Bending(2.0)], ids=["strange", "derived", "a second one"]
+)
 def test_unknown_terms_are_added(tiny_body: BodyModel, term: Term):
-    made = stages(tiny_body, config_of("tcfit"))
+    made = stages(tiny_body, config_of("paper"))
     state = random_state(made.parametrisation, len(FRAMES))
     fused, plain = both(made, 5, state)
     kernels = FrameObjective([*fused.terms, term], fused.view, fused.free)

@@ -60,6 +60,20 @@ def test_a_folder_that_may_only_be_read_is_copied(tmp_path: Path, monkeypatch: p
     assert copy != tmp_path / "kept" and (copy / "kernel.nbi").read_text() == "made before"
 
 
+def test_what_cannot_be_compiled_is_told_and_fits_go_on(monkeypatch: pytest.MonkeyPatch):
+    from fitting_core.fit.fused import frames
+
+    def fail() -> None:
+        raise ValueError("no such instruction")
+
+    said: list[str] = []
+    monkeypatch.setattr(frames, "compile_all", fail)
+    monkeypatch.setattr(ready, "_compiled", lambda: False)
+    ready.prepare(said.append)
+    assert "no such instruction" in said[-1] and ready.problem() == "the kernels are turned off"
+    ready.use(kernels=True)
+
+
 def test_turned_off():
     ready.use(kernels=False)
     assert ready.problem() == "the kernels are turned off"
