@@ -184,12 +184,10 @@ def _limbs(points: BodyPoints) -> np.ndarray:
 
 def _free_joints(free: Free) -> np.ndarray:
     moves = np.zeros(k.N_JOINTS, bool)
-    moves[0], moves[1 : k.N_BODY + 1], moves[k.JAW_JOINT], moves[k.FIRST_FINGER :] = (
-        True,
-        free.body,
-        free.face,
-        free.hands,
-    )
+    moves[0] = True
+    moves[1 : k.N_BODY + 1] = free.body
+    moves[k.JAW_JOINT] = free.face
+    moves[k.FIRST_FINGER :] = free.hands
     return moves
 
 

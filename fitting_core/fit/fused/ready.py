@@ -18,7 +18,7 @@ from fitting_core.fit.variables.state import Free
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import FusedFrames
 
-SECONDS = 30
+SECONDS = 40
 """What compiling takes, about."""
 _MARK = "compiled"
 """File beside the kernels that says that all of them are there."""
