@@ -27,8 +27,9 @@ install: $(INSTALLED) ## Set up .venv and nothing else
 demo: $(INSTALLED) ## Make a clip, fit it, and open it in the browser
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
+# Compiled modules are kept even where the environment asks for none: tests start dozens of processes.
 test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
-	@$(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
 
 test-slow: $(INSTALLED) ## Run the slow tests
 	@$(RUN) -m pytest -m slow $(ARGS)

@@ -12,6 +12,7 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.fit.fused import ready
+from fitting_core.render import renderer
 from tests.samples.tiny_body import make_tiny_body
 
 # Small problems: on a busy machine two threads that wait for each other take ten times as long as one.
@@ -48,6 +49,13 @@ def in_torch() -> Iterator[None]:
     ready.use(kernels=False)
     yield
     ready.use(kernels=True)
+
+
+@pytest.fixture(scope="session")
+def off_screen_gl() -> None:
+    """Tests that draw skip without it."""
+    if renderer.off_screen_gl() is None:
+        pytest.skip("no off-screen OpenGL here (apt-get install libegl1 libgl1)")
 
 
 @pytest.fixture(scope="session")

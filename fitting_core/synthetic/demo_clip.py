@@ -19,7 +19,7 @@ from tqdm import tqdm
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.geometry import vertex_normals
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
@@ -150,7 +150,7 @@ def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) ->
 
 def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams, *, progress: bool) -> Bool[np.ndarray, "T 137"]:
     """Write the video; return which keypoints its frames show."""
-    mesh, outfit = Mesh(body), Outfit.of(body)
+    mesh, outfit = shared_mesh(body), Outfit.of(body)
     studio = Studio(truth.camera, seat_height=_seat_height(mesh(world[-1:])[0].numpy()))
     points, _ = keypoints_in_space(body, truth.params)
     seen = np.zeros(points.shape[:2], bool)

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, UInt8
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.geometry import vertex_normals
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
@@ -262,7 +262,7 @@ def _visible(body: BodyModel, params: BodyParams, camera: Camera) -> Bool[np.nda
         size=(round(_DEPTH_SCALE * camera.size[0]), round(_DEPTH_SCALE * camera.size[1])),
     )
     points, _ = keypoints_in_space(body, params)
-    mesh, own, seen = Mesh(body), _flesh(body, params.betas[:1]), np.zeros(points.shape[:2], bool)
+    mesh, own, seen = shared_mesh(body), _flesh(body, params.betas[:1]), np.zeros(points.shape[:2], bool)
     for i in range(len(points)):
         depth = np.full(small.size[::-1], np.inf)
         rasterize(mesh(params[i : i + 1])[0].numpy().astype(np.float64), body.faces, small, depth)
@@ -289,7 +289,7 @@ def render_frames(
     """
     body, own = made.body, made.view.pose()
     studio = Studio(camera or made.truth.camera, seat_height=None, view=view or made.view)
-    mesh, outfit = Mesh(body), Outfit.of(body)
+    mesh, outfit = shared_mesh(body), Outfit.of(body)
     for frame in frames:
         world = (mesh(made.truth.params[[frame]])[0].numpy().astype(np.float64) - own.translation) @ own.rotation
         yield studio.draw(world, body.faces, vertex_normals(world, body.faces), outfit)[0]

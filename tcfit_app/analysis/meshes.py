@@ -1,13 +1,4 @@
-"""The vertices of fitted bodies, frame by frame, as fast as a view wants to draw them; their joints and keypoints.
-
-Milliseconds per frame on one thread, free body (13492 vertices), medians on a 2-core machine that was busy otherwise:
-
-    one frame, fitting_core's Mesh    10.3
-    one frame, here                    1.7
-    a batch of 16, here                0.8
-
-The difference are the pose correctives: 1.7 % of the free body's are not zero, and reading the others took 7.8 ms.
-"""
+"""The vertices of fitted bodies, frame by frame, as fast as a view wants to draw them; their joints and keypoints."""
 
 import threading
 from collections import deque
@@ -16,23 +7,16 @@ from collections.abc import Callable, Hashable
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float32, Int
-from scipy.sparse import csr_matrix
 from torch import Tensor
 
-from fitting_core.body import rotations
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
-from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from tcfit_app.analysis.byte_cache import ByteCache
 
-BATCH = 16
-"""Frames that are evaluated together."""
 _LIMIT = 96 * 2**20
 """Six hundred frames of the free body: a loop that is played twice."""
-_SPARSE = 0.3
-"""Share of correctives that are not zero up to which a sparse product is the faster one: at 0.3 a batch takes 35 ms
-either way, at 0.1 it takes 11 against 41 ms, at 0.6 62 against 27 ms."""
 
 
 class Meshes:
@@ -48,7 +32,7 @@ class Meshes:
 
     def __init__(self, body: BodyModel, *, limit: int = _LIMIT) -> None:
         self.body = body
-        self._skin = _Skin(body)
+        self._mesh = shared_mesh(body)
         self._cache: ByteCache[np.ndarray] = ByteCache(limit, lambda vertices: vertices.nbytes)
         self.joints = FrameByFrame(lambda params: joints_in_space(body, params))
         """(T, 55, 3) of parameters: the kinematic joints in camera space, metres."""
@@ -70,54 +54,21 @@ class Meshes:
         """
         found = self._cache.get((version, frame))
         if found is None:
-            found = self._skin(params[[frame]])[0]
+            found = self.batch(params[[frame]])[0]
             found.setflags(write=False)
             self._cache.put((version, frame), found)
         return found
 
     def batch(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
         """All frames of the parameters, in camera space (metres), past the cache."""
-        return self._skin(params)
+        with torch.no_grad():
+            return self._mesh(params).numpy()
 
 
 def _keypoints(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 137 3"]:
     points, exists = keypoints_in_space(body, params)
     points[:, ~exists] = np.nan
     return points
-
-
-class _Skin:
-    """Linear blend skinning as fitting_core's Mesh does it, without derivatives and with sparse tables."""
-
-    def __init__(self, body: BodyModel) -> None:
-        self.mesh = Mesh(body)
-        self.directions = self.mesh.directions.flatten(0, 1).T
-        self.weights = csr_matrix(body.skinning_weights, dtype=np.float32)
-        table = body.pose_directions.reshape(-1, body.pose_directions.shape[-1])
-        sparse = np.count_nonzero(table) < _SPARSE * table.size
-        self.correctives = csr_matrix(table, dtype=np.float32) if sparse else table.astype(np.float32)
-
-    @torch.inference_mode()
-    def __call__(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
-        """All vertices in camera space, metres."""
-        parts = torch.arange(len(params)).split(BATCH)
-        empty = np.zeros((0, len(self.mesh.template), 3), np.float32)
-        return np.concatenate([empty, *(self._batch(params[part]) for part in parts if len(part))])
-
-    def _batch(self, params: BodyParams) -> Float32[np.ndarray, "B V 3"]:
-        params = params.to(dtype=torch.float32)
-        local = rotations.exp(full_pose(self.mesh.body, params))
-        coefficients = torch.cat([params.betas, params.expression], 1)
-        posed = self.mesh.skeleton(local, coefficients)
-        features = (local[:, 1:] - torch.eye(3)).flatten(1)
-        corrected = torch.from_numpy(np.ascontiguousarray((self.correctives @ features.numpy().T).T))
-        rest = self.mesh.template + (coefficients @ self.directions + corrected).view(len(params), -1, 3)
-        transforms = torch.cat([posed.world, posed.offset[..., None]], -1).flatten(2).numpy()
-        vertices = torch.empty_like(rest)
-        for i, bones in enumerate(transforms):
-            blended = torch.from_numpy(self.weights @ bones).view(-1, 3, 4)
-            vertices[i] = (blended[..., :3] @ rest[i, :, :, None])[..., 0] + blended[..., 3]
-        return (vertices + params.camera_translation[:, None]).numpy()
 
 
 KEPT = 3

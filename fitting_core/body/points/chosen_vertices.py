@@ -48,7 +48,11 @@ class ChosenVertices:
         relative[1:] -= mesh.rest_directions[mesh.tree.parents[1:]]
         self._bone_directions = relative
         self._ancestors = torch.as_tensor(mesh.tree.ancestors, dtype=mesh.dtype, device=mesh.device)
-        self._correctives = mesh.correctives.view(len(mesh.template), 3, -1)
+        correctives = mesh.body.pose_directions.reshape(*mesh.template.shape, N_JOINTS - 1, 9)
+        used = abs(correctives).max((0, 1, 3)) > 0
+        self._driving = torch.as_tensor(1 + used.nonzero()[0], device=mesh.device)
+        """The joints that drive a corrective: a body's file may have few."""
+        self._correctives = torch.as_tensor(correctives[:, :, used], dtype=mesh.dtype, device=mesh.device).flatten(2)
 
     def forward(
         self,
@@ -72,7 +76,8 @@ class ChosenVertices:
         left = torch.cat([identity.expand(len(pose), 1, 3, 3), left], 1)
         skeleton = mesh.skeleton(local, coefficients)
         shaped = (mesh.directions[ids] @ coefficients[:, None, :, None])[..., 0]
-        corrected = (self._correctives[ids] @ mesh.features(local)[:, None, :, None])[..., 0]
+        features = (local[:, self._driving] - identity).flatten(1)
+        corrected = (self._correctives[ids] @ features[:, None, :, None])[..., 0]
         rest = mesh.template[ids] + shaped + corrected
         transforms = torch.cat([skeleton.world, skeleton.offset[..., None]], -1)
         blended = (mesh.weights[ids] @ transforms.flatten(2)).view(*ids.shape, 3, 4)
@@ -112,14 +117,13 @@ class ChosenVertices:
 
     def by_correctives(self, posed: PosedVertices, pull: Float[Tensor, "B K 3"]) -> Float[Tensor, "B 55 3"]:
         """Gradient of sum(pull . vertices) by the joints' axis-angles through the pose correctives alone."""
-        mesh, skeleton = self.mesh, posed.skeleton
         at_rest = (self._blended(posed).transpose(2, 3) @ pull[..., None])[..., 0]
         by_feature = torch.einsum("bkx,bkxf->bf", at_rest, self._correctives[posed.ids])
         # d R / d axis-angle_k = hat(column k of L) R
-        local, left = skeleton.local[:, mesh.driving], posed.left_jacobian[:, mesh.driving]
+        local, left = posed.skeleton.local[:, self._driving], posed.left_jacobian[:, self._driving]
         turned = rotations.hat(left.transpose(-1, -2)) @ local[:, :, None]
         gradient = pull.new_zeros(len(pull), N_JOINTS, 3)
-        gradient[:, mesh.driving] = (turned.flatten(3) * by_feature.view(len(pull), -1, 1, 9)).sum(-1)
+        gradient[:, self._driving] = (turned.flatten(3) * by_feature.view(len(pull), -1, 1, 9)).sum(-1)
         return gradient
 
     def _blended(self, posed: PosedVertices) -> Float[Tensor, "B K 3 3"]:

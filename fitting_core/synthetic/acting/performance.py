@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.mesh import Mesh
+from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.synthetic.acting.floor_contact import FootShape, hand_points, lowest, seat_gap, within_reach
@@ -104,7 +104,7 @@ def perform(
     root = actor.scripted_root()
     step = times[1] - times[0] if len(times) > 1 else 1.0
     near = np.flatnonzero(maximum_filter1d(on_floor, 1 + 2 * round(_AROUND / step)))
-    mesh = Mesh(body)
+    mesh = shared_mesh(body)
     for _ in range(2 if len(near) else 0):
         # Sinking hips turn the thighs, on whose flesh people sit: the second round takes the rest off.
         params = actor.params(actor.pose(root))

@@ -36,7 +36,11 @@ def skinned_by_hand(body: BodyModel, params: BodyParams, frame: int) -> tuple[np
     return posed + translation, world[:, :3, 3] + translation
 
 
-def test_agrees_with_plain_loops(tiny_body: BodyModel):
+@pytest.mark.parametrize("share", [1.0, 0.05])
+def test_agrees_with_plain_loops(tiny_body: BodyModel, share: float):
+    """With many and with few correctives, for which it has a sparse table."""
+    kept = np.random.default_rng(0).random(tiny_body.pose_directions.shape) < share
+    tiny_body = replace(tiny_body, pose_directions=np.where(kept, tiny_body.pose_directions, 0))
     params = random_params(3, size=0.7)
     params = replace(params, leye_pose=0.2 + params.jaw_pose, reye_pose=0.1 - params.jaw_pose)
     mesh = Mesh(tiny_body, dtype=torch.float64)

@@ -467,7 +467,7 @@ def test_costs_by_term_are_told_now_and_then_and_change_no_bit(tiny_body: BodyMo
     """Every time, never, and by the clock, with both solvers; the terms of a step add up to its cost."""
     keypoints = body_only(tiny_body, 3)
     for solver in ("lm", "lbfgs"):
-        config = replace(QUICK, solver=solver, settings=SolverSettings(iterations=6, rounds=1))
+        config = replace(QUICK, solver=solver, settings=SolverSettings(iterations=3, rounds=1))
         results = {}
         for name, wait in (("every", 0.0), ("never", None), ("clock", progress.TERMS_EVERY)):
             monkeypatch.setattr(progress, "TERMS_EVERY", wait or 0.0)

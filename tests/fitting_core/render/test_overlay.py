@@ -12,10 +12,9 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.render.overlay import LABELS, Panel, write_overlay
-from fitting_core.render.renderer import off_screen_gl
 from fitting_core.video.encoding import ENCODERS, video_writer
 
-needs_gl = pytest.mark.skipif(off_screen_gl() is None, reason="no off-screen OpenGL (EGL or OSMesa) on this machine")
+needs_gl = pytest.mark.usefixtures("off_screen_gl")
 
 CAMERA = Camera(focal=(300.0, 300.0), center=(160.0, 120.0), size=(320, 240))
 BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.3)

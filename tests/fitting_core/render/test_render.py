@@ -11,7 +11,7 @@ from fitting_core.errors import InputError
 from fitting_core.render import renderer as render
 from fitting_core.render.renderer import Renderer, Surface, off_screen_gl, scaled_camera
 
-needs_gl = pytest.mark.skipif(off_screen_gl() is None, reason="no off-screen OpenGL (EGL or OSMesa) on this machine")
+needs_gl = pytest.mark.usefixtures("off_screen_gl")
 
 OFF_CENTER = Camera(focal=(310.0, 290.0), center=(95.5, 40.25), size=(160, 120))
 BALL_CENTER, BALL_RADIUS = np.array([-0.12, 0.21, 2.0]), 0.3

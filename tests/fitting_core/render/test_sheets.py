@@ -10,7 +10,6 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
-from fitting_core.render.renderer import off_screen_gl
 from fitting_core.render.sheets import (
     Cell,
     View,
@@ -23,7 +22,7 @@ from fitting_core.render.sheets import (
     write_sheet,
 )
 
-needs_gl = pytest.mark.skipif(off_screen_gl() is None, reason="no off-screen OpenGL (EGL or OSMesa) on this machine")
+needs_gl = pytest.mark.usefixtures("off_screen_gl")
 
 
 def flat(color: int, height: int, width: int) -> np.ndarray:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fitting_core.synthetic.truth import fingerprint
-from tests.test_import_graph import GRAPH, MODULES, ROOT, inside, reached
+from tests.test_import_graph import MODULES, ROOT, graph, inside, reached
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("generator", ["suite", "demo_clip"])
 def test_every_module_that_takes_part_counts(package: Path, generator: str):
     start = f"fitting_core.synthetic.{generator}"
-    modules = {start} | {module for module in reached(GRAPH, start) if inside(module, "fitting_core")}
+    modules = {start} | {module for module in reached(graph(), start) if inside(module, "fitting_core")}
     assert {"fitting_core.body.mesh", "fitting_core.body.rotations", "fitting_core.camera"} <= modules
     before = fingerprint(package=package)
     for module in sorted(modules):

@@ -1,21 +1,13 @@
 """Vertices for the views."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
-from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
-from fitting_core.body.params import BodyParams
-from tcfit_app.analysis.meshes import BATCH, Meshes
+from tcfit_app.analysis.meshes import Meshes
 from tests.samples.scenes import random_params
-
-
-def exact(body: BodyModel, params: BodyParams) -> np.ndarray:
-    return Mesh(body, dtype=torch.float64)(params).numpy()
 
 
 @pytest.fixture
@@ -23,26 +15,11 @@ def meshes(tiny_body: BodyModel) -> Meshes:
     return Meshes(tiny_body)
 
 
-def test_agrees_with_the_mesh_of_the_core(free_body: BodyModel):
-    params = random_params(3, size=0.5)
-    found = Meshes(free_body).batch(params)
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, exact(free_body, params), rtol=0, atol=3e-6)
-
-
-@pytest.mark.parametrize("components", [12, 45])
-def test_dense_correctives_and_full_hands(tiny_body: BodyModel, components: int):
-    dense = np.random.default_rng(0).normal(0, 0.002, tiny_body.pose_directions.shape)
-    body = replace(tiny_body, pose_directions=dense)
-    params = random_params(2, hand_components=components)
-    np.testing.assert_allclose(Meshes(body).batch(params), exact(body, params), rtol=0, atol=3e-6)
-
-
 def test_one_frame_is_that_of_the_batch(meshes: Meshes):
-    params = random_params(2 * BATCH + 3)
+    params = random_params(35)
     together = meshes.batch(params)
     assert len(together) == len(params)
-    for frame in (0, BATCH - 1, BATCH, len(params) - 1):
+    for frame in (0, 15, 16, len(params) - 1):
         np.testing.assert_allclose(meshes.vertices("a", params, frame), together[frame], rtol=0, atol=1e-6)
 
 

@@ -27,7 +27,6 @@ from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.priors.pose import make_prior
-from fitting_core.render.renderer import off_screen_gl
 from tcfit_app.cli.main import main
 from tcfit_app.exports.exporting import _replacing_folder, file_name, write_export
 from tcfit_app.exports.source import ExportSource
@@ -148,9 +147,8 @@ def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel
     )
 
 
+@pytest.mark.usefixtures("off_screen_gl")
 def test_side_by_side_from_the_command_line(project: Path, tmp_path: Path):
-    if off_screen_gl() is None:
-        pytest.skip("no off-screen OpenGL here (apt-get install libegl1 libgl1)")
     exported(project, tmp_path, "--formats", "side-by-side", "overlay", "--against", "near", "--frames", "7:8")
     widths = []
     for name in ("side-by-side", "overlay"):

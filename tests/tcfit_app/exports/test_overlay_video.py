@@ -17,7 +17,6 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.render.renderer import off_screen_gl
 from tcfit_app.exports import overlay_video
 from tcfit_app.exports.overlay_video import write_comparison
 
@@ -81,9 +80,8 @@ def test_frames_start_at_the_first_fitted_one(
     assert [int(frame[0, 0, 0]) for frame in written["frames"]] == [5 * i for i in range(3, FRAMES + 3)]
 
 
+@pytest.mark.usefixtures("off_screen_gl")
 def test_video_over_a_plain_background(clip: Clip, free_body: BodyModel, tmp_path: Path):
-    if off_screen_gl() is None:
-        pytest.skip("no off-screen OpenGL here (apt-get install libegl1 libgl1)")
     write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0), _phase(3, 4.0)), clip, free_body)
     video = cv2.VideoCapture(str(tmp_path / "overlay.mp4"))
     assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == FRAMES
