@@ -31,6 +31,7 @@ class Start(IntEnum):
     RIGHT_HAND = 13
     FILLED = 14
     AGAIN = 15
+    BETWEEN = 16
 
 
 class Stopped(IntEnum):
@@ -61,6 +62,7 @@ STARTS: dict[int, str] = {
     Start.RIGHT_HAND: "its own fit with the right hand mirrored in depth",
     Start.FILLED: "the frames around it, as it could not be fitted alone",
     Start.AGAIN: "an earlier result",
+    Start.BETWEEN: "between the key frames before and after it",
 }
 """What "started from ..." goes on with."""
 

@@ -26,8 +26,8 @@ A step took 1.7 instead of 2.1 ms a frame with 256 hidden units, 2.1 instead of 
 
 SPREAD = 1e-6
 """Weight of |z|^2 beside the squared angles when a pose is encoded: it only decides between equal poses."""
-ENCODER_STEPS = 30
-"""Most Gauss-Newton steps of an encoding."""
+ENCODER_STEPS, ROUGH_STEPS = 30, 5
+"""Most Gauss-Newton steps of an encoding, and of one that a descent goes on from."""
 _SETTLED, _STUCK = 1e-3, 1e3
 """Relative decrease under which a frame's encoding is done; damping over which it finds no lower point."""
 
@@ -164,16 +164,17 @@ class LatentPrior:
         return matrices, tangent @ by_joint
 
     @torch.no_grad()
-    def encode(self, body_pose: Float[Tensor, "B 63"]) -> Float[Tensor, "B size"]:
+    def encode(self, body_pose: Float[Tensor, "B 63"], *, rough: bool = False) -> Float[Tensor, "B size"]:
         """The z whose decoded pose is nearest: the encoder's mean (or zero, if that is nearer), then Gauss-Newton.
 
         What is minimised is the sum over joints of 2 (1 - cos angle), about the squared angle, of their rotations
         against their parents and against the pelvis, and SPREAD |z|^2. The latter decide where limbs are: without them
         what a network cannot express is left where it shows most (joints 6.5 mm off instead of 2.7).
         """
-        return torch.cat([self._encode(part) for part in body_pose.split(TOGETHER)])
+        steps = ROUGH_STEPS if rough else ENCODER_STEPS
+        return torch.cat([self._encode(part, steps) for part in body_pose.split(TOGETHER)])
 
-    def _encode(self, body_pose: Tensor) -> Tensor:
+    def _encode(self, body_pose: Tensor, steps: int) -> Tensor:
         target = rotations.exp(body_pose.view(-1, N_JOINTS, 3))
         z = self._encoder(_ENCODED[self.network.encoder[0].weight.shape[1]](body_pose, target))
         rest = torch.zeros_like(z)
@@ -181,7 +182,7 @@ class LatentPrior:
         better = ~(cost <= rest_cost)
         z, cost = torch.where(better[:, None], rest, z), torch.where(better, rest_cost, cost)
         damping, done = torch.full_like(cost, 1e-2), torch.zeros_like(better)
-        for _ in range(ENCODER_STEPS):
+        for _ in range(steps):
             trial = z + self._step(z, target, damping)
             trial_cost = self._distance(trial, target)
             better = trial_cost < cost

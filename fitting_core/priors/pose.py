@@ -33,8 +33,8 @@ class PosePrior(Protocol):
         """Axis-angle of the 21 body joints."""
         ...
 
-    def encode(self, body_pose: Float[Tensor, "B 63"]) -> Float[Tensor, "B size"]:
-        """The z whose decoded pose is nearest."""
+    def encode(self, body_pose: Float[Tensor, "B 63"], *, rough: bool = False) -> Float[Tensor, "B size"]:
+        """The z whose decoded pose is nearest; `rough`: near enough for a descent to go on from."""
         ...
 
     def jacobian(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63 size"] | None:
@@ -59,7 +59,7 @@ class AxisAnglePrior:
         """The pose itself."""
         return z
 
-    def encode(self, body_pose: Tensor) -> Tensor:
+    def encode(self, body_pose: Tensor, *, rough: bool = False) -> Tensor:
         """The pose itself."""
         return body_pose
 

@@ -4,6 +4,7 @@ import math
 
 from fitting_core.fit.fused.frame import cost_of, derive
 from fitting_core.fit.fused.jit import helper, kernel
+from fitting_core.fit.fused.motion import joints_of
 from fitting_core.fit.fused.turns import exponential, multiply
 
 CONVERGED, ITERATIONS, STALLED, FAILED = range(4)
@@ -46,13 +47,20 @@ def solve_damped(s, size, extra):
 
 
 @kernel
-def descend(c, frames, orient, x, scratch, iterations, tolerance, cost, ending, evaluations, gradient, matrix):
+def descend(
+    c, frames, orient, x, scratch, iterations, tolerance, cost, ending, evaluations, gradient, matrix, joints, rows
+):
     """Levenberg-Marquardt of each frame, in place; the rule is that of `solvers.levenberg_marquardt`.
 
-    With 0 iterations only the costs are filled in, and gradients and matrices where there is room for them. One kernel
-    for all of it, in which cost and derivatives stand once: compiling them is what takes long.
+    With 0 iterations only the costs are filled in, and gradients and matrices where there is room for them; where there
+    is room for joints, these alone. One kernel for all of it, in which cost and derivatives stand once: compiling them
+    is what takes long.
     """
     s, size = scratch.frame, c.fixed.free
+    for i in range(len(joints)):
+        joints_of(c, frames[i], orient[i], x[i], scratch, joints[i], rows[i])
+    if len(joints):
+        return
     trial_orient, trial = s.trial_orient, s.trial[: x.shape[1]]
     for i in range(len(frames)):
         damping, growth, promised, rounding, predicted = _START, _GROWTH, 0.0, 0.0, math.inf

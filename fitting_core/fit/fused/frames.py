@@ -11,6 +11,7 @@ from torch import Tensor
 
 from fitting_core.fit.fused import constants as k
 from fitting_core.fit.fused import descent, known
+from fitting_core.fit.fused.constants import N_JOINTS
 from fitting_core.fit.fused.scratch import Scratch, scratch_for
 from fitting_core.fit.provenance import Ending
 from fitting_core.fit.terms.term import Term
@@ -73,11 +74,31 @@ class FusedFrames:
         def work(piece: slice, scratch: Scratch) -> None:
             start = frames[piece].numpy(), orient[piece], vector[piece]
             normal = gradient[piece], matrix[piece]
-            descent.descend(self._constants, *start, scratch, 0, 0.0, *result[piece], *normal)
+            descent.descend(self._constants, *start, scratch, 0, 0.0, *result[piece], *normal, *_NO_JOINTS)
 
         for _ in self._shared_out(len(frames), work):
             pass
         return torch.from_numpy(result.cost), torch.from_numpy(gradient), torch.from_numpy(matrix)
+
+    def joints(
+        self, state: State, frames: Int[Tensor, "B"], *, derivatives: bool
+    ) -> tuple[Float[Tensor, "B 55 3"], Float[Tensor, "B 165 d"]]:
+        """The joints without camera translation, and their derivatives by the free columns, for which the translation
+        is held; without `derivatives` no rows of these."""
+        assert not self._constants.fixed["free_betas"], "the betas of frames that are fitted together are held"
+        joints = np.zeros((len(frames), N_JOINTS, 3))
+        width = int(self._constants.fixed["free"])
+        rows = np.zeros((len(frames), 3 * N_JOINTS, width) if derivatives else (len(frames), 0, 0))
+        orient, vector = state.orient.numpy(), state.vector.numpy()
+
+        def work(piece: slice, scratch: Scratch) -> None:
+            start = frames[piece].numpy(), orient[piece], vector[piece]
+            nothing = *_Results.of(0)[:], *_NO_NORMAL
+            descent.descend(self._constants, *start, scratch, 0, 0.0, *nothing, joints[piece], rows[piece])
+
+        for _ in self._shared_out(len(frames), work):
+            pass
+        return torch.from_numpy(joints), torch.from_numpy(rows)
 
     def descend(
         self, state: State, frames: Int[Tensor, "B"], *, iterations: int, tolerance: float
@@ -89,7 +110,8 @@ class FusedFrames:
 
         def work(piece: slice, scratch: Scratch) -> None:
             start = frames[piece].numpy(), orient[piece], vector[piece]
-            descent.descend(self._constants, *start, scratch, iterations, tolerance, *result[piece], *_NO_NORMAL)
+            found = *result[piece], *_NO_NORMAL, *_NO_JOINTS
+            descent.descend(self._constants, *start, scratch, iterations, tolerance, *found)
 
         for piece in self._shared_out(len(frames), work):
             yield Descents(
@@ -141,6 +163,7 @@ class _Results:
 
 
 _NO_NORMAL = np.zeros((0, 0)), np.zeros((0, 0, 0))
+_NO_JOINTS = np.zeros((0, 0, 0)), np.zeros((0, 0, 0))
 
 
 def compile_all() -> None:
@@ -163,4 +186,4 @@ def compile_all() -> None:
         held=np.zeros(0, k.HELD),
     )
     start = np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 1))
-    descent.descend(constants, *start, scratch_for(constants), 1, 0.0, *_Results.of(0)[:], *_NO_NORMAL)
+    descent.descend(constants, *start, scratch_for(constants), 1, 0.0, *_Results.of(0)[:], *_NO_NORMAL, *_NO_JOINTS)

@@ -41,6 +41,7 @@ FRAME = np.dtype(
         ("coefficients", _F, N_COEFFICIENTS),
         ("joint_motion", _F, (N_JOINTS, 3, N_COEFFICIENTS)),
         ("offset_motion", _F, (N_JOINTS, 3, N_COEFFICIENTS)),
+        ("turning_by", _F, (N_JOINTS, 3, MOST_COLUMNS)),
         ("features", _F, 9 * N_JOINTS),
         ("by_feature", _F, 9 * N_JOINTS),
         ("left", _F, (2, 3)),

@@ -71,6 +71,12 @@ class FrameFits:
             stopped=torch.where(better, other.stopped, self.stopped),
         ), better
 
+    def between(self, frames: Int[Tensor, "n"]) -> "FrameFits":
+        """Those of these frames that have no finite cost start between the ones around them that have one."""
+        good = self.cost.isfinite()
+        start = frames[~good[frames]]
+        return self.restarted(start, filled(self.state, good)[start], Start.BETWEEN)
+
     def filled(self, good: Bool[Tensor, "T"]) -> "FrameFits":
         """Frames that are not good lie between those around them; their cost stays."""
         bad = (~good).nonzero()[:, 0]

@@ -32,7 +32,7 @@ there: among 12 trials of each of 91 poses that finds the best one on 97 % (afte
 
 
 def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
-    """Camera step, five stages from the neutral pose, relay.
+    """Camera step, five stages from the neutral pose, frames between key frames, relay.
 
     Args:
         stages: builds the objectives.
@@ -49,17 +49,23 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
         nobody = FrameFits.at(starting_state(stages, guess.depth, 0.0), Start.TURNED_0)
         return replace(nobody, notes=("no frame shows four body keypoints",))
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
-    camera = yield from run.camera_step(guess.depth)
-    fits = yield from run.both_sides(camera) if stages.config.yaws == "side_view" else run.five_stages(camera)
+    keys = run.only(_key_frames(run.frames, stages.config.key_frames_every))
+    camera = yield from keys.camera_step(guess.depth)
+    fits = yield from keys.both_sides(camera) if stages.config.yaws == "side_view" else keys.five_stages(camera)
     if _restarts(stages):
-        fits = yield from run.relay(fits, camera.state)
+        fits = yield from run.relay(fits, camera.state, keys)
     notes = (guess.note(), *_notes(usable, fits.cost, first_frame))
     return replace(fits.filled(usable & fits.cost.isfinite()), notes=notes)
 
 
 def _restarts(stages: Stages) -> bool:
-    """Whether frames start again from elsewhere once they were fitted."""
-    return bool(stages.config.relay_rounds) or stages.config.limb_flips
+    """Whether frames start from elsewhere once all or the key frames were fitted."""
+    return bool(stages.config.relay_rounds) or stages.config.limb_flips or stages.config.key_frames_every > 1
+
+
+def _key_frames(frames: Tensor, every: int) -> Tensor:
+    """One of so many frames, and the last."""
+    return torch.cat([frames[:-1:every], frames[-1:]])
 
 
 def _notes(usable: Tensor, cost: Tensor, first_frame: int) -> Iterator[str]:
@@ -93,17 +99,19 @@ class _Frames:
         solution = yield from reported(minimisation, label, share, self.solver.iterations)
         return start.solved(self.frames, solution)
 
-    def _only(self, frames: Tensor, solver: Solver | None = None) -> "_Frames":
+    def only(self, frames: Tensor, solver: Solver | None = None) -> "_Frames":
         """The same for other frames, or by another solver."""
         return _Frames(self.stages, solver or self.solver, frames)
 
     def camera_step(self, depth: Tensor) -> Generator[Step, None, FrameFits]:
         """Orientation and translation on the torso, from each starting yaw; the lowest cost stays."""
-        objective = self.stages.camera_objective(depth)
+        objective, settings = self.stages.camera_objective(depth), self.stages.config.settings
+        solver = make_solver(self.stages.config.solver, replace(settings, final_tolerance=settings.camera_tolerance))
+        run = self.only(self.frames, solver)
         best = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
         for yaw in YAWS[self.stages.config.yaws]:
             start = FrameFits.at(starting_state(self.stages, depth, yaw), TURNED[yaw])
-            trial = yield from self._minimise(objective, start, "camera", (0.0, 0.1), final=True)
+            trial = yield from run._minimise(objective, start, "camera", (0.0, 0.1), final=True)
             best, _ = best.lower(trial)
         return best
 
@@ -118,8 +126,8 @@ class _Frames:
             objective = self.stages.objective(stage, fits.state, free)
             share = (0.1 * stage, 0.1 * stage + 0.1)
             last = stage == N_STAGES and not _restarts(self.stages)
-            looks_closer = self.stages.looks_closer(stage)
-            fits = yield from self._minimise(objective, fits, f"stage {stage}", share, final=last, cold=looks_closer)
+            cold = self.stages.config.widened_start and self.stages.looks_closer(stage)
+            fits = yield from self._minimise(objective, fits, f"stage {stage}", share, final=last, cold=cold)
         return fits
 
     def both_sides(self, camera: FrameFits) -> Generator[Step, None, FrameFits]:
@@ -129,25 +137,38 @@ class _Frames:
         if not len(side):
             return fits
         behind = camera.restarted(side, turned(camera.state[side]), Start.TURNED_180)
-        trial = yield from self._only(side).five_stages(behind)
+        trial = yield from self.only(side).five_stages(behind)
         return fits.lower(trial)[0]
 
-    def relay(self, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
+    def relay(self, fits: FrameFits, camera: State, keys: "_Frames") -> Generator[Step, None, FrameFits]:
         """Every frame restarts from its neighbours' solutions and keeps the lower cost, for a few rounds.
 
         Before that, frames with foreshortened thighs start from a seat as well, upright as the camera step found them:
         from a standing pose thighs went backward and knees sideways (sitting, PA-MPJPE 185 -> 50 mm). The relay is the
         largest single gain on real footage: 164 -> 98, 151 -> 103 mm. After its first round only neighbours that
         changed are tried again.
+
+        Args:
+            fits: of the key frames.
+            camera: the key frames after the camera step.
+            keys: the key frames; where they are not all frames, they settle among themselves, and the others start
+                between them.
         """
         stages = self.stages
         free = stages.free(N_STAGES, betas=True)
         objective = stages.objective(N_STAGES, fits.state, free)
         cost = torch.full_like(fits.cost, torch.inf)
-        cost[self.frames] = objective.cost(fits.state[self.frames], self.frames)
-        fits = yield from self.seats(objective, replace(fits, cost=cost), camera)
+        cost[keys.frames] = objective.cost(fits.state[keys.frames], keys.frames)
+        fits = yield from keys.seats(objective, replace(fits, cost=cost), camera)
         if stages.config.limb_flips:
-            fits = yield from self.flip_limbs(objective, fits)
+            fits = yield from keys.flip_limbs(objective, fits)
+        if len(keys.frames) < len(self.frames):
+            fits = yield from keys.rounds(objective, fits)
+            fits = fits.between(self.frames)
+            objective = stages.objective(N_STAGES, fits.state, free)
+            others = self.frames[~torch.isin(self.frames, keys.frames)]
+            trial = yield from self.only(others)._minimise(objective, fits, "between", (0.6, 0.6))
+            fits, _ = fits.lower(trial)
         fits = yield from self.rounds(objective, fits)
         last = stages.objective(N_STAGES, fits.state, free)
         return (yield from self._minimise(last, fits, "polish", (0.9, 1.0), final=True))
@@ -158,7 +179,7 @@ class _Frames:
         if not len(seated):
             return fits
         start = fits.restarted(seated, self.stages.parametrisation.with_seat(camera[seated]), Start.SEAT)
-        trial = yield from self._only(seated)._minimise(objective, start, "seat", (0.6, 0.6))
+        trial = yield from self.only(seated)._minimise(objective, start, "seat", (0.6, 0.6))
         return fits.lower(trial, _LOWER)[0]
 
     def rounds(self, objective: FrameObjective, fits: FrameFits) -> Generator[Step, None, FrameFits]:
@@ -171,11 +192,11 @@ class _Frames:
                     0.6 + 0.3 * (k + 0.5 * (offset < 0)) / rounds,
                     0.6 + 0.3 * (k + 0.5 + 0.5 * (offset < 0)) / rounds,
                 )
-                target = _with_fresh_neighbour(self.frames, fresh | changed, offset)
+                target, source = _with_fresh_neighbour(self.frames, fresh | changed, offset)
                 if not len(target):
                     continue
-                begun = fits.restarted(target, fits.state[target + offset], start)
-                trial = yield from self._only(target)._minimise(objective, begun, f"relay {k + 1}", share)
+                begun = fits.restarted(target, fits.state[source], start)
+                trial = yield from self.only(target)._minimise(objective, begun, f"relay {k + 1}", share)
                 fits, better = fits.lower(trial, _LOWER)
                 changed |= better
             fresh = changed
@@ -186,7 +207,7 @@ class _Frames:
         stages, settings = self.stages, self.stages.config.settings
         flips, share = LimbFlips(stages), (0.6, 0.6)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
-        frames = self.frames[:: stages.config.limb_flips_every]
+        frames = self.frames[:: max(1, stages.config.limb_flips_every // stages.config.key_frames_every)]
         frames = frames[fits.cost[frames].isfinite()]
         for _ in range(_FLIP_ROUNDS):
             if not len(frames):
@@ -194,7 +215,7 @@ class _Frames:
             tried = []
             for flip, mirrored in flips.every(fits.state[frames]):
                 start, label = fits.restarted(frames, mirrored, flip), flip.name.lower().replace("_", " ")
-                tried.append((yield from self._only(frames, quick)._minimise(objective, start, label, share)))
+                tried.append((yield from self.only(frames, quick)._minimise(objective, start, label, share)))
             before = fits.cost
             kept = torch.stack([trial.cost[frames] for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
             for costs, which in zip(kept.values, kept.indices, strict=True):
@@ -202,7 +223,7 @@ class _Frames:
                 if not bool(hopeful.any()):
                     break
                 start = _chosen(tried, frames[hopeful], which[hopeful], fits)
-                trial = yield from self._only(frames[hopeful])._minimise(objective, start, "limbs", share)
+                trial = yield from self.only(frames[hopeful])._minimise(objective, start, "limbs", share)
                 fits, _ = fits.lower(trial, _LOWER)
             frames = frames[(fits.cost < before)[frames]]
         return fits
@@ -216,8 +237,8 @@ def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFi
     return fits
 
 
-def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int) -> Tensor:
-    """Frames whose neighbour at `offset` exists and is fresh."""
-    source = frames + offset
-    inside = (source >= 0) & (source < len(fresh))
-    return frames[inside & fresh[source.clamp(0, len(fresh) - 1)]]
+def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int) -> tuple[Tensor, Tensor]:
+    """Frames whose neighbour among them, the one after (1) or before (-1), is fresh; and that neighbour."""
+    one, other = frames[:-1], frames[1:]
+    target, source = (one, other) if offset > 0 else (other, one)
+    return target[fresh[source]], source[fresh[source]]

@@ -109,7 +109,8 @@ class LimbFlips:
         for joint, own in zip(chain, turned, strict=True):
             pose[:, 3 * (joint - 1) : 3 * joint] = rotations.log(parent.transpose(1, 2) @ own)
             parent = own
-        return state.with_columns(self.parametrisation.columns.body, self.parametrisation.prior.encode(pose))
+        body = self.parametrisation.prior.encode(pose, rough=True)
+        return state.with_columns(self.parametrisation.columns.body, body)
 
     def every(self, state: State) -> Iterator[tuple[Start, State]]:
         """All flips of all limbs and hands, one at a time, with what a fit from there is said to start from."""

@@ -1,6 +1,7 @@
 """The problem of frames that are fitted together: consecutive frames of a clip move, all others are held."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float
@@ -9,9 +10,13 @@ from torch import Tensor
 from fitting_core.fit.objective import CHUNK, FrameObjective
 from fitting_core.fit.solvers.banded import solve_block_banded
 from fitting_core.fit.solvers.problem import OnFrames, Step, damping_diagonal, mean_costs
+from fitting_core.fit.terms.temporal import Evenness
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
+
+if TYPE_CHECKING:
+    from fitting_core.fit.fused.frames import FusedFrames
 
 
 @dataclass(frozen=True)
@@ -55,20 +60,29 @@ class _ByStencil:
     def __init__(self, term: Term, objective: FrameObjective, clip: State, coupling: Coupling) -> None:
         self.term, self.objective, self.coupling, self.stencil = term, objective, coupling, term.stencil
         span = coupling.span
-        self.held = term.quantity(_estimate(objective, clip[span.start : span.stop], span))
+        self.held = self._quantity(clip[span.start : span.stop], span)
         bands, local = self.stencil.square(len(span), self.held), coupling.local
         counts = (max(len(coupling.free) - k, 0) for k in range(len(bands)))
         self.factors = [b[local.start : local.start + n, None, None] for b, n in zip(bands, counts, strict=True)]
 
-    def _residuals(self, quantity: Float[Tensor, "n m"]) -> Float[Tensor, "c m"]:
+    def _quantity(self, state: State, frames: range) -> Float[Tensor, "n m"]:
+        return self.term.quantity(_estimate(self.objective, state, frames))
+
+    def _rows(self, state: State, frames: range) -> Float[Tensor, "n m d"]:
+        e = _estimate(self.objective, state, frames)
+        rows = self.term.rows(e, self.objective.jacobian)
+        assert rows.extra_gradient is None, f"{self.term.name}: a stencil knows no extra gradient"
+        return self.objective.rows_in_prior_space(e, rows.jacobian)
+
+    def _residuals(self, state: State) -> Float[Tensor, "c m"]:
+        """Of the free frames as they are, the others as they were."""
         every = self.held.clone()
-        every[self.coupling.local] = quantity
+        every[self.coupling.local] = self._quantity(state, self.coupling.free)
         return self.stencil(every)
 
     def cost(self, state: State) -> Tensor:
         """Of the free frames as they are, the others as they were."""
-        quantity = self.term.quantity(_estimate(self.objective, state, self.coupling.free))
-        return self._residuals(quantity).square().sum()
+        return self._residuals(state).square().sum()
 
     def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
         """Adds its half gradient and half matrix, and gives its cost.
@@ -76,33 +90,50 @@ class _ByStencil:
         The matrix is known by its blocks: band k couples each frame with the one k frames later. In chunks of frames,
         which need the Jacobians of the last frames before them as well.
         """
-        bandwidth = len(self.factors) - 1
-        quantities: list[Tensor] = []
-        jacobians: list[Tensor] = []
+        residuals, first = self._residuals(state), self.coupling.free.start
+        pull = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
         before = gradient.new_zeros(0, self.held.shape[1], gradient.shape[1])
-        for i in torch.arange(len(state)).split(CHUNK):
-            quantity, rows = self._rows(state, i)
-            known = torch.cat([before, rows])
-            start, stop, first = int(i[0]), int(i[-1]) + 1, int(i[0]) - len(before)
+        for start in range(0, len(state), CHUNK):
+            stop = min(start + CHUNK, len(state))
+            rows = self._rows(state[start:stop], range(first + start, first + stop))
+            gradient[start:stop] += (rows.transpose(1, 2) @ pull[start:stop, :, None])[..., 0]
+            known, begin = torch.cat([before, rows]), start - len(before)
             for k, factor in enumerate(self.factors):
                 earlier = slice(max(start - k, 0), max(stop - k, 0))
-                one, other = (known[earlier.start + by - first : earlier.stop + by - first] for by in (k, 0))
+                one, other = (known[earlier.start + by - begin : earlier.stop + by - begin] for by in (k, 0))
                 bands[k][earlier] += factor[earlier] * (one.transpose(1, 2) @ other)
-            quantities.append(quantity)
-            jacobians.append(rows)
-            before = known[-bandwidth:]
-        residuals = self._residuals(torch.cat(quantities))
-        pull = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
-        for rows, own, part in zip(jacobians, pull.split(CHUNK), gradient.split(CHUNK), strict=True):
-            part += (rows.transpose(1, 2) @ own[..., None])[..., 0]
+            before = known[1 - len(self.factors) :]
         return residuals.square().sum()
 
-    def _rows(self, state: State, i: Tensor) -> tuple[Tensor, Tensor]:
-        frames = range(self.coupling.free.start + int(i[0]), self.coupling.free.start + int(i[-1]) + 1)
-        e = _estimate(self.objective, state[i], frames)
-        rows = self.term.rows(e, self.objective.jacobian)
-        assert rows.extra_gradient is None, f"{self.term.name}: a stencil knows no extra gradient"
-        return rows.residual, self.objective.rows_in_prior_space(e, rows.jacobian)
+
+class _OfJoints(_ByStencil):
+    """The same for a term on the joints, which the kernels know."""
+
+    def __init__(self, term: Evenness, objective: FrameObjective, clip: State, coupling: Coupling) -> None:
+        c = objective.view.parametrisation.columns.translation
+        self._translation = c if term.joints.in_camera else None
+        moving = (objective.index >= c.start) & (objective.index < c.stop)
+        self._moving = moving.nonzero()[:, 0] if term.joints.in_camera else moving.nonzero()[:0, 0]
+        super().__init__(term, objective, clip, coupling)
+
+    @property
+    def _fused(self) -> "FusedFrames":
+        assert self.objective.fused is not None
+        return self.objective.fused
+
+    def _quantity(self, state: State, frames: range) -> Tensor:
+        if state.vector.requires_grad:
+            return super()._quantity(state, frames)
+        joints, _ = self._fused.joints(state, torch.arange(frames.start, frames.stop), derivatives=False)
+        if self._translation is not None:
+            joints += state.vector[:, None, self._translation]
+        return joints.flatten(1)
+
+    def _rows(self, state: State, frames: range) -> Tensor:
+        _, rows = self._fused.joints(state, torch.arange(frames.start, frames.stop), derivatives=True)
+        for axis, column in enumerate(self._moving):
+            rows[:, axis::3, column] = 1.0
+        return rows
 
 
 class _Differentiated:
@@ -159,11 +190,11 @@ class _Differentiated:
         return residual.detach(), jacobian.detach()
 
 
-_COUPLED: dict[Derivative, type[_ByStencil | _Differentiated]] = {
-    Derivative.STENCIL: _ByStencil,
-    Derivative.AUTOMATIC: _Differentiated,
-}
-"""By how the derivatives of a term over time are found."""
+def _coupled(term: Term, objective: FrameObjective, clip: State, coupling: Coupling) -> "_ByStencil | _Differentiated":
+    """A term over time, by how its derivatives are found."""
+    if type(term) is Evenness and objective.fused is not None and not objective.free.betas:
+        return _OfJoints(term, objective, clip, coupling)
+    return (_ByStencil if term.derivative is Derivative.STENCIL else _Differentiated)(term, objective, clip, coupling)
 
 
 class Sequence(OnFrames):
@@ -191,7 +222,7 @@ class Sequence(OnFrames):
         self.coupled: dict[str, _ByStencil | _Differentiated] = {}
         for term in objective.coupling:
             coupling = Coupling.of(free, len(clip), term.reach, windowed=windowed)
-            self.coupled[term.name] = _COUPLED[term.derivative](term, objective, clip, coupling)
+            self.coupled[term.name] = _coupled(term, objective, clip, coupling)
 
     def rows(self, groups: Tensor) -> Tensor:
         """All free frames."""

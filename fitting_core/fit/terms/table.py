@@ -1,7 +1,8 @@
 """The TERMS table: which terms a stage's objective has beside the data term, and how each is made."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -102,7 +103,14 @@ def _limits(setting: Setting, s: int) -> Term | None:
     weight = setting.config.weights.limits[s]
     if not weight:
         return None
-    return Limits.of(weight, joint_ranges(setting.body), fingers=setting.hands_shown, like=setting.xy)
+    limits = _limits_of(setting.body, setting.hands_shown, setting.xy.dtype, setting.xy.device)
+    return replace(limits, weight=weight)
+
+
+@lru_cache(maxsize=4)
+def _limits_of(body: BodyModel, fingers: bool, dtype: torch.dtype, device: torch.device) -> Limits:
+    """With weight 1. Remembered, as each stage and each drag of a keypoint would wait for it."""
+    return Limits.of(1.0, joint_ranges(body), fingers=fingers, like=torch.zeros(0, dtype=dtype, device=device))
 
 
 def _rest(setting: Setting, s: int) -> Term | None:

@@ -167,7 +167,7 @@ class Parametrisation:
         for side in ("left", "right"):
             pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4
             pose[:, 3 * (JOINT[f"{side}_knee"] - 1)] = 1.4
-        return state.with_columns(self.columns.body, self.prior.encode(pose))
+        return state.with_columns(self.columns.body, self.prior.encode(pose, rough=True))
 
     def with_half_fists(self, state: State) -> State:
         """The same states with both hands halfway to a fist, as near as the hand space comes to it."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import viser
 
+from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.result import FitResult
 from fitting_core.keypoints import INDEX
 from tcfit_app.cli.main import main
@@ -40,9 +41,10 @@ def project(folder: Path) -> Iterator[Project]:
         yield opened
 
 
-def _without_provenance(fit: FitResult) -> FitResult:
-    """As versions wrote it that did not note where frames' fits came from."""
-    return replace(fit, phases=tuple(replace(phase, provenance=None) for phase in fit.phases))
+def _older(fit: FitResult) -> FitResult:
+    """As versions wrote it that did not note where frames' fits came from, and started every frame from nothing."""
+    config = replace(fit.config, key_frames_every=1, widened_start=True, settings=SolverSettings())
+    return replace(fit, phases=tuple(replace(phase, provenance=None) for phase in fit.phases), config=config)
 
 
 def test_all_that_it_holds_is_there(project: Project):
@@ -72,7 +74,7 @@ def test_its_runs_are_there_and_go_on(project: Project):
     ]
     assert [run.name for run in runs.all(deleted=True)] == ["fit 0"]
     for number, seed, last_phase in ((1, 0, 1), (2, 1, 3), (3, 2, 1)):
-        assert_same_fit(runs.load(number), _without_provenance(sample_fit(seed, last_phase=last_phase)))
+        assert_same_fit(runs.load(number), _older(sample_fit(seed, last_phase=last_phase)))
     runs.undelete(1)
     new = runs.start(runs.get(2).config, body=runs.get(2).body, edits_seen=project.last_edit)
     runs.finish(new.id, sample_fit(3))

@@ -18,11 +18,12 @@ from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.initialize import guess_depth
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.priors import Bending, Quadratic
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.state import State
+from fitting_core.fit.variables.state import Free, State
 from fitting_core.priors.files.network import write_network
 from tests.fitting_core.priors.networks import random_network
 from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
@@ -142,6 +143,24 @@ def test_hands_of_other_spaces(tiny_body: BodyModel):
     made = stages(tiny_body, replace(config_of("tcfit"), hand_components=45))
     state = random_state(made.parametrisation, len(FRAMES))
     assert_same(*both(made, 5, state), state)
+
+
+@pytest.mark.parametrize("moving", [Free(betas=False), Free(betas=False, hands=False, face=False)], ids=["all", "body"])
+@pytest.mark.parametrize("prior", [None, "axis_angle"])
+@pytest.mark.parametrize("preset", ["tcfit", "paper"])
+def test_frames_that_are_fitted_together(free_body: BodyModel, preset: str, prior: str | None, moving: Free):
+    """E_T in camera space and in the body's own, with frames before and behind that are held."""
+    made = stages(free_body, config_of(preset, prior))
+    clip, everything = random_state(made.parametrisation, len(FRAMES)), torch.tensor([0])
+    fused = Sequence(made.objective(5, clip, moving), clip, range(1, 4))
+    with without_kernels():
+        plain = Sequence(made.objective(5, clip, moving), clip, range(1, 4))
+    state = random_state(made.parametrisation, len(FRAMES), 1)[1:4]
+    (cost, gradient, *bands), (expected, slope, *blocks) = (s.normal(state, everything) for s in (fused, plain))
+    assert apart(cost, expected) < 1e-12 and apart(fused.cost(state, everything), expected) < 1e-12
+    assert apart(gradient, slope) < 1e-6
+    for one, other in zip(bands, blocks, strict=True):
+        assert apart(one, other) < 1e-6
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,7 @@ def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size:
     assert not torch.equal(window.vector, state.vector)
 
 
+@pytest.mark.usefixtures("in_torch")
 def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """Else the cost of all windows is quadratic in the clip's length."""
     posed, forward = [], BodyPoints.forward

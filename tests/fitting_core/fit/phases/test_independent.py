@@ -15,8 +15,8 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
-from fitting_core.fit.phases.independent import _Frames, _with_fresh_neighbour, fit_frames
-from fitting_core.fit.phases.initialize import turned
+from fitting_core.fit.phases.independent import _Frames, _key_frames, _with_fresh_neighbour, fit_frames
+from fitting_core.fit.phases.initialize import guess_depth, turned
 from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -74,10 +74,42 @@ def test_frames_are_named_in_ranges(numbers: list[int], text: str):
     assert spans(numbers) == text
 
 
-@pytest.mark.parametrize(("offset", "expected"), [(1, [0, 3]), (-1, [2, 5])])
-def test_only_fresh_neighbours_are_tried(offset: int, expected: list[int]):
-    fresh = torch.tensor([False, True, False, False, True, False])
-    assert _with_fresh_neighbour(torch.tensor([0, 2, 3, 5]), fresh, offset).tolist() == expected
+@pytest.mark.parametrize(("offset", "targets", "sources"), [(1, [0, 3], [2, 5]), (-1, [3], [2])])
+def test_only_fresh_neighbours_are_tried(offset: int, targets: list[int], sources: list[int]):
+    """Those among the frames themselves: of key frames, the next key frame."""
+    fresh = torch.tensor([False, True, True, False, True, True])
+    found = _with_fresh_neighbour(torch.tensor([0, 2, 3, 5]), fresh, offset)
+    assert [one.tolist() for one in found] == [targets, sources]
+
+
+@pytest.mark.parametrize(
+    ("frames", "every", "expected"),
+    [([0, 1, 2, 3, 4, 5], 1, [0, 1, 2, 3, 4, 5]), ([0, 1, 2, 3, 4, 5], 4, [0, 4, 5]), ([2, 5, 6, 7, 9], 2, [2, 6, 9])],
+)
+def test_key_frames_are_some_and_the_last(frames: list[int], every: int, expected: list[int]):
+    assert _key_frames(torch.tensor(frames), every).tolist() == expected
+    assert _key_frames(torch.tensor([3]), every).tolist() == [3]
+
+
+@pytest.mark.parametrize("rounds", [0, 1])
+def test_frames_between_key_frames_start_from_these(free_body: BodyModel, clip: Keypoints, rounds: int):
+    config = replace(QUICK, key_frames_every=4, relay_rounds=rounds)
+    found = finished(fit_frames(stages_of(free_body, clip, config), solver_of(stages_of(free_body, clip, config))))
+    alone = finished(fit_frames(stages_of(free_body, clip, QUICK), make_solver("lm", QUICK.settings)))
+    assert (found.cost < 1.05 * alone.cost).all()
+    if not rounds:
+        first, between = Start.TURNED_0, Start.BETWEEN
+        assert found.start.tolist() == [first, between, between, between, first]
+
+
+def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):
+    costs = {}
+    for tolerance in (1e-6, 0.5):
+        config = replace(QUICK, settings=replace(QUICK.settings, camera_tolerance=tolerance))
+        stages = stages_of(free_body, clip, config)
+        run = _Frames(stages, solver_of(stages), torch.arange(5))
+        costs[tolerance] = finished(run.camera_step(guess_depth(stages).depth)).cost.sum()
+    assert costs[1e-6] < costs[0.5]
 
 
 def solver_of(stages: Stages):
@@ -97,7 +129,7 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     run = _Frames(stages, solver_of(stages), torch.arange(5))
     objective = stages.objective(N_STAGES, stuck, stages.free(N_STAGES, betas=True))
     before = objective.cost(stuck, torch.arange(5))
-    fits = finished(run.relay(FrameFits.at(stuck, Start.UNKNOWN), alone.state))
+    fits = finished(run.relay(FrameFits.at(stuck, Start.UNKNOWN), alone.state, run))
     state, cost = fits.state, fits.cost
     assert (cost <= before).all()
     torch.testing.assert_close(cost, objective.cost(state, torch.arange(5)), rtol=1e-9, atol=0)
