@@ -64,12 +64,9 @@ class FrameObjective:
 
     def with_data(self, data: Data) -> "FrameObjective":
         """The same with other keypoints."""
-        return self._with([data if term is self.data else term for term in self.terms])
-
-    def _with(self, terms: list[Term]) -> "FrameObjective":
         other = copy(self)
-        other.terms = terms
-        other.fused = fused_frames(terms, self.view, self.free, self.index)
+        other.terms = [data if term is self.data else term for term in self.terms]
+        other.fused = None if self.fused is None else self.fused.with_data(data)
         return other
 
     def costs(self, state: State, frames: Int[Tensor, "B"]) -> dict[str, Float[Tensor, "B"]]:
@@ -111,7 +108,11 @@ class FrameObjective:
         """The same with gentler terms for staircases and, from a cold start, for robust ones; None without any."""
         terms = [term.softened(cold=cold) for term in self.terms]
         same = all(new is old for new, old in zip(terms, self.terms, strict=True))
-        return None if same else self._with(terms)
+        if same:
+            return None
+        other = copy(self)
+        other.terms, other.fused = terms, fused_frames(terms, self.view, self.free, self.index)
+        return other
 
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:
         """A step in the free columns as a step of the whole state."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from fitting_core.fit.fused import descent, known
 from fitting_core.fit.fused.constants import N_JOINTS
 from fitting_core.fit.fused.scratch import Scratch, scratch_for
 from fitting_core.fit.provenance import Ending
+from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, State
@@ -54,6 +56,12 @@ class FusedFrames:
         self.threads = threads
         self._constants = known.constants_of(mine, view, free, index)
         self._scratch: list[Scratch] = []
+
+    def with_data(self, data: Data) -> "FusedFrames":
+        """The same with other keypoints: a drag has new ones at each of its moves."""
+        other = copy(self)
+        other._constants = known.with_data(self._constants, data)
+        return other
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
         """Infinite where a point lies behind the camera."""

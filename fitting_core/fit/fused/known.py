@@ -306,16 +306,23 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
     held = {name: value for fields in given for name, value in fields.held.items()}
     assert view.contour_bin is not None or not points.has_contour, "contour landmarks need each frame's yaw table"
     variant = 0 if view.contour_bin is None else view.contour_bin
-    points_of_clip = laid.points.copy()
-    points_of_clip["rho"] = data.rho[:, 0]
-    return k.Constants(
+    made = k.Constants(
         fixed=fixed.view(np.recarray)[0],
         limits=np.concatenate([np.zeros(0, k.LIMIT), *[fields.limits for fields in given]]),
         **_network(p.prior)._asdict(),
-        **{**laid._asdict(), "points": points_of_clip},
-        keypoints=_records(k.KEYPOINT, tuple(data.weight.shape), xy=data.xy, side=data.side, weight=data.weight),
+        **laid._asdict(),
+        keypoints=np.zeros((0, 0), k.KEYPOINT),
         held=_records(k.HELD, (len(data.xy),), variant=variant, target=target, **held),
     )
+    return with_data(made, data)
+
+
+def with_data(constants: k.Constants, data: Data) -> k.Constants:
+    """The same with other keypoints."""
+    points = constants.points.copy()
+    points["rho"] = data.rho[:, 0]
+    keypoints = _records(k.KEYPOINT, tuple(data.weight.shape), xy=data.xy, side=data.side, weight=data.weight)
+    return constants._replace(points=points, keypoints=keypoints)
 
 
 def _quadratic(terms: list[Quadratic], total: int) -> tuple[np.ndarray, np.ndarray]:
