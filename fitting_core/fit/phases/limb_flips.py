@@ -70,8 +70,8 @@ class LimbFlips:
         self.positions = JointPositions(stages.body, stages.parametrisation, in_camera=True)
         self.parents = stages.body.parents
 
-    def flipped(self, state: State, limb: Limb, *, upper: bool, lower: bool) -> State:
-        """The states with a limb's upper bone, lower bone or both mirrored in depth, at the same pixels.
+    def flipped(self, state: State, limb: Limb, *, upper: bool, lower: bool) -> Float[Tensor, "B 63"]:
+        """The body's pose with a limb's upper bone, lower bone or both mirrored in depth, at the same pixels; axis-angle.
 
         The joint in the middle stays a hinge: the limb is turned about its upper bone until it bends its natural way.
         """
@@ -90,35 +90,37 @@ class LimbFlips:
             end = _mirrored_hand(end, ray)
         elif limb.mirrored_hand is None:
             end = turned[1] @ world[:, middle].transpose(1, 2) @ end
-        return self._with_world(state, (first, middle, last), world, (*turned, end))
+        return self._turned(state, (first, middle, last), world, (*turned, end))
 
-    def with_mirrored_hand(self, state: State, limb: Limb) -> State:
-        """The states with a limb's hand mirrored in depth about its wrist; the limb stays."""
+    def mirrored_hand(self, state: State, limb: Limb) -> Float[Tensor, "B 63"]:
+        """The body's pose with a limb's hand mirrored in depth about its wrist; the limb stays."""
         estimate = self.positions.estimate(state)
         joints, world = estimate.in_camera, estimate.posed.world
         first, middle, last = (JOINT[name] for name in limb.joints)
         hand = _mirrored_hand(world[:, last], _unit(joints[:, last]))
-        return self._with_world(state, (first, middle, last), world, (world[:, first], world[:, middle], hand))
+        return self._turned(state, (first, middle, last), world, (world[:, first], world[:, middle], hand))
 
-    def _with_world(
+    def _turned(
         self, state: State, chain: tuple[int, int, int], world: Tensor, turned: tuple[Tensor, Tensor, Tensor]
-    ) -> State:
-        """The state with the world rotations of three joints in a row replaced."""
+    ) -> Tensor:
+        """The body's pose with the world rotations of three joints in a row replaced."""
         pose = self.parametrisation.body_pose(state).clone()
         parent = world[:, int(self.parents[chain[0]])]
         for joint, own in zip(chain, turned, strict=True):
             pose[:, 3 * (joint - 1) : 3 * joint] = rotations.log(parent.transpose(1, 2) @ own)
             parent = own
-        body = self.parametrisation.prior.encode(pose, rough=True)
-        return state.with_columns(self.parametrisation.columns.body, body)
+        return pose
 
     def every(self, state: State) -> Iterator[tuple[Start, State]]:
         """All flips of all limbs and hands, one at a time, with what a fit from there is said to start from."""
+        poses: list[tuple[Start, Tensor]] = []
         for limb in LIMBS.values():
-            for upper, lower in FLIPS:
-                yield limb.start, self.flipped(state, limb, upper=upper, lower=lower)
+            poses += [(limb.start, self.flipped(state, limb, upper=upper, lower=lower)) for upper, lower in FLIPS]
             if limb.mirrored_hand is not None:
-                yield limb.mirrored_hand, self.with_mirrored_hand(state, limb)
+                poses.append((limb.mirrored_hand, self.mirrored_hand(state, limb)))
+        body = self.parametrisation.prior.encode(torch.cat([pose for _, pose in poses]), rough=True)
+        for (start, _), own in zip(poses, body.split(len(state)), strict=True):
+            yield start, state.with_columns(self.parametrisation.columns.body, own)
 
 
 def _hinged(

@@ -38,6 +38,12 @@ def scene(free_body: BodyModel) -> tuple[Stages, State]:
     return stages, stages.parametrisation.from_params(params)
 
 
+def flipped(stages: Stages, state: State, limb: str, *, upper: bool, lower: bool) -> State:
+    pose = LimbFlips(stages).flipped(state, LIMBS[limb], upper=upper, lower=lower)
+    p = stages.parametrisation
+    return state.with_columns(p.columns.body, p.prior.encode(pose))
+
+
 @pytest.mark.parametrize("limb", LIMBS)
 @pytest.mark.parametrize(("upper", "lower"), FLIPS)
 def test_flipped_limbs_look_the_same(scene: tuple[Stages, State], limb: str, upper: bool, lower: bool):
@@ -45,7 +51,7 @@ def test_flipped_limbs_look_the_same(scene: tuple[Stages, State], limb: str, upp
     stages, truth = scene
     flips = LimbFlips(stages)
     before, after = (
-        flips.positions(s).numpy() for s in (truth, flips.flipped(truth, LIMBS[limb], upper=upper, lower=lower))
+        flips.positions(s).numpy() for s in (truth, flipped(stages, truth, limb, upper=upper, lower=lower))
     )
     rays = [a / np.linalg.norm(a, axis=-1, keepdims=True) for a in (before, after)]
     chain = [JOINT[name] for name in LIMBS[limb].joints]
@@ -72,8 +78,8 @@ def _below(body: BodyModel, joint: int, ancestor: int) -> bool:
 def test_elbows_and_knees_stay_hinges(scene: tuple[Stages, State], limb: str, upper: bool, lower: bool):
     """The middle joint turns about its hinge in the natural sense, but for the forearm's twist."""
     stages, truth = scene
-    flipped = LimbFlips(stages).flipped(truth, LIMBS[limb], upper=upper, lower=lower)
-    pose = stages.parametrisation.body_pose(flipped).view(-1, 21, 3)[:, JOINT[LIMBS[limb].joints[1]] - 1].numpy()
+    mirrored = flipped(stages, truth, limb, upper=upper, lower=lower)
+    pose = stages.parametrisation.body_pose(mirrored).view(-1, 21, 3)[:, JOINT[LIMBS[limb].joints[1]] - 1].numpy()
     hinge = np.array(LIMBS[limb].hinge)
     assert (pose @ hinge > -0.1).all()  # a nearly straight limb keeps the hinge that it had
     across = pose - (pose @ hinge)[:, None] * hinge
@@ -84,9 +90,8 @@ def test_elbows_and_knees_stay_hinges(scene: tuple[Stages, State], limb: str, up
 def test_flipping_twice_changes_nothing(scene: tuple[Stages, State], limb: str):
     stages, truth = scene
     flips = LimbFlips(stages)
-    twice = flips.flipped(
-        flips.flipped(truth, LIMBS[limb], upper=True, lower=True), LIMBS[limb], upper=True, lower=True
-    )
+    once = flipped(stages, truth, limb, upper=True, lower=True)
+    twice = flipped(stages, once, limb, upper=True, lower=True)
     chain = [JOINT[name] for name in LIMBS[limb].joints]
     np.testing.assert_allclose(flips.positions(twice)[:, chain], flips.positions(truth)[:, chain], atol=1e-9)
 
@@ -96,7 +101,7 @@ def stuck_of(stages: Stages, truth: State) -> tuple[FrameFits, Tensor]:
     run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
     objective = stages.objective(N_STAGES, truth, stages.free(N_STAGES, betas=True))
     right = finished(run._minimise(objective, FrameFits.at(truth, Start.UNKNOWN), "", (0, 1)))
-    mirrored = LimbFlips(stages).flipped(right.state, LIMBS["left_arm"], upper=False, lower=True)
+    mirrored = flipped(stages, right.state, "left_arm", upper=False, lower=True)
     stuck = finished(run._minimise(objective, FrameFits.at(mirrored, Start.TURNED_0), "", (0, 1)))
     assert (stuck.cost > 1.05 * right.cost).all()  # else the descent alone finds back, and these tests show nothing
     return stuck, right.cost
