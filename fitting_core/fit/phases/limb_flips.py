@@ -71,7 +71,7 @@ class LimbFlips:
         self.parents = stages.body.parents
 
     def flipped(self, state: State, limb: Limb, *, upper: bool, lower: bool) -> Float[Tensor, "B 63"]:
-        """The body's pose with a limb's upper bone, lower bone or both mirrored in depth, at the same pixels; axis-angle.
+        """The body's pose (axis-angle) with a limb's upper bone, lower bone or both mirrored, at the same pixels.
 
         The joint in the middle stays a hinge: the limb is turned about its upper bone until it bends its natural way.
         """

@@ -62,9 +62,11 @@ def test_random_poses_are_those_of_people(free_body: BodyModel, samples: torch.T
     assert (spread > 0.2).all()  # not the same person's same pose
 
 
-def test_encoding_meets_what_was_decoded(prior: LatentPrior, samples: torch.Tensor):
-    back = prior.decode(prior.encode(samples[:40]))
-    turn = rotations.exp(back.view(-1, 21, 3)).mT @ rotations.exp(samples[:40].view(-1, 21, 3))
+@pytest.mark.parametrize("rough", [False, True])
+def test_encoding_meets_what_was_decoded(prior: LatentPrior, samples: torch.Tensor, rough: bool):
+    found = prior.encode(samples[:80], rough=rough)
+    assert found.dtype == samples.dtype
+    turn = rotations.exp(prior.decode(found).view(-1, 21, 3)).mT @ rotations.exp(samples[:80].view(-1, 21, 3))
     assert rotations.log(turn).norm(dim=-1).rad2deg().mean() < 0.2
 
 
