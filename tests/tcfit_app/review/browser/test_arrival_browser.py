@@ -99,12 +99,12 @@ def scene(opened: Scene) -> Iterator[Scene]:
 
 
 def test_no_drawing_mixes_two_frames(scene: Scene):
-    for frame in range(2, 14):
+    for frame in range(2, 10):
         scene.show(frame)
         scene.until_shown(frame)
     drawn = scene.drawn()
     assert [found for found in drawn if len(set(found)) > 1] == []
-    assert sorted({found[0] for found in drawn} - {1}) == list(range(2, 14))
+    assert sorted({found[0] for found in drawn} - {1}) == list(range(2, 10))
 
 
 def test_a_frame_is_drawn_once(scene: Scene):
