@@ -7,6 +7,7 @@ vertices collide changes with every step.
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -22,8 +23,8 @@ def _correctives(
 ) -> tuple[Int[Tensor, "D"], Float[Tensor, "V 3 D*9"]]:
     """The joints that drive a pose corrective, of which a body's file may have few, and their correctives."""
     correctives = body.pose_directions.reshape(*body.template.shape, N_JOINTS - 1, 9)
-    used = correctives.any((0, 1, 3))
-    driving = torch.as_tensor(1 + used.nonzero()[0], device=device)
+    used = np.flatnonzero(correctives.any((0, 1, 3)))
+    driving = torch.as_tensor(1 + used, device=device)
     return driving, torch.as_tensor(correctives[:, :, used], dtype=dtype, device=device).flatten(2)
 
 
