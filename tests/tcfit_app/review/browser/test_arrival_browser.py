@@ -86,8 +86,8 @@ def opened(browser: "Browser") -> Iterator[Scene]:
     scripts = web_files()
     with review_server("A clip", port=0, open_browser=False, scripts=scripts, say=lambda text: None) as running:
         running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
-        # As in the app. In software, light with shadows takes five seconds at the first drawing of a body.
-        running.viser.scene.configure_default_lights(enabled=False, cast_shadow=False)
+        # As in the app. In software, viser's surroundings take five seconds at the first drawing of a body.
+        running.viser.scene.configure_environment_map(None)
         tab = open_tab(running, browser)
         tab.page.on("console", lambda said: tab.complaints.append(said.text) if said.type == "error" else None)
         yield Scene(tab)
