@@ -55,8 +55,7 @@ class Mesh:
     @cached_property
     def _correct(self) -> Tensor:
         """(V*3, 486), the pose correctives. Made when asked for: joints alone need none."""
-        directions = self.body.pose_directions.reshape(-1, self.body.pose_directions.shape[-1])
-        return _table(torch.as_tensor(directions, dtype=self.dtype, device=self.device))
+        return _corrective_table(self.body, self.dtype, self.device)
 
     def __call__(self, params: BodyParams, *, chunk: int = 16) -> Float[Tensor, "T V 3"]:
         """Vertices in camera space (metres), translation included."""
@@ -104,6 +103,12 @@ def _table(values: Float[Tensor, "m n"]) -> Float[Tensor, "m n"]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
         return values.to_sparse_csr()
+
+
+@lru_cache(maxsize=2)
+def _corrective_table(body: BodyModel, dtype: torch.dtype, device: torch.device) -> Float[Tensor, "V*3 486"]:
+    directions = body.pose_directions.reshape(-1, body.pose_directions.shape[-1])
+    return _table(torch.as_tensor(directions, dtype=dtype, device=device))
 
 
 def _coefficients(params: BodyParams) -> Float[Tensor, "T 20"]:

@@ -10,7 +10,7 @@ import viser
 from fitting_core.keypoints import COUNT, INDEX
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import Channel
-from tcfit_app.review.browser.page_events import Drawn, Hello, PageEvent
+from tcfit_app.review.browser.page_events import Drag, Drawn, Hello, PageEvent
 from tcfit_app.server.serving import ReviewServer
 
 if TYPE_CHECKING:
@@ -58,6 +58,15 @@ class Tab:
                 return found[-1]
             self.page.wait_for_timeout(20)
         raise AssertionError(f"no {count} {kind.__name__} in {self.events}")
+
+    def await_drag(self, phase: str) -> Drag:
+        """The latest of a drag, once it is that; how many come before hangs on how fast the page draws."""
+        for _ in range(500):
+            drags = [event for event in self.events if isinstance(event, Drag)]
+            if drags and drags[-1].phase == phase:
+                return drags[-1]
+            self.page.wait_for_timeout(20)
+        raise AssertionError(f"no {phase} of a drag in {self.events}")
 
     def settle(self) -> None:
         """Waits until all that was sent is drawn, and all that the page had to tell is here."""

@@ -118,7 +118,7 @@ def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, titl
 def opened(app: ReviewApp, server: ReviewServer, browser: "Browser") -> Reviewing:
     """One more tab, in a context of its own, as another person's browser has it."""
     known = len(app.pages)
-    tab = browser.new_context(viewport={"width": 1200, "height": 800}).new_page()
+    tab = browser.new_context(viewport={"width": 960, "height": 640}).new_page()
     made = Reviewing(app=app, server=server, tab=tab)
 
     def note(text: str) -> None:

@@ -38,9 +38,9 @@ _HIDE = """() => {
 
 
 _DRAW = """async () => {
-  for (let i = 0; i < 12; i++) {
+  for (let i = 0; i < 6; i++) {
     window.__viserMutable.requestRender();
-    await new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20));
+    await new Promise((done) => setTimeout(() => requestAnimationFrame(done), 40));
   }
 }"""
 

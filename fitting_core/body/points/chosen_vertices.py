@@ -5,14 +5,27 @@ vertices collide changes with every step.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh, Skeleton
-from fitting_core.body.model import N_JOINTS
+from fitting_core.body.model import N_JOINTS, BodyModel
+
+
+@lru_cache(maxsize=1)  # 0.3 s; each correction of a frame asks for them again
+def _correctives(
+    body: BodyModel, dtype: torch.dtype, device: torch.device
+) -> tuple[Int[Tensor, "D"], Float[Tensor, "V 3 D*9"]]:
+    """The joints that drive a pose corrective, of which a body's file may have few, and their correctives."""
+    correctives = body.pose_directions.reshape(*body.template.shape, N_JOINTS - 1, 9)
+    used = np.flatnonzero(correctives.any((0, 1, 3)))
+    driving = torch.as_tensor(1 + used, device=device)
+    return driving, torch.as_tensor(correctives[:, :, used], dtype=dtype, device=device).flatten(2)
 
 
 @dataclass(frozen=True)
@@ -48,11 +61,7 @@ class ChosenVertices:
         relative[1:] -= mesh.rest_directions[mesh.tree.parents[1:]]
         self._bone_directions = relative
         self._ancestors = torch.as_tensor(mesh.tree.ancestors, dtype=mesh.dtype, device=mesh.device)
-        correctives = mesh.body.pose_directions.reshape(*mesh.template.shape, N_JOINTS - 1, 9)
-        used = abs(correctives).max((0, 1, 3)) > 0
-        self._driving = torch.as_tensor(1 + used.nonzero()[0], device=mesh.device)
-        """The joints that drive a corrective: a body's file may have few."""
-        self._correctives = torch.as_tensor(correctives[:, :, used], dtype=mesh.dtype, device=mesh.device).flatten(2)
+        self._driving, self._correctives = _correctives(mesh.body, mesh.dtype, mesh.device)
 
     def forward(
         self,

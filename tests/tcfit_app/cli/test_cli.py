@@ -304,6 +304,7 @@ def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Pa
     # What follows the line "Phase 2" takes seconds: five stages in each of five windows.
     slow = ["--preset", "paper", "--window-size", "2", "--set", "settings.stage_tolerance=1e-12"]
     slow += ["--set", "relay_rounds=0", "--set", "yaws=side_view", "--no-overlay"]
+    slow += ["--set", "weights.collision=[0, 0, 0, 0, 0]"]
     command = [sys.executable, "-c", code, "fit", *clip_arguments, "--out", str(tmp_path / "out"), *slow]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None

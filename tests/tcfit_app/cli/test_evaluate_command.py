@@ -195,10 +195,10 @@ def test_wrong_options(kind: str, capsys: pytest.CaptureFixture, monkeypatch: py
 
 @pytest.fixture
 def short_suite(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """One sequence, cut to three frames, whose fits are their truth; the list counts them."""
+    """One sequence, cut to two frames, whose fits are their truth; the list counts them."""
     fitted: list[str] = []
     whole = suite.make_sequence(SEQUENCES["simple_1"])
-    frames = slice(0, 3)
+    frames = slice(0, 2)
     truth = replace(whole.truth, params=whole.truth.params[frames])
     cut = replace(whole, clip=replace(whole.clip, keypoints=whole.clip.keypoints[frames]), truth=truth)
 
@@ -215,11 +215,11 @@ def short_suite(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_the_suite_is_not_fitted_twice(short_suite: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):
     arguments = ["evaluate", "--suite", "--sequences", "simple_1", "--presets", "smplifyx", "tcfit", "--every", "3"]
-    arguments += ["--out", str(tmp_path), "--pictures", "1"]
+    arguments += ["--out", str(tmp_path), "--pictures", "0"]
     assert main(arguments) == 0 and len(short_suite) == 2
     assert [r["method"] for r in records_in(tmp_path)] == ["SMPLify-X", "tcfit, phase 1", "tcfit"]
     assert main(arguments) == 0 and len(short_suite) == 2
-    assert main([*arguments[:-2], "--pictures", "0", "--every", "1"]) == 0 and len(short_suite) == 2
+    assert main([*arguments[:-2], "--pictures", "1", "--every", "1"]) == 0 and len(short_suite) == 2
     (tmp_path / "fits/normal/tcfit/simple_1/fit.key").write_text("of older settings")
     (tmp_path / "fits/normal/tcfit/simple_1/records.json").write_text("{broken")
     assert main(arguments) == 0 and len(short_suite) == 3

@@ -147,7 +147,7 @@ def _let_loose(folder: Path, browser: "Browser", actions: int, warm: int, log: p
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="this system does not say how large a process is")
 def test_some_random_actions(demo_project: Path, browser: "Browser", tmp_path: Path, caplog: pytest.LogCaptureFixture):
     folder = Path(shutil.copytree(demo_project, tmp_path / "demo.tcfit"))
-    assert _let_loose(folder, browser, 30, 15, caplog) < _ROOM
+    assert _let_loose(folder, browser, 20, 10, caplog) < _ROOM
 
 
 @pytest.mark.slow

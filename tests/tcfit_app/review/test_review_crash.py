@@ -116,7 +116,7 @@ def _killed_again_and_again(folder: Path, body: BodyModel, times: int, longest: 
 
 
 def test_killed_at_work(tmp_path: Path, tiny_body: BodyModel):
-    _killed_again_and_again(tmp_path / "a.tcfit", tiny_body, 6, 4.0)
+    _killed_again_and_again(tmp_path / "a.tcfit", tiny_body, 4, 4.0)
 
 
 @pytest.mark.slow

@@ -202,6 +202,17 @@ def objective(tiny_body: BodyModel):
     return stages.objective(3, state, Free()), state
 
 
+@pytest.fixture(params=["compiled", "torch"])
+def either(request: pytest.FixtureRequest, objective):
+    """The same with the kernels, where they are compiled, and without."""
+    e, state = objective
+    if request.param == "torch":
+        request.getfixturevalue("in_torch")
+        e = FrameObjective(e.terms, e.view, e.free)
+        assert e.fused is None
+    return e, state
+
+
 def holding(objective: FrameObjective, weight: float) -> FrameObjective:
     """The same with the shared betas held at 0."""
     betas = objective.view.parametrisation.columns.betas
@@ -284,9 +295,18 @@ def test_batched_frames_end_as_single_ones(objective):
         torch.testing.assert_close(alone.state.vector, together.state.vector[i : i + 1], rtol=0, atol=1e-6)
 
 
+def test_whole_descents_find_their_way_back_from_rejected_steps(either):
+    """Where a step too long is not made shorter, a descent goes on proposing it until its iterations are over."""
+    e, state = either
+    problem = IndependentFrames(e, torch.arange(5))
+    solution = finished(LevenbergMarquardt(SolverSettings()).minimise(problem, state, final=True))
+    assert set(solution.reason) == {"converged"}
+    assert solution.cost.mean() < 1.1e4  # 10.3 thousand; 17.7 where the damping stays as it is
+
+
 @pytest.mark.parametrize("structure", ["independent", "shared"])
-def test_bodies_behind_the_camera_are_returned_as_they_came(objective, structure: str):
-    e, state = objective
+def test_bodies_behind_the_camera_are_returned_as_they_came(either, structure: str):
+    e, state = either
     where = e.view.parametrisation.columns.translation
     behind = state.with_columns(where, -state.vector[:, where])
     frames = torch.arange(5)

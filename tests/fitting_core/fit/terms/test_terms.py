@@ -460,10 +460,15 @@ def test_what_counts_once_is_apart_from_what_counts_in_every_frame(scene: Scene)
     )
 
 
-def test_points_behind_the_camera_cost_infinity(scene: Scene):
+@pytest.mark.parametrize("kernels", [True, False])
+def test_points_behind_the_camera_cost_infinity(scene: Scene, request: pytest.FixtureRequest, kernels: bool):
     behind = scene.state.vector.clone()
     behind[1, scene.stages.parametrisation.columns.translation] = torch.tensor([0.0, 0.0, -3.0], dtype=torch.float64)
     objective, state = scene.objectives["stage 5"], State(scene.state.orient, behind)
+    if not kernels:
+        request.getfixturevalue("in_torch")
+        objective = FrameObjective(objective.terms, objective.view, objective.free)
+        assert objective.fused is None
     assert objective.cost(state, FRAMES).isinf().tolist() == [False, True, False]
     assert objective.normal(state, FRAMES).cost.isinf().tolist() == [False, True, False]
 

@@ -113,7 +113,7 @@ def test_a_drag_works_in_the_second_poster(tab: Tab) -> None:
     tab.send("layout", PAIR)
     tab.look(420.0)
     tab.drag(tab.screen(*PLACES[WRIST], poster=POSTER_X), (20, 10))
-    assert tab.await_event(Drag, 3).dx == pytest.approx(20 / tab.scale(), abs=0.01)
+    assert tab.await_drag("end").dx == pytest.approx(20 / tab.scale(), abs=0.01)
 
 
 def test_selected_keypoints_are_dragged_together(tab: Tab) -> None:
@@ -536,7 +536,7 @@ def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
     tab.send("beat", states.Beat(milliseconds=250))
     tab.page.wait_for_selector(".tcfit-card[role=alert]", state="visible")
     assert "does not answer" in (tab.text(".tcfit-card h2") or "")
-    assert tab.await_event(Drag, 3).phase == "cancel"
+    tab.await_drag("cancel")
     known = len(tab.events)
     tab.page.mouse.up()
     tab.drag((x, y), (40, 0))
@@ -563,6 +563,7 @@ def test_without_a_server_nothing_is_taken_until_it_is_back(
     tab.page.mouse.down()
     tab.page.mouse.move(x + 60, y + 40, steps=3)
     tab.await_event(Drag, 2)
+    width = tab.page.evaluate("() => __viserMutable.canvas.clientWidth")
     with monkeypatch.context() as closed:
         refusal = Response(503, "Service Unavailable", Headers({"Connection": "close", "Content-Length": "0"}))
         closed.setattr(server.gate, "answer", lambda request: refusal)
@@ -587,6 +588,8 @@ def test_without_a_server_nothing_is_taken_until_it_is_back(
         tab.send(name, state)
     tab.send("keys", KEYS)
     tab.show()
+    # The panels go with the connection, and come back.
+    tab.page.wait_for_function("(width) => __viserMutable.canvas.clientWidth === width", arg=width)
     tab.look(300.0)
     tab.events.clear()
     tab.drag(tab.screen(*PLACES[WRIST]), (33, 21))
