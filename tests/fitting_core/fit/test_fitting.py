@@ -465,7 +465,7 @@ def test_seconds_are_of_the_phase(free_body: BodyModel, short_clip: Clip):
 @pytest.mark.usefixtures("in_torch")  # where every step of a solver is told
 def test_costs_by_term_are_told_now_and_then_and_change_no_bit(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """Every time, never, and by the clock, with both solvers; the terms of a step add up to its cost."""
-    keypoints = body_only(tiny_body, 2)
+    keypoints = body_only(tiny_body, 3)
     for solver in ("lm", "lbfgs"):
         config = replace(QUICK, solver=solver, settings=SolverSettings(iterations=3, rounds=1))
         results = {}
