@@ -4,14 +4,11 @@ What a drag does not change is made once, at its start: the stages and their com
 with its face contour held, and the joints of the frames around the window, to which E_T couples it. A move then changes
 a few numbers of the data term, and a step of Levenberg-Marquardt goes on from where the last move left the window.
 
-Milliseconds of CPU time on one thread, window of 7 (5) frames of 100, medians of benchmarks/live.py:
+Milliseconds of CPU time of a move on one thread, window of 7 frames, medians:
 
-    keypoints               begin   move      release   plain re-run
-    body                    107     20 (18)   494       542
-    body, hands and face    196     32 (23)   633       546
-
-On two cores shared with five other programs the wall's clock showed up to twice that. A move makes some 3200 calls into
-torch, for five frames as for seven: much less time needs fewer calls (a compiled step), not fewer numbers.
+    keypoints               with the kernels   in torch
+    body                    9                  20
+    body, hands and face    10                 31
 """
 
 from collections.abc import Callable, Generator
