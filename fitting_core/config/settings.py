@@ -81,11 +81,14 @@ RANGES: dict[str, Range] = {
     "settings.stage_tolerance": _TOLERANCE,
     "settings.final_tolerance": _TOLERANCE,
     "settings.sequence_tolerance": _TOLERANCE,
+    "settings.camera_tolerance": _TOLERANCE,
     "settings.relative_tolerance": _TOLERANCE,
     "hand_components": Range(1, 45),
     "robust_pixels": _POSITIVE,
     "robust_pixels_fine": _POSITIVE,
     "robust_at_height": _POSITIVE,
+    "key_frames_every": Range(1),
+    "limb_flips_every": Range(1),
 }
 """Numbers of all other settings are finite and 0 or more."""
 

@@ -101,6 +101,9 @@ BAD_FILES = {
     "stage": ("[shape_sample]\nstages = [5, 6]", "shape_sample.stages is 6; expected 1 to 5"),
     "components": ("hand_components = 46", "hand_components is 46; expected 1 to 45"),
     "tolerance": ("[settings]\nsequence_tolerance = 5", "sequence_tolerance is 5; expected above 0 and below 1"),
+    "camera tolerance": ("[settings]\ncamera_tolerance = 0", "camera_tolerance is 0; expected above 0 and below 1"),
+    "key frames": ("key_frames_every = 0", "key_frames_every is 0; expected 1 or more"),
+    "mirrored limbs": ("limb_flips_every = 0", "limb_flips_every is 0; expected 1 or more"),
     "device": ("device = 'gpu'", "device is 'gpu'; expected cpu, cuda"),
     "pose prior": (
         "pose_prior = 'vpsoer'",

@@ -35,7 +35,7 @@ def test_where_frames_came_from_is_told_once_for_all_alike():
     found = origins("Fit 1", provenance)
     told = [found.texts[i] for i in found.which]
     assert found.label == "Fit 1" and len(found.texts) == 3
-    assert told[1] == "started from the fit of the frame before, stopped because the cost fell no further"
+    assert told[1] == "started from the fit of a frame before it, stopped because the cost fell no further"
     assert told[0] == told[2] != told[3]
 
 
