@@ -14,7 +14,7 @@ from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import read
 from benchmarks.profile import SECTIONS
-from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.report import Common, Row, progress, repeated, report, start
 from benchmarks.sections import Stopwatch
 from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
@@ -25,6 +25,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip, rerun_events
 from fitting_core.synthetic.excerpts import mirrored
+from tcfit_app.bench.figures import Figure
 from tcfit_app.bench.measuring import dragged, quick, timed
 from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
 
@@ -51,16 +52,8 @@ class Live:
 
 
 def _row(clip: str, reach: int, what: str, times: list[tuple[float, float]]) -> Row:
-    wall, cpu = np.array(times).T
-    return {
-        "clip": clip,
-        "window": f"{2 * reach + 1}",
-        "what": what,
-        "median ms": float(np.median(wall)),
-        "p95 ms": float(np.percentile(wall, 95)),
-        "CPU median ms": float(np.median(cpu)),
-        "times": float(len(times)),
-    }
+    wall, cpu = (Figure(name=what, unit="ms", values=values) for values in zip(*times, strict=True))
+    return {"clip": clip, "window": f"{2 * reach + 1}"} | repeated(wall) | {"CPU median ms": cpu.median}
 
 
 def drag_rows(name: str, correction: Correction, targets: list[np.ndarray], reruns: int) -> tuple[list[Row], Row]:

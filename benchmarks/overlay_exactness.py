@@ -13,13 +13,14 @@ import numpy as np
 import torch
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.report import Common, Row, progress, repeated, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
 from fitting_core.synthetic.demo_clip import cached_demo
 from fitting_core.synthetic.truth import read_truth
 from fitting_core.video.frames import FrameSource
+from tcfit_app.bench.figures import Figure
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
 from tcfit_app.review.scene.poster import Poster, Posters
 from tcfit_app.review.scene.space import Space
@@ -88,17 +89,17 @@ def exactness_rows(shown: Screen, name: str, camera: Camera, body: BodyLayer, wi
     rows: list[Row] = []
     shown.settle(window)
     for zoom, rectangle in zooms(body.vertices, camera).items():
-        shown.view.show(posters)
+        shown.show(posters)
         shown.view.zoom_to(rectangle) if rectangle else shown.view.cameras.reset()
         shown.settle()
         seen = seen_body(shown.picture())
         expected = expected_body(posters, shown.view.cameras.pose, window)
         row: dict[str, str | float | None] = {"camera": name, "window": f"{window[0]} x {window[1]}", "zoom": zoom}
-        factor = canvas_camera(camera, shown.view.cameras.pose, window).focal[0] / camera.focal[0]
+        factor = canvas_camera(camera, shown.view.cameras.pose, window, (0.0, 0.0, *window)).focal[0] / camera.focal[0]
         row |= {"screen px per image px": factor, "silhouette px": float(expected.sum())}
         row |= {"IoU": f"{overlap(seen, expected):.4f}"}
         if rectangle is None:
-            shown.view.show(replace(posters, posters=(Poster(image=PLATE),)))
+            shown.show(replace(posters, posters=(Poster(image=PLATE),)))
             shown.settle()
             row["image edges off by px"] = plate_errors(shown.picture(), posters, shown.view.cameras.pose)
         rows.append(row)
@@ -140,7 +141,7 @@ def cost_rows(shown: Screen, options: Exactness, body: BodyModel) -> list[Row]:
 
 def play(shown: Screen, what: str, snapshots: list[Posters | Space], pace: float) -> Row:
     """Shows the snapshots at that pace."""
-    shown.view.show(snapshots[0])
+    shown.show(snapshots[0])
     shown.settle()
     session = shown.page.context.new_cdp_session(shown.page)
     session.send("Performance.enable")
@@ -159,17 +160,15 @@ def play(shown: Screen, what: str, snapshots: list[Posters | Space], pace: float
     for i, snapshot in enumerate(snapshots):
         shown.page.wait_for_timeout(max(0.0, 1e3 * (began + i / pace - time.perf_counter())))
         start, own_start = time.perf_counter(), time.thread_time()
-        shown.view.show(snapshot)
+        shown.show(snapshot)
         times.append(1e3 * (time.perf_counter() - start))
         own.append(1e3 * (time.thread_time() - own_start))
     shown.page.wait_for_timeout(1e3 / pace)
     length = time.perf_counter() - began
     used = busy() - before - idle * length
-    return {
-        "frame": what,
-        "server ms, median": float(np.median(times)),
-        "p95": float(np.percentile(times, 95)),
-        "its CPU ms, median": float(np.median(own)),
+    shown_in = Figure(name=what, unit="ms", values=tuple(times))
+    return repeated(shown_in) | {
+        "CPU median ms": Figure(name=what, unit="ms", values=tuple(own)).median,
         "server CPU ms with sending": 1e3 * (time.process_time() - processor) / len(snapshots),
         "browser main thread ms": 1e3 * used / len(snapshots),
     }

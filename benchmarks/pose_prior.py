@@ -18,8 +18,8 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool, split
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.priors.pose import make_prior
 from fitting_core.render.sheets import Cell, beside, pose_cells, write_sheet

@@ -1,7 +1,7 @@
 """Whether a fit of noise-free keypoints returns the pose: authored hard poses and held-out motion capture.
 
-Every pose is a frame on its own, fitted by phase 1: blank frames stand between them, so that no frame restarts from a
-neighbour that happens to be alike. All keypoints are given at confidence 1, whatever hides them; the camera is known.
+Every pose is a frame on its own, fitted by phase 1 without key frames and relay: none starts from another one. All
+keypoints are given at confidence 1, whatever hides them; the camera is known.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from torch import Tensor
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import data_folder
@@ -23,8 +22,8 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.dataset import split
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
@@ -33,7 +32,6 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import procrustes
 from fitting_core.render.renderer import DEFAULT_COLOR
 from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, write_sheet
@@ -130,17 +128,9 @@ def captured(body: BodyModel, folder: Path, count: int, spread: float, seed: int
     )
 
 
-def apart(body: BodyModel, params: BodyParams) -> Clip:
-    """A clip that shows the poses in every second frame and nothing in the others."""
-    seen = seen_by(CAMERA, body, params)
-    xy, confidence = (np.repeat(a, 2, 0) for a in (seen.xy, seen.confidence))
-    confidence[1::2] = 0
-    return Clip(keypoints=Keypoints(xy=xy, confidence=confidence), camera=CAMERA, frame_rate=25.0, name="poses")
-
-
 def independent(config: FitConfig, prior: str | None) -> FitConfig:
     """The configuration without what looks at several frames."""
-    config = replace(config, last_phase=1, unswap_sides=False)
+    config = replace(config, last_phase=1, unswap_sides=False, key_frames_every=1, relay_rounds=0, limb_flips_every=1)
     return config if prior is None else replace(config, pose_prior=prior)  # pyright: ignore
 
 
@@ -177,14 +167,11 @@ def errors_of(body: BodyModel, truth: BodyParams, found: BodyParams) -> Errors:
     return Errors(vertex_mm=vertex, aligned_mm=aligned, camera_mm=camera, pixels=off)
 
 
-def from_truth(
-    stages: Stages, truth: BodyParams, frames: Tensor
-) -> tuple[Float[np.ndarray, "T"], BodyParams, np.ndarray]:
+def from_truth(stages: Stages, truth: BodyParams) -> tuple[Float[np.ndarray, "T"], BodyParams, np.ndarray]:
     """The objective at the truth, and the minimum of the last stage that is reached from there with its objective."""
-    parametrisation = stages.parametrisation
+    parametrisation, frames = stages.parametrisation, stages.all_frames
     known = parametrisation.from_params(truth)
-    state = parametrisation.neutral(len(stages.keypoints)).put(frames, known)
-    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=True))
+    objective = stages.objective(N_STAGES, known, stages.free(N_STAGES, betas=True))
     at_truth = objective.cost(known, frames)
     solver = make_solver(stages.config.solver, stages.config.settings)
     solution = drained(solver.minimise(IndependentFrames(objective, frames), known, final=True))
@@ -211,23 +198,21 @@ class Recovery:
 
 def recover(body: BodyModel, poses: Posed, config: FitConfig, *, with_truth: bool) -> Recovery:
     """Fits all poses."""
-    clip = apart(body, poses.params)
-    frames = torch.arange(0, len(clip), 2)
+    clip = Clip(keypoints=seen_by(CAMERA, body, poses.params), camera=CAMERA, frame_rate=25.0, name="poses")
     phase = fit_clip(clip, body, config).phases[0]
-    found = phase.params[frames]
     stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
     nothing = np.full(len(poses), np.nan)
     at_truth, cost, best = nothing, nothing, None
     if with_truth:
-        at_truth, refined, cost = from_truth(stages, poses.params, frames)
+        at_truth, refined, cost = from_truth(stages, poses.params)
         best = errors_of(body, poses.params, refined)
     return Recovery(
-        errors=errors_of(body, poses.params, found),
-        cost=phase.frame_cost[frames.numpy()],
+        errors=errors_of(body, poses.params, phase.params),
+        cost=phase.frame_cost,
         from_truth=best,
         cost_at_truth=at_truth,
         cost_from_truth=cost,
-        params=found,
+        params=phase.params,
         seconds=phase.seconds,
     )
 

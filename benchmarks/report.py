@@ -16,6 +16,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.io.summary import versions
+from tcfit_app.bench.figures import Figure, number
 from tcfit_app.bench.machine import machine as computer
 
 Row = Mapping[str, str | float | None]
@@ -52,10 +53,15 @@ def start(options_type: type, run: Callable[[Any], None]) -> None:
         sys.exit(str(error))
 
 
+def repeated(figure: Figure) -> dict[str, str | float | None]:
+    """What was measured several times, as `tcfit bench` states it; empty cells if it never was."""
+    median, high = (figure.median, figure.high) if figure.values else (None, None)
+    unit = figure.unit
+    return {"what": figure.name, "n": str(len(figure.values)), f"median {unit}": median, f"95 % {unit}": high}
+
+
 def _cell(value: str | float | None) -> str:
-    if value is None:
-        return ""
-    return value if isinstance(value, str) else f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+    return "" if value is None else value if isinstance(value, str) else number(value)
 
 
 def markdown(rows: Sequence[Row]) -> str:

@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.report import Common, Row, progress, repeated, report, start
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
+from tcfit_app.bench.figures import Figure
 from tcfit_app.project.project import Project
 from tests.drivers.browser import chromium
 
@@ -99,6 +100,8 @@ class Review:
     keypoint: str = "right_wrist"
     """Which one is dragged."""
     window: tuple[int, int] = (1440, 900)
+    side: bool = True
+    """With the side view beside the picture, as it is at first."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
@@ -185,12 +188,19 @@ def rapid(page: "Page", place: tuple[float, float], count: int) -> list[float]:
     return times[times > SAME_BODY_MS].tolist()
 
 
+def streamed(page: "Page") -> list[float]:
+    """Milliseconds from "Fit everything" to the first body of the new fit, seen in the clip's first frame."""
+    page.keyboard.press("Home")
+    page.wait_for_timeout(2 * SETTLED_MS)
+    page.evaluate("() => { window.__mesh.length = 0; window.__at = performance.now(); }")
+    page.keyboard.press("Shift+R")
+    found = page.evaluate(LATER, ["__mesh", page.evaluate("() => window.__at")])
+    return [] if found is None else [found]
+
+
 def summary(what: str, times: list[float], target: str) -> Row:
     """A line of the table; milliseconds."""
-    if not times:
-        return {"what": what, "n": 0.0, "median ms": None, "95 % ms": None, "target": target}
-    median, high = np.percentile(times, [50, 95])
-    return {"what": what, "n": float(len(times)), "median ms": float(median), "95 % ms": float(high), "target": target}
+    return repeated(Figure(name=what, unit="ms", values=tuple(times))) | {"target": target}
 
 
 def on_screen(page: "Page", project: Path, frame: int, keypoint: str) -> tuple[float, float]:
@@ -238,6 +248,8 @@ def run(options: Review) -> None:
             page.evaluate(
                 "() => document.querySelectorAll('.mantine-Notification-closeButton').forEach((b) => b.click())"
             )
+            if not options.side:
+                page.keyboard.press("v")
             page.wait_for_timeout(1000)
             sent, drawn = seeks(page, options.seeks)
             rows.append(summary("seek: key to picture", sent, "median 150"))
@@ -253,6 +265,8 @@ def run(options: Review) -> None:
             page.wait_for_timeout(4000)
             place = on_screen(page, project, options.seeks, options.keypoint)
             rows.append(summary("drag without rest: body to body", rapid(page, place, options.moves), ""))
+            page.wait_for_timeout(4000)
+            rows.append(summary("Fit everything: key to first body", streamed(page), "2000"))
     report(options, {"Review app": rows})
 
 

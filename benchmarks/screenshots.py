@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from tyro.conf import OmitArgPrefixes
@@ -29,6 +29,7 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+Theme = Literal["dark", "light"]
 TITLE = "tcfit: demo"
 REST_MS = 1500
 """For what has no sign of its own that it is drawn."""
@@ -47,10 +48,12 @@ class Screenshots:
     project: Path
     """A project with a finished fit and its video; it is copied."""
     out: Path
-    """Folder for the pictures: WIDTHxHEIGHT/NAME.jpg."""
+    """Folder for the pictures: WIDTHxHEIGHT-THEME/NAME.jpg."""
     windows: tuple[tuple[int, int], ...] = ((1440, 900), (1920, 1080))
     scenes: tuple[str, ...] = ()
     """Only these."""
+    themes: tuple[Theme, ...] = ("dark", "light")
+    """As the system may have it."""
     frame: int = 30
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
@@ -59,7 +62,7 @@ def settle(review: Reviewing, *, busy: bool = False) -> None:
     """Wait until everything is drawn; `busy`: a fit is running and will not come to an end."""
     review.tab.wait_for_timeout(REST_MS)
     if not busy:
-        until(lambda: not review.session.jobs and not review.session.following.busy, "the fits")
+        until(lambda: not review.session.jobs and not review.session.edit_follower.busy, "the fits")
     if review.page.tab.state.mode != "space":
         until(lambda: review.tab.evaluate(DRAWN), "the picture")
     review.tab.wait_for_timeout(REST_MS)
@@ -127,6 +130,73 @@ def modes(review: Reviewing) -> Iterator[str]:
     until(lambda: not review.tab.locator("[role=dialog]").count(), "the end of the window of keys")
 
 
+def compared(review: Reviewing) -> Iterator[str]:
+    """The other ways to see two fits, and what shows the evidence."""
+    for arrangement in ("stacked", "wipe"):
+        show(review, mode="ab", arrangement=arrangement)
+        yield arrangement
+    show(review, arrangement=None)
+    review.press("e", lambda: review.page.tab.state.close_up == "right_hand")
+    settle(review)
+    yield "close-up"
+    review.press("f", lambda: review.page.tab.state.close_up is None)
+    show(review, mode="edit", outline=True)
+    yield "outline"
+    show(review, outline=False, selection=(INDEX["right_wrist"],), trail=True)
+    yield "trail"
+    show(review, trail=False)
+    review.tab.keyboard.down("p")
+    settle(review)
+    yield "video-only"
+    review.tab.keyboard.up("p")
+    show(review, selection=())
+
+
+def depth(review: Reviewing) -> Iterator[str]:
+    """The side view from all sides with a line of sight, a drag in it, 3D from the side with a read-out."""
+    wrist = INDEX["right_wrist"]
+    for side in ("left", "top", "right"):
+        show(review, selection=(wrist,), side_from=side)
+        yield side
+    x, y = until(lambda: review.tab.evaluate("(joint) => tcfit.placeOfFit(joint, 1)", wrist), "the wrist")
+    review.tab.mouse.move(x, y)
+    review.tab.mouse.down()
+    review.tab.mouse.move(x - 30, y, steps=8)
+    until(lambda: review.session.edit_follower.live is not None, "the live correction")
+    settle(review, busy=True)
+    yield "dragged"
+    review.tab.keyboard.press("Escape")
+    review.tab.mouse.up()
+    show(review, mode="space")
+    review.tab.locator("[data-tcfit='view.from'][data-value=side]").click()
+    settle(review)
+    yield "space-side"
+    show(review, mode="edit", selection=())
+
+
+def timeline(review: Reviewing) -> Iterator[str]:
+    """Heat maps, thumbnails and a difference; menus; notes and flags in their lanes."""
+    show(review, plots=("reprojection", "jitter_difference", "error_by_part", "video"))
+    yield "rows"
+    session, author = review.session, review.page.tab.author
+    review.app.post(lambda: session.mark(range(40, 52), "flag", author=author))
+    review.app.post(lambda: session.write_note(range(20, 34), "The left hand is hidden here", author=author))
+    show(review, frames=range(60, 81), frame=70)
+    yield "marked"
+    box = review.tab.locator(".tcfit-strip").bounding_box()
+    assert box is not None
+    review.tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + 36, button="right")
+    settle(review)
+    yield "menu"
+    review.tab.keyboard.press("Escape")
+    x, y = review.place("nose")
+    review.tab.mouse.click(x, y, button="right")
+    settle(review)
+    yield "keypoint-menu"
+    review.tab.keyboard.press("Escape")
+    show(review, frames=None, selection=(), plots=("reprojection", "jitter"))
+
+
 def correcting(review: Reviewing) -> Iterator[str]:
     """A keypoint under the pointer, with the body following; what the panel says afterwards."""
     open_panel(review, "Keypoints")
@@ -135,7 +205,7 @@ def correcting(review: Reviewing) -> Iterator[str]:
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
     review.tab.mouse.move(x + 14, y + 30, steps=8)
-    until(lambda: review.session.following.live is not None, "the live correction")
+    until(lambda: review.session.edit_follower.live is not None, "the live correction")
     settle(review, busy=True)
     yield "edit-dragged"
     review.tab.mouse.up()
@@ -191,6 +261,45 @@ def fitting(review: Reviewing) -> Iterator[str]:
     yield "failed"
     open_panel(review, "Runs")
     yield "failed-runs"
+
+
+def errors_of_b(review: Reviewing) -> list[float]:
+    """The curve of B's reprojection errors in the timeline, pixels."""
+    return review.tab.evaluate("() => tcfit.state('rows').rows[0].curves.at(-1).values")
+
+
+def documentation(review: Reviewing) -> Iterator[str]:
+    """Those of the documentation's pages, in the order of the first correction."""
+    yield "opened"
+    x, y = review.place(KEYPOINT)
+    review.tab.mouse.move(x, y)
+    review.tab.mouse.down()
+    review.tab.mouse.move(x + 14, y + 30, steps=8)
+    until(lambda: review.session.edit_follower.live is not None, "the live correction")
+    review.tab.mouse.up()
+    open_panel(review, "Keypoints")
+    yield "edit"
+    review.press("Control+z", lambda: not review.session.project.corrected.edited.any())
+    open_panel(review, "Review")
+    suspects = until(lambda: review.page.gestures.reviewing.suspects, "the review queue")
+    (swapped,) = (s for s in suspects if "arms" in s.reason.lower())
+    review.app.post(lambda: review.page.gestures.reviewing.show(swapped))
+    settle(review)
+    yield "suspicious"
+    show(review, frames=range(58, 65))
+    review.press("i", lambda: review.session.project.corrected.edited[58:65].any())
+    settle(review)
+    until(lambda: errors_of_b(review)[60] < 6, "the curve of the corrected fit")
+    yield "corrected"
+    review.press("Control+z", lambda: not review.session.project.corrected.edited.any())
+    settle(review)
+    open_panel(review, "View")
+    show(review, frames=None, selection=(), mode="ab", difference=True, frame=112)
+    yield "compare"
+    show(review, mode="space", difference=False)
+    review.tab.locator("[data-tcfit='view.from'][data-value=side]").click()
+    settle(review)
+    yield "space"
 
 
 def first_look(review: Reviewing) -> Iterator[str]:
@@ -275,9 +384,13 @@ class Scene:
 
 SCENES = {
     "modes": Scene(shots=modes),
+    "compared": Scene(shots=compared),
+    "depth": Scene(shots=depth),
+    "timeline": Scene(shots=timeline),
     "correcting": Scene(shots=correcting),
     "panels": Scene(shots=panels),
     "fitting": Scene(shots=fitting),
+    "docs": Scene(shots=documentation),
     "read-only": Scene(shots=first_look, read_only=True),
     "no-fit": Scene(shots=first_look, make=without_fit),
     "no-video": Scene(shots=first_look, make=without_video),
@@ -286,14 +399,15 @@ SCENES = {
 """By what their pictures' names begin with."""
 
 
-def take(options: Screenshots, name: str, window: tuple[int, int], browser: "Browser") -> None:
+def take(options: Screenshots, name: str, window: tuple[int, int], theme: Theme, browser: "Browser") -> None:
     """Take the pictures of one scene."""
-    out = options.out / f"{window[0]}x{window[1]}"
+    out = options.out / f"{window[0]}x{window[1]}-{theme}"
     out.mkdir(parents=True, exist_ok=True)
     scene = SCENES[name]
     with tempfile.TemporaryDirectory() as folder:
         project = scene.make(options.project, Path(folder))
         with reviewing(project, browser, read_only=scene.read_only, title=TITLE) as review:
+            review.tab.emulate_media(color_scheme=theme)
             review.tab.set_viewport_size({"width": window[0], "height": window[1]})
             show(review, frame=options.frame)
             for shot in scene.shots(review):
@@ -309,8 +423,9 @@ def run(options: Screenshots) -> None:
         raise InputError(f"--scenes {' '.join(sorted(unknown))}: expected some of {', '.join(SCENES)}.")
     with chromium() as browser:
         for window in options.windows:
-            for name in options.scenes or SCENES:
-                take(options, name, window, browser)
+            for theme in options.themes:
+                for name in options.scenes or SCENES:
+                    take(options, name, window, theme, browser)
 
 
 if __name__ == "__main__":

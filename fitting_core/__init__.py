@@ -39,10 +39,10 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.errors import InputError as InputError
     from fitting_core.fit.events import Finished as Finished
     from fitting_core.fit.events import FitEvent as FitEvent
+    from fitting_core.fit.events import FramesFitted as FramesFitted
     from fitting_core.fit.events import Iteration as Iteration
     from fitting_core.fit.events import PhaseFinished as PhaseFinished
     from fitting_core.fit.events import PhaseStarted as PhaseStarted
-    from fitting_core.fit.events import WindowFinished as WindowFinished
     from fitting_core.fit.fitting import fit_clip as fit_clip
     from fitting_core.fit.fitting import fit_events as fit_events
     from fitting_core.fit.fitting import rerun_events as rerun_events
@@ -71,7 +71,7 @@ _HOMES = {
     "config.schema": ("PRESETS", "FitConfig", "ShapeSample", "SolverSettings", "Temporal", "Weights"),
     "config.toml": ("read_config",),
     "errors": ("InputError",),
-    "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "WindowFinished"),
+    "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "FramesFitted"),
     "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),
     "fit.objective_values": ("ObjectiveValues", "evaluate_objective"),
     "fit.result": ("FitResult", "PhaseResult"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Float
 
@@ -12,6 +12,13 @@ if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
     from torch import Tensor
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
+"""`Camera.source` of a guess."""
+FocalRule = Literal["auto", "diagonal"]
+"""What stands in for a focal length that nobody gave: what the images tell, or else an estimate from the clip; or the
+image's diagonal."""
+ESTIMATED = "estimated from the clip"
+"""How `Camera.source` begins where the focal length was estimated from what the person does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +36,11 @@ class Camera:
     """Image width and height in pixels."""
     source: str = "given"
     """Where the focal length comes from, in words for the user."""
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the focal length is known. Estimates are not: half of them are off by a factor of 1.4 or more."""
+        return self.source != DEFAULT_FOCAL and not self.source.startswith(ESTIMATED)
 
 
 def focal_from_fov(degrees: float, width: int) -> float:

@@ -77,6 +77,10 @@ LIMBS = [
 """The 12 limb keypoints on which pose errors are usually reported."""
 
 
+LOCKABLE = {INDEX["nose"]: "head"} | {INDEX[name]: name for name in ("neck", *(BODY_25[i] for i in LIMBS))}
+"""Keypoints by which a joint of the body can be locked as it is turned, and that joint's name."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Keypoints:
     """Detections of one person over a clip, in the order of NAMES.
@@ -90,20 +94,36 @@ class Keypoints:
     """0 (not detected) to 1."""
     by_hand: Bool[np.ndarray, "T 137"] | None = None
     """Which were placed by a person; None: none."""
+    depth: Float[np.ndarray, "T 137"] | None = None
+    """Metres behind the pelvis along the camera's z, as a person said; NaN where nobody did, None: nowhere.
+
+    It does not need a confidence: it says where the part is that has this name, detected or not.
+    """
+    turn: Float[np.ndarray, "T 137 3"] | None = None
+    """How the body's joint (see LOCKABLE) is turned against its parent, as a person said: axis-angle, radians; NaN
+    where nobody did, None: nowhere. It says nothing of the detection, and stays where sides are swapped back.
+    """
 
     def __post_init__(self) -> None:
         assert self.xy.shape[1:] == (COUNT, 2) and self.confidence.shape == self.xy.shape[:2]
         assert np.isfinite(self.xy).all() and np.isfinite(self.confidence).all()
         assert self.by_hand is None or self.by_hand.shape == self.confidence.shape
+        assert self.depth is None or self.depth.shape == self.confidence.shape
+        assert self.turn is None or self.turn.shape == (*self.confidence.shape, 3)
 
     @property
     def placed(self) -> Bool[np.ndarray, "T 137"]:
         """`by_hand`, where it is None too."""
         return np.zeros(self.confidence.shape, bool) if self.by_hand is None else self.by_hand
 
+    @property
+    def told_depth(self) -> Float[np.ndarray, "T 137"]:
+        """`depth`, where it is None too."""
+        return np.full(self.confidence.shape, np.nan) if self.depth is None else self.depth
+
     def __len__(self) -> int:
         return len(self.xy)
 
     def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> "Keypoints":
-        by_hand = None if self.by_hand is None else self.by_hand[frames]
-        return replace(self, xy=self.xy[frames], confidence=self.confidence[frames], by_hand=by_hand)
+        known = {name: array[frames] for name, array in vars(self).items() if array is not None}
+        return replace(self, **known)

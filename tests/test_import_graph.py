@@ -19,7 +19,7 @@ FLOORS = {
     "fitting_core": """
         errors keypoints
         camera config files body
-        clip metrics priors video
+        clip metrics priors video lifting ground
         fit
         io
         detect render synthetic
@@ -168,10 +168,19 @@ def test_a_fit_loads_only_what_it_needs():
     assert not used & {"io", "detect", "render", "synthetic", "measure", "build_assets"}
 
 
+def loaded_by(module: str) -> set[str]:
+    """Which of the packages that take long a module loads, in a new process."""
+    code = f"import sys, {module}; print(*{{'torch', 'viser', 'pyrender'}} & set(sys.modules))"
+    out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    return set(out.stdout.split())
+
+
 @pytest.mark.parametrize(
     "module", ["tcfit_app.cli.main", "fitting_core.config.schema", "fitting_core.camera", "fitting_core.clip"]
 )
 def test_light_modules_load_no_torch(module: str):
-    code = f"import sys, {module}; print(sorted({{'torch', 'viser', 'pyrender'}} & set(sys.modules)))"
-    out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    assert not loaded_by(module)
+
+
+def test_a_review_serves_its_page_before_torch_is_loaded():
+    assert loaded_by("tcfit_app.cli.review_command") == {"viser"}

@@ -39,6 +39,11 @@ class Weights:
     """Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper)."""
     limits: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Joints of body and fingers beyond their anatomical range, per radian (beyond the paper)."""
+    relative_position: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Depth of body keypoints, and the whole place of those that are not detected, relative to the pelvis against what
+    the lifter says, per standard deviation (beyond the paper)."""
+    held_position: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Feet that stand, in phase 3, against the place where they do, per standard deviation (beyond the paper)."""
     body_keypoints: Five = (1.0, 1.0, 1.0, 1.0, 1.0)
     """BODY_25 keypoints in the data term."""
     hand_keypoints: Five = (0.0, 0.0, 0.0, 0.1, 2.0)
@@ -117,6 +122,8 @@ class FitConfig:
     """rho of the Geman-McClure function for body keypoints, in pixels."""
     robust_pixels_fine: float = 100.0
     """The same for hands and face."""
+    robust_deviations: float = 2.0
+    """rho for relative positions, in standard deviations of what the lifter says."""
     robust_at_height: float | None = None
     """Image height to which both rho belong; they scale with the clip's own. None: pixels as they are."""
     neck_weight: float = 0.0
@@ -162,6 +169,10 @@ _TCFIT_WEIGHTS = replace(
     limits=(100.0,) * 5,
     bending=(0.0,) * 5,  # limits cover it: PA-MPJPE with and without 65.7 and 65.8, 56.0 and 55.8 mm on two views
     collision=(0.0,) * 5,
+    # What the lifter says, and feet that stand: a fifth off PA-MPJPE and a quarter off MPJPE of the motion suite
+    # (docs/accuracy.md). More weight takes along people who move unlike those the lifter learned from.
+    relative_position=(6.0,) * 5,
+    held_position=(10.0,) * 5,
     # 68 landmarks at weight 2 outvoted the body: betas went to the face's proportions and made a signer's body thin
     # (beta 3 at -1.0 instead of -0.3); reprojection is the same.
     face_keypoints=(0.0, 0.0, 0.0, 0.0, 0.5),
@@ -198,6 +209,15 @@ PRESETS: dict[str, FitConfig] = {
 }
 """smplifyx: phase 1 as SMPLify-X has it. paper: faithful to the paper. tcfit: what measures best; the default."""
 DEFAULT_PRESET = "tcfit"
+
+
+def fits_as_smplifyx(config: FitConfig) -> bool:
+    """Whether its first phase is what SMPLify-X does: preset smplifyx, with the term of self-collision or without."""
+    known = PRESETS["smplifyx"]
+    # What later phases do, when the fit stops, and what it is computed with change nothing of what phase 1 is.
+    beside = ("shape_sample", "temporal", "settings", "solver", "last_phase", "precision", "device")
+    same = replace(config, **{name: getattr(known, name) for name in beside})
+    return without_collisions(same) == without_collisions(known)
 
 
 def without_collisions(config: FitConfig) -> FitConfig:

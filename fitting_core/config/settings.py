@@ -19,6 +19,7 @@ import msgspec
 from fitting_core.config import schema as config_module
 from fitting_core.config.schema import POSE_PRIORS, FitConfig
 from fitting_core.errors import InputError
+from fitting_core.files.regular import at_home
 
 NONE = "none"
 """How a setting that can be left open is written: neither TOML nor a command line has a null."""
@@ -62,7 +63,7 @@ class Range:
 
     def __contains__(self, value: float) -> bool:
         inside = self.low < value < self.high if self.open else self.low <= value <= self.high
-        return inside and math.isfinite(value)
+        return inside and value != math.inf
 
     def __str__(self) -> str:
         if self.open:
@@ -91,6 +92,8 @@ RANGES: dict[str, Range] = {
     "limb_flips_every": Range(1),
 }
 """Numbers of all other settings are finite and 0 or more."""
+LARGEST = 1e12
+"""The largest number of any setting: the square of a larger one soon leaves the range of a float32."""
 
 
 @cache
@@ -218,18 +221,23 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
+def _number(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)[:40]
+
+
 def _check_ranges(config: FitConfig, origin: str, names: list[str]) -> None:
     for name in names:
         value = value_of(config, name)
         numbers = value if isinstance(value, tuple) else (value,)
         numbers = [n for n in numbers if isinstance(n, int | float) and not isinstance(n, bool)]
         allowed = RANGES.get(name, Range())
-        if wrong := [n for n in numbers if n not in allowed]:
-            raise InputError(f"{origin}: {name} is {wrong[0]:g}; expected {allowed}.")
+        if wrong := [n for n in numbers if n not in allowed or n > LARGEST]:
+            most = f", at most {LARGEST:g}" if wrong[0] > LARGEST else ""
+            raise InputError(f"{origin}: {name} is {_number(wrong[0])}; expected {allowed}{most}.")
         if value == ():
             raise InputError(f"{origin}: {name} is empty; expected at least one number, {allowed}.")
     prior = config.pose_prior
-    known = prior in POSE_PRIORS or (prior != "" and Path(prior).expanduser().exists())
+    known = prior in POSE_PRIORS or (prior != "" and at_home(prior).exists())
     if "pose_prior" in names and not known:
         raise InputError(
             f"{origin}: pose_prior is {prior!r}, neither a name nor an existing file; expected one of "

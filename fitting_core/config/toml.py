@@ -30,11 +30,19 @@ def preset(name: str, *, origin: str = "--preset") -> FitConfig:
 
 
 def read_config(path: Path, *, preset_name: str | None = None) -> FitConfig:
+    """The configuration of `read_named`, without the name of its preset."""
+    return read_named(path, preset_name=preset_name)[1]
+
+
+def read_named(path: Path, *, preset_name: str | None = None) -> tuple[str, FitConfig]:
     """Read a configuration: `preset = "..."` and any fields of FitConfig, those of its parts in tables.
 
     Args:
         path: TOML file.
         preset_name: Use this preset and not the file's own (which is DEFAULT_PRESET where it names none).
+
+    Returns:
+        The preset that it starts from, and the configuration.
 
     Raises:
         InputError: The file cannot be read, or holds an unknown name or a wrong value.
@@ -45,7 +53,7 @@ def read_config(path: Path, *, preset_name: str | None = None) -> FitConfig:
         raise InputError(f"{path}: cannot be read ({error.strerror}). Give a configuration in TOML.") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is no text in UTF-8. Give a configuration in TOML.") from error
-    return parsed(text, origin=path.name, preset_name=preset_name)[1]
+    return parsed(text, origin=path.name, preset_name=preset_name)
 
 
 def parsed(text: str, *, origin: str, preset_name: str | None = None) -> tuple[str, FitConfig]:

@@ -12,6 +12,7 @@ import platformdirs
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import at_home
 
 _SERVER = "https://download.openmmlab.com/mmpose/v1/projects"
 _POSE_LICENCE = "Apache-2.0 (MMPose)"
@@ -116,7 +117,7 @@ def find_model(given: str, folder: Path | None = None) -> Path:
     Raises:
         InputError: There is no such file, or the known model is not on this computer.
     """
-    path = Path(given).expanduser()
+    path = at_home(given)
     if given not in KNOWN_MODELS or path.is_file():
         if not path.is_file():
             raise InputError(

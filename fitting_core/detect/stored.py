@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -12,7 +11,8 @@ from jaxtyping import Float
 from fitting_core.detect.boxes import Boxes
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.files.npz import write_npz
+from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.files.regular import regular_file
 
 _SETTINGS = "settings.json"
 _VERSION = 1
@@ -74,7 +74,7 @@ class StoredDetection:
     def settings(self) -> DetectionSettings | None:
         """Those of the detection that was begun here; None without one that can be gone on with."""
         try:
-            return DetectionSettings(**json.loads((self.folder / _SETTINGS).read_text(encoding="utf-8")))
+            return DetectionSettings(**json.loads(regular_file(self.folder / _SETTINGS).read_text(encoding="utf-8")))
         except (OSError, ValueError, TypeError):
             return None
 
@@ -116,7 +116,7 @@ class StoredDetection:
 
     def _read(self, name: str, keys: tuple[str, ...]) -> dict[str, np.ndarray] | None:
         try:
-            with np.load(self.folder / f"{name}.npz", allow_pickle=False) as archive:
-                return {key: archive[key] for key in keys}
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+            arrays = read_npz(self.folder / f"{name}.npz", keys)
+            return {key: arrays[key] for key in keys}
+        except (OSError, KeyError, ValueError):
             return None  # not there, or damaged: it is made again

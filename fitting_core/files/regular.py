@@ -4,6 +4,7 @@ Opening a named pipe waits for somebody who writes, and a device like /dev/zero 
 without opening them.
 """
 
+import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -63,3 +64,8 @@ def regular_file(path: Path, *, most: int | None = MAX_BYTES) -> Path:
 def legible(name: str) -> str:
     """A name as text: what is not UTF-8 in it, as file names may have it, becomes question marks in diamonds."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+
+
+def at_home(path: str | Path) -> Path:
+    """A path with the user's folder for a leading ~; where there is no such user it stays, as in a shell."""
+    return Path(os.path.expanduser(path))

@@ -22,7 +22,7 @@ class Iteration:
 
     phase: int
     label: str
-    """Which part of the phase, for the user: "camera", "stage 3", "relay 1", "window 12"."""
+    """Which part of the phase, for the user: "placing the body", "stage 3 of 5", "window 12 of 90, stage 5 of 5"."""
     share: float
     """How much of the phase is done, 0 to 1, as far as that can be told."""
     cost: float
@@ -32,11 +32,13 @@ class Iteration:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindowFinished:
-    """Frames that are final in a sliding window's phase 3."""
+class FramesFitted:
+    """Frames have a fit that can be looked at: a first one in phase 1, the last one in a sliding window's phase 3."""
 
+    phase: int
     frames: range
     params: BodyParams
+    """Of these frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,7 @@ class Finished:
     result: FitResult
 
 
-FitEvent = PhaseStarted | Iteration | WindowFinished | PhaseFinished | Finished
+FitEvent = PhaseStarted | Iteration | FramesFitted | PhaseFinished | Finished
 
 
 Value = TypeVar("Value")

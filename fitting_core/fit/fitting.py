@@ -19,20 +19,23 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import (
     Finished,
     FitEvent,
+    FramesFitted,
     Iteration,
     PhaseFinished,
     PhaseStarted,
-    WindowFinished,
     drained,
     mapped,
 )
-from fitting_core.fit.observations import SEEN
+from fitting_core.fit.grounded import grounded, stances_of_params
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
+from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
 from fitting_core.fit.phases.shared_shape import fit_shape
+from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.fit.sides import SEEN
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
@@ -123,19 +126,26 @@ def rerun_events(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
     near = coupled(frames, len(clip))
-    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate).within(near)
+    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = whole.within(near)
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
     moving = range(frames.start - near.start, frames.stop - near.start)
+    inner, before = slice(moving.start, moving.stop), params.to(dtype=torch.float64)
+
+    def with_fresh(state: State) -> BodyParams:
+        return before.with_frames(frames, stages.parametrisation.to_params(state[inner]))
+
+    def held(state: State) -> Stages | None:
+        holding = _holding_feet(whole, clip, with_fresh(state))
+        return holding and holding.within(near)
+
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
-    state = yield from _events(consistency.rerun(state, moving), 3)
-    inner = slice(moving.start, moving.stop)
-    fresh = stages.parametrisation.to_params(state[inner])
-    again = Provenance(np.full(len(frames), Start.AGAIN, np.uint8), consistency.stopped[inner])
-    return Refit(
-        params=params.to(dtype=torch.float64).with_frames(frames, fresh),
-        provenance=Provenance.unknown(len(clip)).with_frames(frames, again),
-    )
+    state = mirrored_as_told(stages, state, stages.all_frames[inner])
+    again = _twice(lambda state: consistency.rerun(state, moving), consistency, state, held)
+    state = yield from _events(again, 3)
+    known = Provenance(np.full(len(frames), Start.AGAIN, np.uint8), consistency.stopped[inner])
+    return Refit(params=with_fresh(state), provenance=Provenance.unknown(len(clip)).with_frames(frames, known))
 
 
 @_on_one_thread
@@ -160,7 +170,7 @@ class _Fit:
     """One fit: what is constant over its phases, and the phases finished so far."""
 
     def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
-        self.clip, self.config = clip, config
+        self.clip, self.body, self.config = clip, body, config
         self.stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
         if not bool(self.stages.observations.usable.any()):
             raise InputError(
@@ -224,7 +234,12 @@ class _Fit:
         start = time.perf_counter()
         consistency = Consistency(self.stages, self.solver)
         mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
-        state = yield from _events(mode[self.config.temporal.mode](state), 3)
+        run, to_params = mode[self.config.temporal.mode], self.stages.parametrisation.to_params
+
+        def held(state: State) -> Stages | None:
+            return _holding_feet(self.stages, self.clip, to_params(state))
+
+        state = yield from _events(_twice(run, consistency, state, held), 3)
         before = self.provenance or Provenance.unknown(len(state))
         self.provenance = replace(before, stopped=consistency.stopped)
         yield self._finish(3, state, start, tuple(consistency.notes))
@@ -249,7 +264,7 @@ class _Fit:
         return PhaseFinished(phase=phase, result=result, so_far=self._result())
 
     def _result(self) -> FitResult:
-        return FitResult(
+        result = FitResult(
             phases=tuple(self.phases),
             camera=self.clip.camera,
             config=self.config,
@@ -259,8 +274,37 @@ class _Fit:
                 *self.clip.notes,
                 *_swap_notes(self.stages, self.clip.first_frame),
                 *(note for p in self.phases for note in p.notes),
+                *doubts(self.clip, self.phases[-1].params),
             ),
         )
+        return grounded(result, self.clip, self.body)
+
+
+def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
+    """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
+    if not any(stages.config.weights.held_position):
+        return None
+    stances = stances_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
+    return None if stances is None else stages.holding(stances)
+
+
+def _twice(
+    run: Callable[[State], Generator[Step, None, State]],
+    consistency: Consistency,
+    state: State,
+    held: Callable[[State], Stages | None],
+) -> Generator[Step, None, State]:
+    """Phase 3, and again with the feet held where they stand after it, if there are any.
+
+    What phase 1 left is too far off in depth to be held.
+    """
+    if not any(consistency.stages.config.weights.held_position):
+        return (yield from run(state))
+    state = yield from mapped(run(state), lambda step: step.between(0.0, 0.5))
+    if (stages := held(state)) is None:
+        return state
+    consistency.stages = stages
+    return (yield from mapped(run(state), lambda step: step.between(0.5, 1.0)))
 
 
 def evaluated(
@@ -367,8 +411,8 @@ def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitE
     sampling = TermSampling()
 
     def event(step: Step) -> FitEvent:
-        if step.final is not None:
-            return WindowFinished(frames=step.final[0], params=step.final[1])
+        if step.fitted is not None:
+            return FramesFitted(phase=phase, frames=step.fitted[0], params=step.fitted[1])
         return Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
 
     return (yield from mapped(steps, event))

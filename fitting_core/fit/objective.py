@@ -14,13 +14,22 @@ from torch import Tensor
 from fitting_core.body.model import POSE_COLUMNS
 from fitting_core.fit.fused.ready import fused_frames
 from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.positions import RelativePosition
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate, View
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Free, State
 
-CHUNK = 8
-"""Frames whose Jacobians are formed together: (frames, 274, 116) float64 must stay in the cache."""
+_EVALUATED = 512
+"""Frames whose costs by term are evaluated together: 35 kB a frame."""
+
+
+def jacobians_at_once(device: torch.device) -> int:
+    """Frames whose Jacobians are formed together.
+
+    On a processor (frames, 274, 116) float64 must stay in the cache; a GPU takes few large operations, as many as fit.
+    """
+    return 8 if device.type == "cpu" else 512
 
 
 @dataclass(frozen=True)
@@ -69,17 +78,34 @@ class FrameObjective:
         other.fused = None if self.fused is None else self.fused.with_data(data)
         return other
 
+    @property
+    def relative_position(self) -> RelativePosition:
+        """The term of positions relative to the pelvis, of which something must be known."""
+        return next(term for term in self.terms if isinstance(term, RelativePosition))
+
+    def with_relative_position(self, term: RelativePosition) -> "FrameObjective":
+        """The same with other positions relative to the pelvis."""
+        other = copy(self)
+        other.terms = [term if old is self.relative_position else old for old in self.terms]
+        other.fused = None if self.fused is None else fused_frames(other.terms, self.view, self.free, self.index)
+        return other
+
     def costs(self, state: State, frames: Int[Tensor, "B"]) -> dict[str, Float[Tensor, "B"]]:
         """E of each frame by term."""
-        return costs_of(self.terms, Estimate(self.view, state, frames))
+        index = torch.arange(len(frames), device=frames.device)
+        parts = [costs_of(self.terms, Estimate(self.view, state[i], frames[i])) for i in index.split(_EVALUATED)]
+        return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
     def coupled_costs(self, state: State) -> dict[str, float]:
         """Terms over time, each summed over a clip of which `state` holds all frames; 0 where it is too short."""
-        frames = torch.arange(len(state), device=state.vector.device)
-        costs = costs_of(
-            [term for term in self.coupling if len(state) > 2 * term.reach], Estimate(self.view, state, frames)
-        )
-        return {term.name: float(costs[term.name].sum()) if term.name in costs else 0.0 for term in self.coupling}
+        return {term.name: self._coupled_cost(term, state) for term in self.coupling}
+
+    def _coupled_cost(self, term: Term, state: State) -> float:
+        frames, total = torch.arange(len(state), device=state.vector.device), 0.0
+        for start in range(0, len(state) - 2 * term.reach, _EVALUATED):
+            i = frames[start : start + _EVALUATED + 2 * term.reach]
+            total += float(term.residual(Estimate(self.view, state[i], i)).square().sum())
+        return total
 
     def shared_costs(self, state: State) -> dict[str, Float[Tensor, "1"]]:
         """Terms that count once, from any one frame."""
@@ -131,9 +157,10 @@ class FrameObjective:
         return Normal(known.cost + rest.cost, known.gradient + rest.gradient, known.matrix + rest.matrix)
 
     def _in_chunks(self, state: State, frames: Tensor, terms: list[Term]) -> Normal:
+        index = torch.arange(len(frames), device=frames.device)
         parts = [
             self._normal(Estimate(self.view, state[i], frames[i]), terms)
-            for i in torch.arange(len(frames)).split(CHUNK)
+            for i in index.split(jacobians_at_once(frames.device))
         ]
         return Normal(
             torch.cat([p.cost for p in parts]),

@@ -1,4 +1,4 @@
-"""Which detections count, and how much: what an image's border makes up, swapped sides, and what is seen at all."""
+"""Which detections count, and how much: what an image's border makes up, and what is seen at all."""
 
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
@@ -9,20 +9,30 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
+from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.sides import PAIRED, SEEN, unswapped
+from fitting_core.fit.stances import Stances
 from fitting_core.keypoints import Keypoints
+from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 BORDER = 0.015
 """Share of the image height: a detection nearer to the border is one of a part that lies beyond it."""
 LONE_HIP = 0.5
 """Confidence that a hip needs where its knee is not seen."""
-SEEN = 0.2
-"""Confidence from which a keypoint counts as seen, where a yes or no is needed."""
+UNSURE = 0.25
+"""Metres of standard deviation from which the lifter has no say about a keypoint."""
+ENDS = 1.7
+"""By how much more the lifter may be off about elbows, wrists, ankles and feet that are detected than it says: it was
+by two deviations on balancing people, who move unlike those that it learned from, and took the fit along."""
+TOLD = 0.02
+"""Metres of standard deviation of a depth that a person says: as near as a front view next to the picture shows it."""
 USABLE = 4
 """Body keypoints that a frame must show to say where the person is."""
 
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
 _LEGS = [[kp.INDEX[f"{side}_hip"], kp.INDEX[f"{side}_knee"]] for side in ("left", "right")]
+_IS_END = np.array([n.endswith(("elbow", "wrist", "ankle", "toe", "heel")) for n in kp.BODY_25])
 _OF_CLIP = {"of the whole clip": True}
 """Marks a field that the whole clip decides: its parts keep it as it is."""
 
@@ -50,6 +60,19 @@ class Observations:
     """Whether both hips are."""
     leg_seen: Bool[Tensor, "T"]
     """Whether hip and knee of one side are."""
+    relative_position: Float[Tensor, "T 137 3"]
+    """Where each keypoint's part of the body lies relative to the pelvis, metres in camera axes, as far as anything but
+    the image says so."""
+    relative_position_deviation: Float[Tensor, "T 137 3"]
+    """Standard deviation of that, metres; infinite where nothing is known, and for x and y of what is detected."""
+    told: Bool[Tensor, "T 137"]
+    """Keypoints whose relative z a person has said; the lifter has no say in it."""
+    held_position: Float[Tensor, "T 137 3"]
+    """Where each keypoint's part of the body is held, metres in camera space."""
+    held_position_deviation: Float[Tensor, "T 137"]
+    """Standard deviation of that, metres; infinite where nothing is held."""
+    turn: Float[Tensor, "T 137 3"]
+    """How joints are turned, as far as a person says it (`Keypoints.turn`); NaN elsewhere."""
     shown: Bool[Tensor, "137"] = field(metadata=_OF_CLIP)
     """Keypoints that any frame of the clip shows."""
 
@@ -80,6 +103,10 @@ class Observations:
             as_tensor(a, dtype=dtype, device=device) for a in (keypoints.xy, keypoints.confidence, side)
         )
         seen = (confidence > SEEN) & (sides == 0).all(-1)
+        depth = as_tensor(keypoints.told_depth, dtype=dtype, device=device)
+        told, turn = depth.isfinite(), keypoints.turn
+        position, deviation = (xy.new_full((*confidence.shape, 3), value) for value in (0.0, torch.inf))
+        position[..., 2], deviation[..., 2] = torch.where(told, depth, 0.0), torch.where(told, TOLD, deviation[..., 2])
         return Observations(
             keypoints=keypoints,
             swapped=swapped,
@@ -89,8 +116,38 @@ class Observations:
             seen=seen,
             hips_seen=seen[:, _HIPS].all(1),
             leg_seen=torch.stack([seen[:, leg].all(1) for leg in _LEGS]).any(0),
+            relative_position=position,
+            relative_position_deviation=deviation,
+            told=told,
+            held_position=xy.new_zeros(*confidence.shape, 3),
+            held_position_deviation=torch.full_like(confidence, torch.inf),
+            turn=torch.full_like(position, torch.nan) if turn is None else as_tensor(turn, dtype=dtype, device=device),
             shown=(confidence > 0).any(0),
         )
+
+    def lifted(self, camera: Camera, frame_rate: float) -> "Observations":
+        """The same with what the lifter says of body keypoints, as far as no person says it.
+
+        Args:
+            camera: of the clip.
+            frame_rate: frames per second.
+        """
+        lifted = lifted_keypoints(self.keypoints, camera, frame_rate)
+        undetected = self.keypoints.confidence[:, kp.BODY] == 0
+        deviation = lifted.depth_deviation * np.where(_IS_END & ~undetected, ENDS, 1.0)
+        deviation = np.where(deviation < UNSURE, deviation, np.inf)
+        position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
+        position[:, kp.BODY] = torch.as_tensor(lifted.points).to(position)
+        deviations[:, kp.BODY, 2] = torch.as_tensor(deviation).to(position)
+        deviations[:, kp.BODY, :2] = torch.as_tensor(np.where(undetected, deviation, np.inf)).to(position)[..., None]
+        position[..., 2] = torch.where(self.told, self.relative_position[..., 2], position[..., 2])
+        deviations[..., 2] = torch.where(self.told, self.relative_position_deviation[..., 2], deviations[..., 2])
+        return replace(self, relative_position=position, relative_position_deviation=deviations)
+
+    def held(self, stances: Stances) -> "Observations":
+        """The same with feet held where they stand."""
+        position, deviation = (torch.as_tensor(a).to(self.xy) for a in (stances.position, stances.deviation))
+        return replace(self, held_position=position, held_position_deviation=deviation)
 
     def __len__(self) -> int:
         return len(self.keypoints)
@@ -112,6 +169,28 @@ class Observations:
     def usable(self) -> Bool[Tensor, "T"]:
         """Frames with enough confident keypoints to say where the person is."""
         return self.seen[:, kp.BODY].sum(1) >= USABLE
+
+
+def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) -> LiftedClip:
+    """What the lifter says.
+
+    Args:
+        keypoints: of a clip, with swapped sides swapped back.
+        camera: of the clip.
+        frame_rate: frames per second.
+    """
+    confidence = seen_confidence(keypoints, camera.size)
+    return lift(keypoints.xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
+
+
+def seen_confidence(keypoints: Keypoints, size: tuple[int, int]) -> Float[np.ndarray, "T 137"]:
+    """Confidences, and 0 of what the image cuts off: detectors put it onto the border.
+
+    Args:
+        keypoints: the detections.
+        size: image width and height in pixels.
+    """
+    return np.where((cut_off(keypoints, size) != 0).any(-1), 0.0, keypoints.confidence)
 
 
 def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Tensor:
@@ -148,78 +227,3 @@ def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 1
     side[no_leg, kp.INDEX["mid_hip"], 1] = 1
     side[(keypoints.confidence == 0) | keypoints.placed] = 0
     return side
-
-
-_HAND = [kp.LEFT_HAND.start + i for i in range(21)], [kp.RIGHT_HAND.start + i for i in range(21)]
-PAIRED = {
-    "arms": (
-        [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]],
-        [kp.INDEX["right_elbow"], kp.INDEX["right_wrist"]],
-        _HAND,
-    ),
-    "legs": (
-        [kp.INDEX[f"left_{n}"] for n in ("knee", "ankle", "big_toe", "small_toe", "heel")],
-        [kp.INDEX[f"right_{n}"] for n in ("knee", "ankle", "big_toe", "small_toe", "heel")],
-        ([], []),
-    ),
-}
-"""Left and right keypoints of a pair of limbs, the first two of which tell whether it is swapped; what goes along."""
-_SWAP_PRICE = 0.5
-"""What a change of sides must save: half the distance of the two sides, summed over the telling keypoints."""
-
-
-def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray, "n"]]]:
-    """The keypoints with left and right limbs swapped back where a detector swapped them for some frames.
-
-    A swap makes both limbs jump across the body and back. For each pair of limbs, the sequence of "as detected" and
-    "swapped" of least total movement is found by dynamic programming; "as detected" is what holds for most frames.
-    Frames where a person placed elbows and wrists (or knees and ankles) of both sides stay as they are. A single one
-    that was placed goes with the others: it was nudged where it is, and not called left.
-
-    Returns:
-        The corrected keypoints, and the frames that were swapped back, by pair.
-    """
-    xy, confidence, placed = keypoints.xy.copy(), keypoints.confidence.copy(), keypoints.placed.copy()
-    swaps = {}
-    for name, (left, right, others) in PAIRED.items():
-        sides = [left[:2], right[:2]]
-        settled = np.all(keypoints.placed[:, sides], axis=(1, 2))
-        telling = np.all(keypoints.confidence[:, sides] > SEEN, axis=1) & ~settled[:, None]
-        frames = _swapped_frames(keypoints.xy[:, sides], telling)
-        frames = frames[~settled[frames]]
-        if len(frames):
-            one, other = [*left, *others[0]], [*right, *others[1]]
-            for values in (xy, confidence, placed):
-                values[np.ix_(frames, one + other)] = values[np.ix_(frames, other + one)]
-            swaps[name] = frames
-    return Keypoints(xy=xy, confidence=confidence, by_hand=placed), swaps
-
-
-def _swapped_frames(xy: Float[np.ndarray, "T 2 n 2"], telling: Bool[np.ndarray, "T n"]) -> Int[np.ndarray, "m"]:
-    """Frames to swap: the shortest path through two states, the more frequent one being "as detected".
-
-    Frames that tell nothing go with their neighbours where these agree.
-
-    Args:
-        xy: Left and right keypoints, pixels.
-        telling: Whether both sides of a keypoint are known.
-    """
-    known = np.flatnonzero(telling.any(1))
-    if len(known) < 3:
-        return known[:0]
-    points, both = xy[known], telling[known][1:] & telling[known][:-1]
-    apart = (np.linalg.norm(points[:, 0] - points[:, 1], axis=-1) * telling[known]).sum(1)
-    same = (np.linalg.norm(points[1:] - points[:-1], axis=-1).sum(1) * both).sum(1)
-    crossed = (np.linalg.norm(points[1:] - points[:-1, ::-1], axis=-1).sum(1) * both).sum(1)
-    price = _SWAP_PRICE * np.minimum(apart[1:], apart[:-1])
-    total, came_from = np.zeros(2), []
-    for stay, change in zip(same, crossed + price, strict=True):
-        options = total[:, None] + np.array([[stay, change], [change, stay]])
-        came_from.append(options.argmin(0))
-        total = options.min(0)
-    state = [int(total.argmin())]
-    for choice in reversed(came_from):
-        state.append(int(choice[state[-1]]))
-    path = np.array(state[::-1], float)
-    everywhere = np.interp(np.arange(len(xy)), known, path if path.mean() < 0.5 else 1 - path)
-    return np.flatnonzero(everywhere == 1)

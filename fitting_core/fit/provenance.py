@@ -71,7 +71,7 @@ STOPS: dict[int, str] = {
     Stopped.CONVERGED: "the cost fell no further",
     Stopped.ITERATIONS: "the limit of iterations was reached",
     Stopped.STALLED: "no step lowered the cost any more",
-    Stopped.FAILED: "it had no finite cost",
+    Stopped.FAILED: "its keypoints could not be fitted",
     Stopped.EMPTY: "it shows too few keypoints to be fitted",
 }
 """What "stopped because ..." goes on with."""

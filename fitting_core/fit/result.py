@@ -9,6 +9,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.provenance import Provenance
+from fitting_core.ground.grounding import Grounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +41,8 @@ class FitResult:
     warnings: tuple[str, ...] = ()
     pose_prior: str = ""
     """Its title; of a latent one with the hash of its weights."""
+    grounding: Grounding | None = None
+    """Gravity, contacts of the feet and the floor; None where it is not known, as for files of earlier versions."""
 
     @property
     def last(self) -> PhaseResult:

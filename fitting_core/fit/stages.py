@@ -17,8 +17,10 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.observations import Observations
+from fitting_core.fit.stances import Stances
 from fitting_core.fit.terms.collision.term import CollidingBody
 from fitting_core.fit.terms.data import Data
+from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.table import Setting, camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
@@ -95,6 +97,13 @@ IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
 N_STAGES = 5
 
+_TOLD_WEIGHT = 6.0
+"""Of what a person says of depth, in every stage and configuration: the lifter's in those that ask it. An elbow or a
+wrist that is 10 cm off costs as much as some 30 px in the image without the robust function, and a prior gives way."""
+_TOLD_FAR = 200.0
+"""rho for that, in standard deviations: 4 m, so that it pulls from wherever the limb is. A person is no outlier."""
+_HELD_FAR = 30.0
+"""rho for feet that are held, in their standard deviations: phase 3 starts some 0.2 m from where they will stand."""
 _TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
 _HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "left_ear")]
 
@@ -133,13 +142,20 @@ class Stages:
             frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
+        observations = Observations.of(keypoints, camera.size, config, dtype=fitted.dtype, device=fitted.device)
+        if any(config.weights.relative_position):
+            observations = observations.lifted(camera, frame_rate)
         return Stages(
-            observations=Observations.of(keypoints, camera.size, config, dtype=fitted.dtype, device=fitted.device),
+            observations=observations,
             camera=camera,
             fitted=fitted,
             config=config,
             temporal_weight=config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0),
         )
+
+    def holding(self, stances: Stances) -> "Stages":
+        """The same with feet held where they stand."""
+        return replace(self, observations=self.observations.held(stances))
 
     def within(self, frames: range) -> "Stages":
         """The same for a part of the clip, which counts as a clip: at a cost that does not grow with the whole.
@@ -192,8 +208,19 @@ class Stages:
         return self.fitted.known & self.observations.shown
 
     @cached_property
+    def _is_depth(self) -> Bool[Tensor, "3"]:
+        return torch.tensor([False, False, True], device=self.device)
+
+    def _told(self, stage: int) -> Bool[Tensor, "137"]:
+        """Keypoints of which anything but the image says in this stage where they are, in any frame."""
+        o = self.observations
+        lifted = o.relative_position_deviation.isfinite().any(2)
+        return (lifted if self.config.weights.relative_position[stage - 1] else o.told).any(0)
+
+    @cached_property
     def setting(self) -> Setting:
         """What the terms are made from."""
+        told = self.observations.relative_position_deviation.isfinite().any(2)
         return Setting(
             config=self.config,
             body=self.body,
@@ -201,8 +228,9 @@ class Stages:
             xy=self.xy,
             leg_seen=self.observations.leg_seen,
             hands_shown=self.has(kp.HANDS),
-            observed=self.observed,
+            turned=self.fitted.turned_by(self.observations.seen | told),
             temporal_weight=self.temporal_weight,
+            turn=self.observations.turn,
             colliding=lambda: self.fitted.colliding,
         )
 
@@ -219,14 +247,19 @@ class Stages:
         weights[kp.FACE] = w.face_keypoints[stage - 1]
         return weights
 
-    def _select(self, joint_weights: Float[Tensor, "T 137"]) -> _Selection:
+    def _select(self, joint_weights: Float[Tensor, "T 137"], chosen: Bool[Tensor, "137"]) -> _Selection:
         weight = self.observations.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1])
-        used = ((joint_weights > 0).any(0) & self._shown).nonzero()[:, 0]
+        used = ((joint_weights > 0).any(0) & chosen).nonzero()[:, 0]
         return _Selection(used, weight[:, used])
 
-    def data_keypoints(self, stage: int) -> Int[Tensor, "N"]:
-        """Which keypoints a stage's data term looks at."""
-        return self._select(self._joint_weights(stage).expand(len(self), -1)).indices
+    def _selection(self, stage: int) -> _Selection:
+        """Keypoints that are shown, or of which anything else tells where they are."""
+        chosen = self._shown | (self._told(stage) & self.fitted.known)
+        return self._select(self._joint_weights(stage).expand(len(self), -1), chosen)
+
+    def looked_at(self, stage: int) -> Int[Tensor, "N"]:
+        """Which keypoints a stage's data term and relative positions are of."""
+        return self._selection(stage).indices
 
     def view(self, indices: Int[Tensor, "N"], state: State | None) -> View:
         """These keypoints on the body, before the camera; `state` decides the face contour's tables, if it is given."""
@@ -241,6 +274,26 @@ class Stages:
         fine = (i >= kp.HANDS.start)[:, None]
         rho = scale * torch.where(fine, config.robust_pixels_fine, config.robust_pixels).to(o.xy)
         return Data(o.xy[:, i], selection.weight, o.side[:, i], rho)
+
+    def _relative_position(self, selection: _Selection, stage: int) -> list[RelativePosition]:
+        """Of the same keypoints, as far as it is known."""
+        i, o, config = selection.indices, self.observations, self.config
+        lifter, robust = self.xy.new_tensor([config.weights.relative_position[stage - 1], config.robust_deviations])
+        deviation, told = o.relative_position_deviation[:, i], o.told[:, i, None] & self._is_depth
+        weight = torch.where(told, _TOLD_WEIGHT, lifter) / deviation
+        if not bool(weight.any()):
+            return []
+        rho = torch.where(deviation.isfinite(), torch.where(told, _TOLD_FAR, robust) * deviation, 1.0)
+        return [RelativePosition(o.relative_position[:, i], weight, rho, self.fitted.rest_joints[0])]
+
+    def _held_position(self, selection: _Selection, stage: int) -> list[HeldPosition]:
+        """Of the same keypoints, where they are held."""
+        i, o, weight = selection.indices, self.observations, self.config.weights.held_position[stage - 1]
+        deviation = o.held_position_deviation[:, i, None].expand(-1, -1, 3)
+        if not weight or not bool(deviation.isfinite().any()):
+            return []
+        rho = torch.where(deviation.isfinite(), _HELD_FAR * deviation, 1.0)
+        return [HeldPosition(o.held_position[:, i], weight / deviation, rho)]
 
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.
@@ -268,8 +321,9 @@ class Stages:
             state: all frames of the clip; where it stands decides the face contour's tables, which then stay.
             free: what moves.
         """
-        selection = self._select(self._joint_weights(stage).expand(len(self), -1))
-        terms = [self._data(selection), *stage_terms(self.setting, stage)]
+        selection = self._selection(stage)
+        positions = [*self._relative_position(selection, stage), *self._held_position(selection, stage)]
+        terms = [self._data(selection), *positions, *stage_terms(self.setting, stage)]
         return FrameObjective(terms, self.view(selection.indices, state), free)
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
@@ -282,7 +336,7 @@ class Stages:
         headed = torch.zeros_like(weights)
         headed[:, _HEAD] = 1
         weights = torch.where(self.observations.hips_seen[:, None], weights, weights + headed)
-        selection = self._select(weights)
+        selection = self._select(weights, self._shown)
         terms = [self._data(selection), *camera_terms(self.setting, depth)]
         free = Free(body=False, hands=False, face=False, betas=False)
         return FrameObjective(terms, self.view(selection.indices, None), free)

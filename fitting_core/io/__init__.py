@@ -68,32 +68,41 @@ def read_detections(path: Path) -> Detections:
 
 
 def read_motion(
-    path: Path, *, person: int = 0, gender: str | None = None, decode: "Decode | None" = None
+    path: Path, *, person: int | None = None, gender: str | None = None, decode: "Decode | None" = None
 ) -> "ImportedMotion":
-    """Read the motion of a body: SMPLify-X results, or an npz of SMPL-X, AMASS or tcfit. The content tells which.
+    """Read the motion of a body: SMPLify-X results, an npz of SMPL-X, AMASS or tcfit, or a result of a learned system.
+
+    The content tells which.
 
     Args:
-        path: An npz; or a folder of results, a zip or tar of one, one of its pickles.
-        person: Of SMPLify-X results, the number of the pickle in each frame.
+        path: An npz, or the folder of a fit by tcfit; or a folder of SMPLify-X results, a zip or tar of one, one of its
+            pickles; or what a system of `learned.systems` wrote.
+        person: Number of one of several people; None: who is in most frames, or of SMPLify-X results 0.
         gender: Of the body, which SMPLify-X does not tell; None: as the files say.
         decode: For SMPLify-X results: from VPoser's numbers to axis-angle; None: there is none here.
 
     Raises:
         InputError: There is no such path, its format is not known, or its content is broken.
     """
+    from fitting_core.io.motion.learned.systems import SYSTEMS, read_learned
     from fitting_core.io.motion.smplifyx import read_smplifyx
     from fitting_core.io.motion.smplx_npz import read_smplx_npz
+    from fitting_core.io.result_files import FIT_NAME
 
     if not path.exists():
         raise InputError(f"{path}: there is no such file or folder; expected the result of a fit.")
+    if (path / FIT_NAME).is_file():
+        path = path / FIT_NAME
+    if (learned := read_learned(path, person=person, gender=gender)) is not None:
+        return learned
     if path.is_file() and _holds_arrays(path):
         return read_smplx_npz(path)
     if path.is_file() and not _may_hold_results(path):
         raise InputError(
-            f"{path}: is no result of a fit that can be read. Expected SMPLify-X's output folder, a zip of it, or an "
-            "npz of SMPL-X or AMASS."
+            f"{path}: is no result of a fit that can be read. Expected SMPLify-X's output folder, a zip of it, an "
+            f"npz of SMPL-X or AMASS, or a result of {', '.join(system.title for system in SYSTEMS)}."
         )
-    return read_smplifyx(path, person=person, gender=gender, decode=decode)
+    return read_smplifyx(path, person=person or 0, gender=gender, decode=decode)
 
 
 def _may_hold_results(path: Path) -> bool:

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable
+from typing import get_args
 
-from fitting_core.camera import Camera, default_focal, focal_from_35mm, focal_from_fov
+from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalRule, default_focal, focal_from_35mm, focal_from_fov
 from fitting_core.errors import InputError
 
 _FOV_RANGE = (0.5, 170.0)
@@ -17,27 +18,32 @@ FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] 
     "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm, as given"),
 }
 """By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
-_DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
 _MAX_CENTER = 2.0
 """Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
 
 
-def focal_option(options: dict[str, float | None]) -> tuple[str, float] | None:
-    """The one way of FOCAL_OPTIONS that is given, and its value; None for none.
+def focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, float] | None:
+    """The one way of FOCAL_OPTIONS that is given, and its value; None for none, or for a rule.
 
     Raises:
         InputError: More than one is given, or something that is no focal length.
     """
+    rules = get_args(FocalRule)
     given = {name: value for name, value in options.items() if value is not None}
     if len(given) > 1:
-        listed = " and ".join(f"{name}={value:g}" for name, value in given.items())
+        listed = " and ".join(f"{n}={v}" if isinstance(v, str) else f"{n}={v:g}" for n, v in given.items())
         raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
-    for name, value in given.items():
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value:g}; expected a positive number.")
-        if name == "fov" and value > _FOV_RANGE[1]:
-            raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
-    return next(iter(given.items()), None)
+    name, value = next(iter(given.items()), ("", None))
+    if value is None or (name == "focal_length" and value in rules):
+        return None
+    if isinstance(value, str):
+        more = f", {' or '.join(rules)}" if name == "focal_length" else ""
+        raise InputError(f"{name} is {value!r}; expected a number{more}.")
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{name} is {value:g}; expected a positive number.")
+    if name == "fov" and value > _FOV_RANGE[1]:
+        raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
+    return name, value
 
 
 def camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
@@ -47,7 +53,7 @@ def camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: 
         InputError: It sees an angle that no camera sees, or its principal point lies far from the image.
     """
     if focal is None:
-        pixels, source = default_focal(size), _DEFAULT_FOCAL
+        pixels, source = default_focal(size), DEFAULT_FOCAL
     else:
         to_focal, words = FOCAL_OPTIONS[focal[0]]
         pixels, source = to_focal(focal[1], size), words.format(focal[1])

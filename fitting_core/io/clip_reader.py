@@ -1,14 +1,17 @@
 """Read a clip: frames, keypoints and camera put together into what is fitted."""
 
-from dataclasses import dataclass
+import shlex
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from fitting_core.camera import FocalRule
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import camera_of, focal_option
+from fitting_core.io.camera_rule import estimated, told_by_photographs
 from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io.keypoints.detections import Detections, to_pixels
 from fitting_core.io.keypoints.person import choose_person
@@ -17,6 +20,8 @@ from fitting_core.video.frames import FrameSource
 
 DEFAULT_FRAME_RATE = 30.0
 _MAX_FRAME_RATE = 2000.0
+_SQUARE = 0.01
+"""By so much a pixel's width and height may differ: rounded numbers in files do."""
 
 _LANDSCAPE = ((320, 240), (640, 480), (854, 480), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160), (7680, 4320))
 _COMMON_SIZES = sorted([*_LANDSCAPE, *((h, w) for w, h in _LANDSCAPE)], key=lambda size: size[0] * size[1])
@@ -33,11 +38,20 @@ class _Footage:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Person:
+    """Who is followed in the frames that are used."""
+
+    keypoints: Keypoints
+    first_frame: int
+    notes: tuple[str, ...]
+
+
 def read_clip(
     video: Path | None,
     keypoints: Path | None = None,
     *,
-    focal_length: float | None = None,
+    focal_length: float | FocalRule | None = None,
     fov: float | None = None,
     focal_length_35mm: float | None = None,
     center: tuple[float, float] | None = None,
@@ -57,7 +71,7 @@ def read_clip(
         video: A video file, a folder of images, or a folder in SMPLify-X layout (``images`` and ``keypoints`` inside).
             None to go without: overlays and comparisons with the video are then not possible.
         keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout.
-        focal_length: Pixels.
+        focal_length: Pixels; "auto" for what photographs tell, or else an estimate from the clip; or "diagonal".
         fov: Horizontal field of view in degrees.
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
             default is the image diagonal.
@@ -77,41 +91,30 @@ def read_clip(
     images, keypoint_path = locate(video, keypoints)
     detections = read_detections(keypoint_path)
     footage = _footage(images)
-    size, told_notes = _known_size(footage, image_size), _told(detections, footage)
-    size = size or detections.size
-    detections, scale_notes = to_pixels(detections, size, keypoint_scale=keypoint_scale)
-    size, size_notes = (size, ()) if size else _guess_size(detections)
+    size = _known_size(footage, image_size) or detections.size
+    detections, size, size_notes = _in_pixels(_with_contradictions(detections, footage), size, keypoint_scale)
     timeline = footage.timeline or timeline_of_keypoints(detections)
-    detections, alignment_notes = align(detections, timeline)
-    part = chosen(timeline, first_frame, last_frame)
-    detections, first = detections[part], timeline.numbers[part.start]
-    choice = choose_person(detections, person=person, first_frame=first)
+    found = _person(detections, timeline, chosen(timeline, first_frame, last_frame), person)
     rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
+    inside_notes = _check_inside(found.keypoints, size)
+    camera = camera_of(size, center, focal)
+    if focal_length == "auto":
+        camera = told_by_photographs(camera, images) or estimated(camera, found.keypoints, rate)
     return Clip(
-        keypoints=choice.keypoints,
-        camera=camera_of(size, center, focal),
+        keypoints=found.keypoints,
+        camera=camera,
         frame_rate=rate,
         name=_name(video or keypoint_path),
         source=images,
-        first_frame=first,
-        notes=(
-            *footage.notes,
-            *detections.notes,
-            *told_notes,
-            *alignment_notes,
-            *([choice.note] if choice.note else []),
-            *scale_notes,
-            *size_notes,
-            *_check_inside(choice.keypoints, size),
-            *rate_notes,
-        ),
+        first_frame=found.first_frame,
+        notes=(*footage.notes, *found.notes, *size_notes, *inside_notes, *rate_notes),
     )
 
 
 def read_footage(
     video: Path,
     *,
-    focal_length: float | None = None,
+    focal_length: float | FocalRule | None = None,
     fov: float | None = None,
     focal_length_35mm: float | None = None,
     center: tuple[float, float] | None = None,
@@ -131,9 +134,12 @@ def read_footage(
     assert size is not None and footage.timeline is not None
     frames = footage.timeline.numbers[chosen(footage.timeline, first_frame, last_frame)]
     rate, rate_notes = _frame_rate(frame_rate, footage, None)
+    camera = camera_of(size, center, focal)
+    if focal_length == "auto":
+        camera = told_by_photographs(camera, images) or camera
     return Clip(
         keypoints=Keypoints(xy=np.zeros((len(frames), COUNT, 2)), confidence=np.zeros((len(frames), COUNT))),
-        camera=camera_of(size, center, focal),
+        camera=camera,
         frame_rate=rate,
         name=_name(video),
         source=images,
@@ -159,17 +165,18 @@ def read_keypoints(
     detections = read_detections(path)
     detections, scale_notes = to_pixels(detections, clip.camera.size, keypoint_scale=keypoint_scale)
     timeline = _footage(clip.source).timeline or _timeline_around(clip, detections)
-    detections, alignment_notes = align(detections, timeline)
-    detections = detections[chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)]
-    choice = choose_person(detections, person=person, first_frame=clip.first_frame)
-    found = _check_inside(choice.keypoints, clip.camera.size)
-    return choice.keypoints, (
-        *detections.notes,
-        *alignment_notes,
-        *([choice.note] if choice.note else []),
-        *scale_notes,
-        *found,
-    )
+    part = chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)
+    found = _person(detections, timeline, part, person)
+    return found.keypoints, (*found.notes, *scale_notes, *_check_inside(found.keypoints, clip.camera.size))
+
+
+def _person(detections: Detections, timeline: Timeline, part: slice, person: int | None) -> _Person:
+    """Who is followed in a part of the timeline."""
+    aligned, notes = align(detections, timeline)
+    first = timeline.numbers[part.start]
+    choice = choose_person(aligned[part], person=person, first_frame=first)
+    notes = (*detections.notes, *notes, *([choice.note] if choice.note else []))
+    return _Person(keypoints=choice.keypoints, first_frame=first, notes=notes)
 
 
 def _timeline_around(clip: Clip, detections: Detections) -> Timeline:
@@ -217,10 +224,21 @@ def _footage(path: Path | None) -> _Footage:
                 f"{frames.frame_rate:.4g} per second on average{says}. Re-encode it at a constant frame rate if motion "
                 "looks jerky, and detect the keypoints on the result."
             )
+        if abs(frames.pixel_aspect - 1) > _SQUARE:
+            notes.append(_pixel_note(path, frames.pixel_aspect))
         timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
         return _Footage(
             path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=tuple(notes)
         )
+
+
+def _pixel_note(path: Path, aspect: float) -> str:
+    come_out = "thin" if aspect > 1 else "wide"
+    made = f"{shlex.quote(path.name)} -vf scale=iw*sar:ih,setsar=1 {shlex.quote(path.stem)}-square.mp4"
+    return (
+        f"The pixels of {path.name} are {aspect:.3g} times as wide as high, but are taken for square, so that a person "
+        f"comes out too {come_out}. Convert it (ffmpeg -i {made}), and detect the keypoints on the result."
+    )
 
 
 def _known_size(footage: _Footage, option: tuple[int, int] | None) -> tuple[int, int] | None:
@@ -249,9 +267,18 @@ def _guess_size(detections: Detections) -> tuple[tuple[int, int], tuple[str, ...
     return size, (note,)
 
 
-def _told(detections: Detections, footage: _Footage) -> tuple[str, ...]:
-    """Notes where the keypoint file says something else than the video, which is believed."""
-    notes = []
+def _in_pixels(
+    detections: Detections, known: tuple[int, int] | None, keypoint_scale: str
+) -> tuple[Detections, tuple[int, int], tuple[str, ...]]:
+    """Detections in pixels, the image size, which is guessed where it is not known, and notes on both."""
+    detections, scale_notes = to_pixels(detections, known, keypoint_scale=keypoint_scale)
+    size, size_notes = (known, ()) if known else _guess_size(detections)
+    return detections, size, (*scale_notes, *size_notes)
+
+
+def _with_contradictions(detections: Detections, footage: _Footage) -> Detections:
+    """With notes where the keypoint file says something else than the video, which is believed."""
+    notes = list(detections.notes)
     if detections.size and footage.size and detections.size != footage.size:
         notes.append(
             f"{detections.source.name} says that the image is {detections.size[0]} x {detections.size[1]} pixels; the "
@@ -262,7 +289,7 @@ def _told(detections: Detections, footage: _Footage) -> tuple[str, ...]:
             f"{detections.source.name} says {detections.frame_rate:g} frames per second; the video's "
             f"{footage.frame_rate:g} are used."
         )
-    return tuple(notes)
+    return replace(detections, notes=tuple(notes))
 
 
 def _frame_rate(option: float | None, footage: _Footage, told: float | None) -> tuple[float, tuple[str, ...]]:

@@ -17,6 +17,8 @@ camera_translation | (N, ...) | the same as `BodyParams` has it: hands as compon
 | start, stopped | (N,) | where each frame's fit came from and why its solver stopped, as numbers of the next two; not \
 there where it is not known, as of an imported motion |
 | start_texts, stopped_texts | (k,) | their meaning in English, the text of number i at i |
+| gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \
+of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
 | camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
 | body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
@@ -43,6 +45,8 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.fit.provenance import STARTS, STOPS, Provenance
 from fitting_core.fit.result import FitResult
+from fitting_core.ground.arrays import grounding_arrays, grounding_from
+from fitting_core.ground.grounding import Grounding
 from fitting_core.io.motion.animation_npz import pose_arrays
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.summary import summary
@@ -85,6 +89,8 @@ class StoredFit:
     last_phase: int
     complete: bool
     """Whether the fit went through; if not, these are the phases that it finished."""
+    grounding: Grounding | None = None
+    """Gravity, contacts and floor; None where the file does not tell, as those of earlier versions."""
 
 
 def write_result(
@@ -155,7 +161,7 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
         "complete": complete,
         "format": FORMAT,
     }
-    arrays |= _provenance_arrays(fit.last.provenance)
+    arrays |= _provenance_arrays(fit.last.provenance) | grounding_arrays(fit.grounding)
     return {name: np.asarray(value) for name, value in arrays.items()}
 
 
@@ -226,6 +232,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         **{name: str(arrays[name]) for name in ("gender", "body_kind", "body_hash")},
         last_phase=last_phase,
         complete=bool(arrays["complete"]),
+        grounding=grounding_from(arrays, frames),
     )
 
 

@@ -18,6 +18,7 @@ from fitting_core.config.toml import as_plain
 from fitting_core.files.regular import legible
 from fitting_core.fit.observations import cut_off
 from fitting_core.fit.result import FitResult
+from fitting_core.ground.grounding import Grounding
 from fitting_core.metrics import jitter, reprojection_errors
 
 CONFIDENT = 0.3
@@ -59,11 +60,24 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "source": legible(body.source.name) if body.source else "",
             "hash": body.hash,
         },
+        "ground": None if fit.grounding is None else _ground(fit.grounding),
         "pose_prior": legible(fit.pose_prior),
         "warnings": [legible(warning) for warning in fit.warnings],
         "config": as_plain(replace(fit.config, pose_prior=legible(fit.config.pose_prior))),
         "versions": versions(),
         "command": legible(command),
+    }
+
+
+def _ground(grounding: Grounding) -> dict[str, Any]:
+    gravity, ground = grounding.gravity, grounding.ground
+    return {
+        "text": grounding.text,
+        "seen": ground is not None,
+        "standing_share": grounding.contacts.share,
+        "camera_tilt_degrees": gravity.tilt,
+        "gravity_deviation_degrees": gravity.deviation,
+        "camera_height_m": None if ground is None else ground.offset,
     }
 
 

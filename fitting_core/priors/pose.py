@@ -1,7 +1,6 @@
 """Pose priors: how the solver writes the body's pose, and what it holds to be likely."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Protocol
 
 import torch
@@ -9,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import JOINT
+from fitting_core.files.regular import at_home
 from fitting_core.priors.files.registry import SHIPPED, read_prior, registered_vposer
 from fitting_core.priors.latent import LatentPrior
 
@@ -104,5 +104,5 @@ def make_prior(choice: str, *, dtype: torch.dtype, device: torch.device | str) -
     Raises:
         InputError: There is no such file, or it is no pose prior.
     """
-    prior = PRIORS[choice]() if choice in PRIORS else LatentPrior(read_prior(Path(choice).expanduser()))
+    prior = PRIORS[choice]() if choice in PRIORS else LatentPrior(read_prior(at_home(choice)))
     return prior.to(dtype=dtype, device=device)

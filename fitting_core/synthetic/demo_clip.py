@@ -4,8 +4,6 @@ It is generated on the user's computer, so nothing large is shipped, and the sam
 """
 
 import hashlib
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -25,6 +23,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import drafting, put_folder
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.motions import demo_script
@@ -127,16 +126,13 @@ def _appearing(folder: Path) -> Iterator[Path]:
         raise InputError(f"{folder} exists already: delete it, or choose another folder for the demo clip.")
     if not folder.parent.is_dir():
         raise InputError(f"The folder {folder.parent} for the demo clip does not exist: create it first.")
-    draft = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
-    draft.mkdir()
-    try:
+    with drafting(folder) as draft:
+        draft.mkdir()
         yield draft
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
         if not folder.exists():  # else another process was faster, and its clip is the same
-            draft.rename(folder)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+            put_folder(draft, folder)
 
 
 def _performed(body: BodyModel, seed: int, frame_rate: float, camera: Camera) -> tuple[Truth, BodyParams]:

@@ -82,7 +82,7 @@ class SuiteSequence:
         )
 
 
-_SUBJECTS = (
+SUBJECTS = (
     Subject(gender="male", betas=(0.1, -0.4, 0.3, -0.15, 0.2, 0.3, -0.2, 0.0, 0.1, 0.0)),
     Subject(gender="female", betas=(0.5, 0.2, 0.3, 1.7, 0.2, -0.2, -0.1, 0.0, 0.2, 0.0)),
     Subject(gender="female", betas=(0.9, 0.3, -0.2, 0.25, 0.2, -0.3, 0.1, 0.2, 0.0, 0.0)),
@@ -126,7 +126,7 @@ SEQUENCES: dict[str, SuiteSequence] = {
         seed=_SEEDS[motion][i],
     )
     for motion in _FRAMES
-    for i, subject in enumerate(_SUBJECTS)
+    for i, subject in enumerate(SUBJECTS)
 } | {
     "signing_1": SuiteSequence(
         name="signing_1",
@@ -239,7 +239,7 @@ def make_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:
     rest, _ = standing_root(body, sequence.subject.betas)
     params = in_camera(world_params(sequence, body), rest[0], sequence.view.pose())
     truth = truth_of(body, params, sequence.camera, sequence.frame_rate)
-    return replace(truth, visible=truth.exists & _visible(body, params, sequence.camera))
+    return replace(truth, visible=truth.exists & in_view(body, params, sequence.camera))
 
 
 def world_params(sequence: SuiteSequence, body: BodyModel) -> BodyParams:
@@ -254,7 +254,7 @@ def _script(sequence: SuiteSequence, body: BodyModel) -> tuple[Script, list[Haza
     return MOTIONS[sequence.motion](build, sequence.seconds, np.random.default_rng([sequence.seed, 1]))
 
 
-def _visible(body: BodyModel, params: BodyParams, camera: Camera) -> Bool[np.ndarray, "T 137"]:
+def in_view(body: BodyModel, params: BodyParams, camera: Camera) -> Bool[np.ndarray, "T 137"]:
     """Which keypoints are in view, by a depth buffer of reduced size."""
     small = Camera(
         focal=(_DEPTH_SCALE * camera.focal[0], _DEPTH_SCALE * camera.focal[1]),

@@ -1,5 +1,6 @@
 """A video file: what its container says, and the frame that is asked for, whatever is read before it."""
 
+import shlex
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ from fitting_core.files.regular import regular_file
 
 _VP8 = cv2.VideoWriter.fourcc(*"VP80")
 _VP8_SHOWN = 0x10  # In the first byte of a packet (RFC 6386, section 9.1).
+_AV1 = "av01"
 _MP4_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"styp")
 
 
@@ -127,12 +129,18 @@ class VideoFile:
                 "elsewhere, re-encode it as H.264 in MP4; if not, it is damaged or was not fully copied."
             )
         self._last = -1
+        self.pixel_aspect = _pixel_aspect(self._capture)
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.declared_frame_rate: float | None = float(rate) if np.isfinite(rate) and rate > 0 else None
         # What the header says is an estimate in many containers: length times rate (MKV), more than is shown (MP4).
         header_count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         self._times = _times_of_frames(packet_times(path), self._first_times())
         self.count = self._counted()
+        if self.count == 0 and _codec(self._capture) == _AV1:
+            raise InputError(
+                f"{path} is AV1, which the OpenCV on this computer cannot decode. Convert it, for example: ffmpeg -i "
+                f"{shlex.quote(path.name)} -c:v libx264 -crf 16 {shlex.quote(path.stem)}-h264.mp4"
+            )
         if self.count == 0:
             raise InputError(
                 f"{path} has no frame that can be decoded (the file says it has {header_count}); re-encode it."
@@ -218,6 +226,21 @@ class VideoFile:
         self._capture.release()
         self._capture = cv2.VideoCapture(str(self._path))
         self._last = -1
+
+
+def _codec(capture: cv2.VideoCapture) -> str:
+    """Four letters."""
+    number = int(capture.get(cv2.CAP_PROP_FOURCC))
+    return (number & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1").lower()
+
+
+def _pixel_aspect(capture: cv2.VideoCapture) -> float:
+    """Width by height of a pixel of the upright image, which OpenCV turns by quarters and does not stretch."""
+    width, height = capture.get(cv2.CAP_PROP_SAR_NUM), capture.get(cv2.CAP_PROP_SAR_DEN)
+    if not (np.isfinite((width, height)).all() and width > 0 and height > 0):
+        return 1.0  # not told
+    lies = round(capture.get(cv2.CAP_PROP_ORIENTATION_META) / 90) % 2 == 1
+    return height / width if lies else width / height
 
 
 def _times_of_frames(packets: Float[np.ndarray, "P"], first: list[float]) -> Float[np.ndarray, "T"]:

@@ -19,7 +19,8 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 class FrameSource:
     """A video file, an image, or a folder of images in natural order (``2.png`` before ``10.png``).
 
-    Frames come upright: OpenCV applies a video's rotation and a photo's EXIF orientation. A context manager; one
+    Frames come upright: OpenCV applies a video's rotation by quarters and a photo's EXIF orientation. Frames whose
+    pixels are not square come as they are stored. A context manager; one
     thread reads at a time, others wait.
 
     Example:
@@ -54,6 +55,8 @@ class FrameSource:
         """Frames per second that the file's header says: far off in some files of uneven frames."""
         self.uneven = self._decoder.uneven
         """Whether the times between frames differ by more than half, as in many videos from phones."""
+        self.pixel_aspect = self._decoder.pixel_aspect
+        """Width by height of a pixel of the upright image, as the file tells it: not 1 in anamorphic videos."""
         self.stems: tuple[str, ...] | None = self._decoder.stems
         """Per frame, the image's file name without its suffix; None for a video."""
         first = self._decoder.read(0)
@@ -126,6 +129,7 @@ class _Images:
     frame_rate: float | None = None
     declared_frame_rate: float | None = None
     uneven: bool = False
+    pixel_aspect: float = 1.0
 
     def __init__(self, path: Path) -> None:
         self._files = image_files(path) if path.is_dir() else (path,)

@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Float, Float32
 
 from fitting_core import keypoints as kp
+from fitting_core.body.model import N_JOINTS
 from fitting_core.errors import InputError
+from fitting_core.fit.terms.temporal import OFF_MEAN
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
 
@@ -65,13 +68,9 @@ def _confidence(fit: PosedFit) -> Float[np.ndarray, "T"]:
 
 
 def _temporal_residual(fit: PosedFit) -> Float[np.ndarray, "T"]:
-    joints = fit.compared_joints
-    residual = np.full(len(joints), np.nan)
-    if len(joints) > 2:
-        off_mean = (
-            np.diff(joints, 2, axis=0) / 3
-        )  # (2 J_i - J_{i-1} - J_{i+1}) / 3: the paper's E_T, with its sign turned
-        residual[1:-1] = 1e3 * np.sqrt((off_mean**2).sum(-1).mean(1))
+    off_mean = OFF_MEAN(torch.tensor(fit.compared_joints.reshape(len(fit), -1)))
+    residual = np.full(len(fit), np.nan)
+    residual[OFF_MEAN.reach : -OFF_MEAN.reach] = 1e3 * off_mean.norm(dim=1).numpy() / np.sqrt(N_JOINTS)
     return residual
 
 

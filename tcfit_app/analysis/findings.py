@@ -13,8 +13,10 @@ from scipy.ndimage import median_filter
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.fit.observations import PAIRED, SEEN, unswapped
-from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, REGION_OF, REGIONS, spoken, spoken_bone
+from fitting_core.fit.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.sides import PAIRED, SEEN, unswapped
+from fitting_core.video.frame_names import runs
+from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
 _SIGMAS = 5.0
@@ -34,13 +36,30 @@ _HANDS = JOINT["left_index1"]
 """The first of the fingers' joints."""
 _MANY = JOINT["right_wrist"] // 2
 """More joints than these, of all but the fingers, are the whole body."""
-_USUAL, _LOW = 0.4, 0.4
+_USUAL, _LOW = 0.3, 0.4
 """A region's confidence is low below this share of what it has around that frame, if it has at least so much there."""
-_AROUND = 25
-"""Frames."""
+_AROUND = 75
+"""Frames: what is lost for less than half of them is missed."""
+_STILL = 0.05
+"""Of a keypoint's usual way from frame to frame: what moves less stands still. Noise alone moves it more."""
+_STILL_FRAMES, _STILL_JOINTS, _OTHERS_MOVE = 5, 2, 0.5
+"""Frames and keypoints of a limb that make it frozen, while what else is seen moves at least this share of its usual
+way."""
+_STILL_MOST = 2.0
+"""Score of a limb that is frozen for so long that it makes no difference."""
 _SWAP_MM = 150.0
 """By which each of the telling keypoints must come nearer to the fit, on average, when its side is changed."""
-_SWAP_SCORE, _FAILED_SCORE = 3.0, 5.0
+_SWAP_SCORE, _SWAPPED_BACK_SCORE, _FAILED_SCORE = 3.0, 1.0, 5.0
+"""What the fit has put right is worth a look, but nothing to correct."""
+_DEPTH = 0.2
+"""Metres by which a keypoint's depth must be expected to be off: on the motion suite's tuning half 5 % of limbs'
+keypoints are, and 44 % of them are off by more than 0.15 m, as 8 % of all are."""
+_ONLY_UNSURE = 0.8
+"""Of the score of a depth that is unsure, but not off: there 15 % are off by more than 0.15 m, and else 45 %."""
+_ENDS = [kp.INDEX[f"{side}_{name}"] for name in ("elbow", "wrist", "knee", "ankle") for side in ("left", "right")]
+"""Keypoints of limbs, whose depth and whose loss matter one by one: the others are held by their neighbours."""
+_FEWEST = 25
+"""Frames of which one can say what is usual."""
 _COST_RATIO = 1.5
 """Times the usual cost by which a frame must exceed it."""
 
@@ -80,6 +99,7 @@ def _pixels_per_mm(fit: PosedFit) -> Float[np.ndarray, "T 1"]:
 
 
 def _reprojection(fit: PosedFit) -> Iterator[Finding]:
+    fit = fit.with_own_sides
     least = np.empty((1, kp.COUNT))
     for name, group in GROUPS.items():
         least[:, group] = _OFF_MM[name]
@@ -103,7 +123,7 @@ def _off(frame: int, joints: list[int], found: np.ndarray, errors: np.ndarray) -
 
 
 def _detection_jumps(fit: PosedFit) -> Iterator[Finding]:
-    keypoints = fit.clip.keypoints
+    keypoints = fit.with_own_sides.clip.keypoints
     jumps = np.full(keypoints.confidence.shape, np.nan)
     if len(fit) > 2:
         off_middle = np.linalg.norm(np.diff(keypoints.xy, 2, axis=0), axis=-1) / 2
@@ -135,14 +155,16 @@ def _jumping(bones: list[int]) -> str:
 
 def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
     by_frame: dict[int, list[tuple[float, str, list[int]]]] = {}
-    for region, joints in REGIONS.items():
+    alone = {spoken(joint): (joint,) for joint in _ENDS}
+    for region, joints in (REGIONS | alone).items():
         tracked = [joint for joint in joints if fit.tracked[joint]]
         if not tracked:
             continue
         confidence = fit.clip.keypoints.confidence[:, tracked].mean(1)
         usual = median_filter(confidence, _AROUND, mode="nearest")
         # A person who has marked keypoints as bad knows that they are.
-        low = (usual > _USUAL) & (confidence < _LOW * usual) & ~fit.bad[:, tracked].any(1)
+        most = SEEN if region in alone else np.inf
+        low = (usual > _USUAL) & (confidence < np.minimum(_LOW * usual, most)) & ~fit.bad[:, tracked].any(1)
         for frame in np.flatnonzero(low).tolist():
             value = confidence[frame]
             reason = f"{region} confidence {value:.2f}" if value > 0 else f"{region} not detected"
@@ -163,13 +185,16 @@ def _lost(frame: int, parts: list[tuple[float, str, list[int]]], *, nobody: bool
 
 
 def _swaps(fit: PosedFit) -> Iterator[Finding]:
-    by_detector = unswapped(fit.clip.keypoints)[1]
+    none = np.empty(0, int)
     for name, (left, right, others) in PAIRED.items():
-        by_fit = _crossed(fit, left[:2], right[:2])
-        frames = {*by_detector.get(name, np.empty(0, int)).tolist(), *by_fit}
+        by_detector = {*unswapped(fit.clip.keypoints)[1].get(name, none).tolist(), *_crossed(fit, left[:2], right[:2])}
+        put_right = {*fit.swapped_back.get(name, none).tolist()}
         joints = (*left, *right, *others[0], *others[1])
-        for frame in sorted(frames):
-            yield Finding(frame=frame, score=_SWAP_SCORE, reason=f"{name} may be swapped", joints=joints)
+        for frame in sorted(by_detector | put_right):
+            score, reason = _SWAP_SCORE, f"{name} may be swapped"
+            if frame in put_right:
+                score, reason = _SWAPPED_BACK_SCORE, f"{name} were swapped, and put right in the fit"
+            yield Finding(frame=frame, score=score, reason=reason, joints=joints)
 
 
 def _crossed(fit: PosedFit, left: list[int], right: list[int]) -> list[int]:
@@ -181,6 +206,56 @@ def _crossed(fit: PosedFit, left: list[int], right: list[int]) -> list[int]:
     # Sums over all four; a body behind the camera has NaN, which no comparison holds for.
     better = (crossed < 0.5 * straight) & (straight - crossed > 2 * len(left) * _SWAP_MM * _pixels_per_mm(fit)[:, 0])
     return np.flatnonzero(seen & better).tolist()
+
+
+def _depths(fit: PosedFit) -> Iterator[Finding]:
+    """Limbs of which the image does not tell how far away they are, or that are not where the lifter expects them; but
+    for those of which a person has said it.
+
+    What is expected of an error is both: how far the fit is from the lifter, and how unsure that is.
+    """
+    keypoints = unswapped(fit.clip.keypoints)[0]
+    lifted = lifted_keypoints(keypoints, fit.clip.camera, fit.clip.frame_rate)
+    farther = fit.points[:, _ENDS, 2] - fit.root[:, None, 2] - lifted.points[:, _ENDS, 2]
+    unsure = lifted.depth_deviation[:, _ENDS]
+    seen = seen_confidence(keypoints, fit.clip.camera.size)[:, _ENDS] > SEEN
+    seen &= np.isnan(keypoints.told_depth[:, _ENDS])
+    found = np.where(seen & np.isfinite(farther), np.hypot(farther, unsure), 0) / _DEPTH
+    found *= np.where(abs(farther) > unsure, 1.0, _ONLY_UNSURE)
+    for frame, columns in _above(found):
+        worst = columns[0]
+        off, most = 100 * farther[frame, worst], 100 * np.hypot(farther, unsure)[frame, worst]
+        joint = spoken(_ENDS[worst])
+        where = "farther away" if off < 0 else "nearer"
+        apart = f"{joint} may be {abs(off):.0f} cm {where}" if abs(off) > 100 * unsure[frame, worst] else ""
+        reason = apart or f"{joint} depth unsure by {most:.0f} cm"
+        joints = tuple(_ENDS[column] for column in columns)
+        yield Finding(frame=frame, score=float(found[frame, worst]), reason=reason, joints=joints)
+
+
+def _frozen(fit: PosedFit) -> Iterator[Finding]:
+    """Limbs whose detections stay where they were while the rest of the body goes on: a tracker has lost them."""
+    keypoints, steps = fit.clip.keypoints, np.full(fit.clip.keypoints.confidence.shape, np.nan)
+    seen = keypoints.confidence > SEEN
+    ways = np.linalg.norm(np.diff(keypoints.xy, axis=0), axis=-1)
+    steps[1:] = np.where(seen[1:] & seen[:-1], ways, np.nan)
+    moving = np.isfinite(steps).any(0)
+    usual = np.where(moving, np.nanmedian(np.where(moving, steps, 0), axis=0), 0)
+    still = steps < _STILL * usual
+    for limb in dict.fromkeys(LIMB_OF.values()):
+        own = [joint for joint in LIMB_OF if LIMB_OF[joint] == limb]
+        others = [joint for joint in range(kp.BODY.stop) if LIMB_OF[joint] != limb and usual[joint] > 0]
+        for run in runs(np.flatnonzero(still[:, own].sum(1) >= _STILL_JOINTS).tolist()):
+            frames = list(run)
+            shares = (steps[np.ix_(frames, others)] / usual[others]).ravel()
+            shares = shares[np.isfinite(shares)]
+            if len(run) < _STILL_FRAMES or not len(shares) or np.median(shares) < _OTHERS_MOVE:
+                continue
+            joints = tuple(joint for joint in own if still[frames, joint].mean() > 0.5)
+            reason = f"{limb} detections stand still for {len(run) + 1} frames"
+            for waited, frame in enumerate(frames):  # the longer, the farther off
+                score = min(1 + waited / _STILL_FRAMES, _STILL_MOST)
+                yield Finding(frame=frame, score=score, reason=reason, joints=joints)
 
 
 def _costs(fit: PosedFit) -> Iterator[Finding]:
@@ -196,7 +271,7 @@ def _costs(fit: PosedFit) -> Iterator[Finding]:
     finite = np.isfinite(fit.frame_cost)
     for frame in np.flatnonzero(~finite).tolist():
         yield Finding(frame=frame, score=_FAILED_SCORE, reason="the fit failed here", joints=())
-    if finite.sum() < _AROUND:
+    if finite.sum() < _FEWEST:
         return
     cost, frames = fit.frame_cost[finite], np.flatnonzero(finite)
     weighted = (np.nan_to_num(fit.errors[finite]) * fit.clip.keypoints.confidence[finite]) ** 2
@@ -220,6 +295,8 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
     "reprojection": _reprojection,
     "jump": _jumps,
     "detection": _detection_jumps,
+    "depth": _depths,
+    "frozen": _frozen,
     "cost": _costs,
     "confidence": _low_confidence,
 }

@@ -12,7 +12,7 @@ from torch import Tensor
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.body.points.positions import body_keypoints_in_space, joints_in_space, keypoints_in_space
 from tcfit_app.analysis.byte_cache import ByteCache
 
 _LIMIT = 96 * 2**20
@@ -58,6 +58,14 @@ class Meshes:
             found.setflags(write=False)
             self._cache.put((version, frame), found)
         return found
+
+    def body_points(self, params: BodyParams) -> Float[np.ndarray, "T 25 3"]:
+        """The BODY_25 keypoints of all frames in camera space, metres, NaN where the body has none."""
+        return body_keypoints_in_space(self.body, params)
+
+    def points(self, params: BodyParams) -> Float[np.ndarray, "T 137 3"]:
+        """What `keypoints` gives of a few frames, which are not remembered."""
+        return _keypoints(self.body, params)
 
     def batch(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
         """All frames of the parameters, in camera space (metres), past the cache."""

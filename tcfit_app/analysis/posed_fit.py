@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT
@@ -14,6 +14,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import project
 from fitting_core.clip import Clip
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.fit.sides import PAIRED, unswapped
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors
@@ -119,11 +120,15 @@ class PosedFit:
         return self.joints if self.space == "camera" else self.joints_in_body
 
     @cached_property
+    def points(self) -> Float[np.ndarray, "T 137 3"]:
+        """The body's keypoints in camera space, metres; NaN for those that it lacks."""
+        return self.meshes.keypoints(self.params)
+
+    @cached_property
     def projected(self) -> Float[np.ndarray, "T 137 2"]:
         """Pixels of the body's keypoints; NaN for those that the body lacks and those behind the camera."""
-        points = self.meshes.keypoints(self.params)
-        hidden = ~(points[..., 2] >= _NEAR)
-        pixels = project(self.clip.camera, torch.as_tensor(np.where(hidden[..., None], 1.0, points))).numpy()
+        hidden = ~(self.points[..., 2] >= _NEAR)
+        pixels = project(self.clip.camera, torch.as_tensor(np.where(hidden[..., None], 1.0, self.points))).numpy()
         pixels[hidden] = np.nan
         return pixels
 
@@ -138,6 +143,36 @@ class PosedFit:
         errors = np.full(self.counted.shape, np.nan)
         errors[self.counted] = reprojection_errors(self.projected, self.clip.keypoints.xy, self.counted)
         return errors
+
+    @cached_property
+    def swapped_back(self) -> dict[str, Int[np.ndarray, "n"]]:
+        """Frames in which a detector took left limbs for right ones and the fit lies the other way, by pair."""
+        found = {}
+        for name, frames in unswapped(self.clip.keypoints)[1].items():
+            left, right, _ = PAIRED[name]
+            ends, others = left[:2] + right[:2], right[:2] + left[:2]
+            straight, crossed = self._apart(frames, ends, ends), self._apart(frames, ends, others)
+            if (agrees := crossed < straight).any():
+                found[name] = frames[agrees]
+        return found
+
+    def _apart(self, frames: np.ndarray, found: list[int], fitted: list[int]) -> Float[np.ndarray, "n"]:
+        """Distances of detections from fitted keypoints, those that there are, summed for each frame; pixels."""
+        keypoints = self.clip.keypoints[frames]
+        seen = keypoints.confidence[:, found] > 0
+        off = keypoints.xy[:, found] - self.projected[frames][:, fitted]
+        return np.where(seen, np.nan_to_num(np.linalg.norm(off, axis=-1)), 0).sum(1)
+
+    @cached_property
+    def with_own_sides(self) -> "PosedFit":
+        """The same beside keypoints whose limbs are swapped back where the fit lies so."""
+        keypoints, back = self.clip.keypoints, unswapped(self.clip.keypoints)[0]
+        xy, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
+        for name, frames in self.swapped_back.items():
+            left, right, others = PAIRED[name]
+            at = np.ix_(frames, [*left, *right, *others[0], *others[1]])
+            xy[at], confidence[at] = back.xy[at], back.confidence[at]
+        return replace(self, clip=replace(self.clip, keypoints=replace(keypoints, xy=xy, confidence=confidence)))
 
     @cached_property
     def jumps(self) -> Float[np.ndarray, "T 55"]:

@@ -24,7 +24,7 @@ class MeasuredRun:
     fit: PosedFit
     phase: PhaseResult
     seconds: float
-    """All phases together; 0 of a run that was not fitted here."""
+    """Of the phases that the run did itself; 0 of one that was not fitted here."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,11 +76,18 @@ def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
 
     The mean volume needs whole meshes: a second for a thousand frames.
     """
-    figures = [
-        Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
-        for name, kind in METRICS.items()
-    ]
+    figures = [_metric(name, run) for name in METRICS]
     return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
+
+
+def frame_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
+    """The figures of a run with a part of the clip's frames, without what is known of whole runs only."""
+    return tuple(_metric(name, run) for name in METRICS if name not in _OF_RUNS)
+
+
+def _metric(name: str, run: MeasuredRun) -> Metric:
+    kind = METRICS[name]
+    return Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
 
 
 def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[Comparison, ...]:
@@ -168,6 +175,8 @@ METRICS: dict[str, MetricKind] = {
 }
 """By name. Reprojection errors are over the keypoints that summary.json counts; jitter is the mean second difference of
 the 55 joints, in camera space where nothing else is said; the shape's deviation is over frames, mean of the betas."""
+_OF_RUNS = {"seconds"}
+"""Those that no part of a clip has."""
 
 
 # --- against a reference ---

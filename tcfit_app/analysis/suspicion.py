@@ -35,12 +35,22 @@ class Suspect:
     """What else is suspicious in that frame."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReviewQueue:
+    """What is left to look at, and how far a person is."""
+
+    left: tuple[Suspect, ...]
+    """The worst first."""
+    looked_at: int
+    """Entries of which every frame was found to be fine."""
+
+
 _Found = tuple[str, Finding]
 """What was found, with its kind."""
 
 
-def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> tuple[Suspect, ...]:
-    """All suspicious frames, the worst first.
+def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue:
+    """All suspicious frames.
 
     Args:
         fit: A whole clip.
@@ -49,12 +59,15 @@ def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> tuple[Suspe
     by_frame: dict[int, list[_Found]] = {}
     for kind, found_in in FINDINGS.items():
         for finding in found_in(fit):
-            if finding.frame not in checked:
-                by_frame.setdefault(finding.frame, []).append((kind, finding))
+            by_frame.setdefault(finding.frame, []).append((kind, finding))
     for found in by_frame.values():
         found.sort(key=lambda f: (f[0] not in _CAUSES, -f[1].score))
-    entries = [_entry(span, by_frame) for span in _spans(by_frame)]
-    return tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame)))
+    left = {frame: found for frame, found in by_frame.items() if frame not in checked}
+    entries = [_entry(span, left) for span in _spans(left)]
+    return ReviewQueue(
+        left=tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame))),
+        looked_at=sum(left.keys().isdisjoint(span) for span in _spans(by_frame)),
+    )
 
 
 def still_checked(

@@ -22,6 +22,7 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import sync
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
@@ -44,9 +45,9 @@ from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import same_detections
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.durable import accessing, sync
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""

@@ -2,15 +2,18 @@
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
+from fitting_core.camera import FocalRule
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
+from fitting_core.files.regular import at_home
 from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
 
 Group = Literal["files", "clip", "camera", "body", "preset", "setting"]
@@ -60,16 +63,17 @@ class Column:
             ValueError: It says nothing that this column can hold; the message says what it can.
         """
         if self.type is Path:
-            return folder / Path(text).expanduser()
-        if self.name in _NAME_OR_PATH and (folder / Path(text).expanduser()).exists():
-            return str(folder / Path(text).expanduser())
+            return folder / at_home(text)
+        if self.name in _NAME_OR_PATH and (folder / at_home(text)).exists():
+            return str(folder / at_home(text))
         if self.group == "setting":
             return text
         value = _converted(text, self.type)
         if self.name in _CHOICES and value not in _CHOICES[self.name]:
             raise ValueError(f"{text!r}; expected one of {', '.join(_CHOICES[self.name])}")
         allowed = _NUMBERS.get(self.name)
-        if allowed and any(n not in allowed for n in (value if isinstance(value, tuple) else (value,))):
+        numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
+        if allowed and any(number not in allowed for number in numbers):
             raise ValueError(f"{text}; expected {_WORDS[self.type]}, {allowed}")
         return value
 
@@ -103,8 +107,8 @@ def suggestion(header: str) -> str:
 
 def _plain(hint: Any) -> Any:
     """A type without "or None"."""
-    if isinstance(hint, UnionType):
-        return next(kind for kind in get_args(hint) if kind is not NoneType)
+    if get_origin(hint) in (UnionType, Union):
+        return reduce(or_, (kind for kind in get_args(hint) if kind is not NoneType))
     return hint
 
 
@@ -120,6 +124,7 @@ _WORDS: dict[Any, str] = {
     str: "a text",
     int: "a whole number",
     float: "a number",
+    float | FocalRule: "a number, auto or diagonal",
     tuple[int, int]: "two whole numbers such as 640x480",
     tuple[float, float]: "two numbers such as 320 240",
 }

@@ -12,6 +12,7 @@ import msgspec
 from fitting_core.config.schema import POSE_PRIORS
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
+from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.clip_reader import locate
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.options.preparing import body_file
@@ -36,7 +37,7 @@ def fingerprint_of(task: ClipTask) -> Fingerprint:
     """The fingerprint of a clip as its files are now.
 
     Raises:
-        InputError: The body model is missing.
+        InputError: The body model is missing, or a path is that of a pipe or device.
         OSError: A file cannot be read.
     """
     return Fingerprint(settings=settings_of(task), stamp=stamp_of(task), content=content_of(task))
@@ -100,13 +101,13 @@ def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
         if path is not None and path.is_dir():
             for folder, folders, names in os.walk(path):
                 folders.sort()
-                yield from ((kind, Path(folder, name)) for name in sorted(names))
+                yield from ((kind, file) for name in sorted(names) if (file := Path(folder, name)).is_file())
         elif path is not None:
             yield kind, path
 
 
 def _parts(file: Path, *, whole: bool) -> Iterator[bytes]:
-    with file.open("rb") as stream:
+    with regular_file(file, most=None).open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
         if whole or size <= 2 * _ENDS:
             while block := stream.read(_BLOCK):
@@ -128,5 +129,5 @@ def _hashed(parts: Iterator[bytes] | list[bytes]) -> str:
 @cache
 def _file_hash(path: Path) -> str:
     """Of a model's file, once for a run; of a folder, of all its files."""
-    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path.expanduser()]
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [at_home(path)]
     return _hashed([part for file in files for part in _parts(file, whole=True)])

@@ -9,9 +9,10 @@ from typing import Any
 from fitting_core.config.schema import FitConfig
 from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from tcfit_app.batch.columns import FOCAL, Column, find, suggestion
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import FitOptions, fit_config
+from tcfit_app.options.fit import FitOptions, MethodOptions, camera_for, fit_config
 
 _SHOWN = 30
 """Errors that a message lists; of more than these, the number is told."""
@@ -85,7 +86,7 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
 def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """First line, and the others with their numbers; empty ones are left out."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
+        with regular_file(path).open(newline="", encoding="utf-8-sig") as file:
             first = file.readline()
             file.seek(0)
             rows = list(_numbered(file, max(_DELIMITERS, key=first.count)))
@@ -171,8 +172,7 @@ def _values(
 
 def _config(line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints) -> FitConfig | None:
     """The command line's configuration with what the list says of this clip."""
-    preset = next((value for column, value in given.items() if column.group == "preset"), options.method.preset)
-    config = fit_config(replace(options.method, preset=preset))
+    config = fit_config(_method(given, options))
     for column, text in given.items():
         if column.group != "setting":
             continue
@@ -181,6 +181,12 @@ def _config(line: int, given: dict[Column, Any], options: BatchOptions, complain
         except InputError as error:
             complaints.add(line, str(error))
     return config
+
+
+def _method(given: dict[Column, Any], options: BatchOptions) -> MethodOptions:
+    """The command line's method with the preset that the list says of this clip."""
+    preset = next((value for column, value in given.items() if column.group == "preset"), options.method.preset)
+    return replace(options.method, preset=preset)
 
 
 def _fit_options(
@@ -206,7 +212,7 @@ def _fit_options(
         overwrite=options.overwrite,
         overlay=options.overlay,
         clip=clip,
-        camera=replace(options.camera, **of["camera"]),
+        camera=camera_for(replace(options.camera, **of["camera"]), _method(given, options)),
         body=replace(options.body, **of["body"]),
     )
 

@@ -21,11 +21,13 @@ from typing import Any, Literal
 import msgspec
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
 from fitting_core.io.result_files import is_result
 from tcfit_app.batch.fingerprint import Fingerprint, unchanged
 from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.durable import accessing, durable
 from tcfit_app.project.storage.lock import Lock, ProjectLocked
 
 RECORD_NAME = "batch.json"
@@ -70,8 +72,8 @@ def batch_folder(manifest: Path) -> Path:
 def read_record(path: Path) -> Record | None:
     """A record, or None where there is none that can be read: its clip is fitted again then."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Record)
-    except (OSError, msgspec.DecodeError):
+        return msgspec.json.decode(regular_file(path).read_bytes(), type=Record)
+    except (OSError, ValueError):
         return None
 
 
@@ -81,7 +83,7 @@ def write_record(path: Path, record: Record) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    with durable(path) as draft:
+    with replacing(path) as draft:
         draft.write_bytes(msgspec.json.format(msgspec.json.encode(record), indent=2) + b"\n")
 
 

@@ -8,10 +8,12 @@ from statistics import median
 from typing import Any
 
 import msgspec
+import numpy as np
 from rich.table import Table
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
 
 FORMAT = "tcfit bench 1"
 _SAME, _ENOUGH = 0.01, 3
@@ -31,6 +33,11 @@ class Figure(msgspec.Struct, frozen=True, kw_only=True):
     def median(self) -> float:
         """Of the repetitions."""
         return median(self.values)
+
+    @property
+    def high(self) -> float:
+        """What 95 % of the repetitions do not exceed."""
+        return float(np.percentile(self.values, 95))
 
     @property
     def range(self) -> tuple[float, float]:
@@ -101,7 +108,7 @@ def read_bench(path: Path) -> Bench:
         InputError: It is missing, damaged, or no such file.
     """
     try:
-        bench = msgspec.json.decode(path.read_bytes(), type=Bench)
+        bench = msgspec.json.decode(regular_file(path).read_bytes(), type=Bench)
     except OSError as error:
         raise InputError(
             f"--against {path}: cannot be read ({error.strerror or error}). Name a file of `tcfit bench --json`."

@@ -28,6 +28,7 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.io.summary import CONFIDENT
 from fitting_core.synthetic.excerpts import picked
+from tcfit_app.bench.figures import Figure
 from tcfit_app.bench.machine import peak_memory
 from tcfit_app.bench.subject import Measured
 from tcfit_app.fitting.live import Correction, LiveCorrection
@@ -131,9 +132,11 @@ def live_measures(setup: Setup, moves: int) -> Measured:
     targets = [origin + share * way for share in np.linspace(0, 1, moves)]
     times = dragged(correction, targets).times
     column = 0 if setup.clock == "wall" else 1
-    taken = {what: np.array(pairs)[:, column] for what, pairs in times.items()}
-    found = {what: (float(np.median(values)), "ms") for what, values in taken.items()}
-    return found | {"move, 95 %": (float(np.percentile(taken["move"], 95)), "ms")}
+    taken = [
+        Figure(name=what, unit="ms", values=tuple(pair[column] for pair in pairs)) for what, pairs in times.items()
+    ]
+    (move,) = (figure for figure in taken if figure.name == "move")
+    return {figure.name: (figure.median, figure.unit) for figure in taken} | {"move, 95 %": (move.high, move.unit)}
 
 
 _STARTS: dict[tuple[int, str], FitResult] = {}

@@ -30,7 +30,7 @@ from tcfit_app.batch.records import (
 from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
-from tcfit_app.project.storage.durable import accessing
+from tcfit_app.project.storage.accessing import accessing
 
 _PATIENCE = 3.0
 """Seconds to wait for a batch of the same list that was killed."""

@@ -33,8 +33,10 @@ def review_demo(options: DemoOptions) -> None:
     Raises:
         InputError: As `review`, or the cache or the project cannot be written.
     """
-    from tcfit_app.cli.review_command import open_project, review  # viser, which a fit in the terminal does not need
+    # viser, which a fit in the terminal does not need
+    from tcfit_app.cli.review_command import check_folders, open_project, review
 
+    check_folders(options.server)
     config = fit_config(options.method)
     folder = options.out or _PROJECT
     if not is_project(folder):

@@ -205,7 +205,7 @@ def _write_problem(folder: Path) -> str:
     """Why no file can be written in a folder, or in the nearest one above it that exists; empty if one can."""
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     try:
-        with tempfile.NamedTemporaryFile(dir=existing):
+        with tempfile.TemporaryFile(dir=existing):
             return ""
     except OSError as error:
         return error.strerror or str(error)

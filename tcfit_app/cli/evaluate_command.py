@@ -1,7 +1,7 @@
 """`tcfit evaluate`: measure a fit against a reference, or the method against the suite; tables and a report."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -15,6 +15,7 @@ from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.report.markup import number
 from fitting_core.synthetic.suite import SEQUENCES, make_sequence
+from tcfit_app.cli.evaluate_motion import run_motion_suite
 from tcfit_app.evaluation.ablations import Setting, run_ablations
 from tcfit_app.evaluation.evaluated_fits import evaluated_fit
 from tcfit_app.evaluation.evaluating import drawable, evaluated
@@ -51,9 +52,8 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     """
     _check(options)
     torch.set_num_threads(1)
-    if options.suite:
-        compile_kernels(PRESETS[DEFAULT_PRESET])
-        return run_suite(options, command=command)
+    if options.suite is not None:
+        return _RUN[options.suite](options, command=command)
     assert options.fit is not None
     fit = evaluated_fit(options.fit, run=options.run, models=options.models)
     reference = fit.reference
@@ -78,14 +78,15 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
 
 def _check(options: EvaluateOptions) -> None:
     """Raises InputError for options that do not go together."""
-    if options.suite == (options.fit is not None):
-        raise InputError(_NEEDED if not options.suite else "--suite makes its own fits: leave out FIT, or --suite.")
+    chosen = options.suite is not None
+    if chosen == (options.fit is not None):
+        raise InputError(_NEEDED if not chosen else "--suite makes its own fits: leave out FIT, or --suite.")
     own = (options.reference, options.run, options.camera, options.reference_first_frame)
-    if options.suite and any(option is not None for option in own):
+    if chosen and any(option is not None for option in own):
         raise InputError(
             "--suite has its own truth: leave out --reference, --camera, --reference-first-frame and --run."
         )
-    if options.ablations and not options.suite:
+    if options.ablations and not chosen:
         raise InputError("--ablations vary settings on the suite: give --suite too.")
     if options.camera is not None and options.reference is None:
         raise InputError("--camera says where the camera stands in a reference's world: give --reference too.")
@@ -107,10 +108,18 @@ def run_suite(options: EvaluateOptions, *, command: str = "") -> Path:
     Raises:
         InputError: Options cannot be used, or the folder cannot be written.
     """
+    if options.set:
+        raise InputError("--set changes settings on the motion suite: give --suite motion, or leave out --set.")
+    compile_kernels(PRESETS[DEFAULT_PRESET])
     folder = options.out or Path("tcfit-suite")
     names = sequences_named(options.sequences)
     tasks = preset_tasks(
-        folder, options.presets, names, level=options.level, every=options.every, collisions=options.collisions
+        folder,
+        options.presets or _COMPARED,
+        names,
+        level=options.level,
+        every=options.every,
+        collisions=options.collisions,
     )
     found = _done(tasks, options.jobs)
     records = tuple(record for task in tasks for record in found[task.sequence, task.variant])
@@ -125,7 +134,7 @@ def run_suite(options: EvaluateOptions, *, command: str = "") -> Path:
     if options.ablations:
         setting = Setting(
             folder=folder,
-            preset=options.presets[-1],
+            preset=tasks[-1].variant,
             config=replace(tasks[-1].config, last_phase=3),
             sequences=names,
             level=options.level,
@@ -138,6 +147,8 @@ def run_suite(options: EvaluateOptions, *, command: str = "") -> Path:
     return folder
 
 
+_COMPARED = ("smplifyx", "paper", "tcfit")
+"""Presets."""
 _NOTE = (
     "Motions and people are made from the free bodies; keypoints are simulated as a detector gives them. Every fit is "
     "of the neutral free body with the true camera, as sex and shape of who is filmed are not known to it."
@@ -166,3 +177,7 @@ def _drawable(tasks: Sequence[SuiteTask], sequence: str) -> Drawable | None:
             bodies[final] = (body, found.params)
     made = make_sequence(SEQUENCES[sequence], own[0].level)
     return Drawable(camera=made.clip.camera, bodies=bodies, truth=(made.body, made.truth.params))
+
+
+_RUN: dict[str, Callable[..., Path]] = {"acted": run_suite, "motion": run_motion_suite}
+"""By name; each takes the options and the command's text."""

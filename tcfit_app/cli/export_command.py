@@ -11,6 +11,8 @@ from tqdm import tqdm
 
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
+from fitting_core.ground.level import level_of
 from fitting_core.io.motion.fitted_motion import Motion, Progress
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, StoredFit, read_fit
 from tcfit_app.analysis.meshes import Meshes
@@ -22,7 +24,7 @@ from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.options.export import ExportOptions
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.runs import BodyRecord, named
+from tcfit_app.project.storage.run_record import BodyRecord, named
 
 _LIST = "list"
 
@@ -124,6 +126,7 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
         frame_rate=stored.frame_rate,
         name=name,
         first_frame=stored.first_frame,
+        level=level_of(stored.grounding),
     )
     return ExportSource(name=name, known_motion=motion, axes=options.axes)
 
@@ -140,8 +143,8 @@ def _clip_name(path: Path) -> str:
     """The clip's, which the summary knows; else the folder's."""
     folder = path if path.is_dir() else path.parent
     try:
-        name = msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["clip"]
-    except (OSError, KeyError, TypeError, msgspec.DecodeError):
+        name = msgspec.json.decode(regular_file(folder / SUMMARY_NAME).read_bytes())["clip"]
+    except (OSError, KeyError, TypeError, ValueError):
         name = ""
     return name if isinstance(name, str) and name else folder.resolve().name
 

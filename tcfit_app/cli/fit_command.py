@@ -104,14 +104,14 @@ def _inputs(clip: Clip, body: BodyModel) -> list[str]:
 
 
 def report(summary: dict[str, Any]) -> list[str]:
-    """The main figures as lines of a table."""
+    """The main figures as lines of a table, and what is known of the ground."""
     lines = [f"{'':9}{'reprojection px':>18}{'95 %':>8}{'jitter mm/frame²':>19}{'seconds':>10}"]
     for phase, error in summary["reprojection_px"].items():
         median, p95 = ("-" if e is None else f"{e:.1f}" for e in (error["median"], error["p95"]))
         jitter = summary["jitter"][phase]["camera_space_mm_per_frame2"]
         title = f"{phase[:-1]} {phase[-1]}"
         lines.append(f"{title:9}{median:>18}{p95:>8}{jitter:>19.1f}{summary['seconds'][phase]:>10.1f}")
-    return lines
+    return lines if summary["ground"] is None else [*lines, summary["ground"]["text"]]
 
 
 def _tell(lines: Iterable[str]) -> None:

@@ -1,5 +1,6 @@
 """The command `tcfit`: reads the command line, runs one command, and turns its end into an exit code."""
 
+import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -12,6 +13,8 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from fitting_core.config.schema import DEFAULT_PRESET
 from fitting_core.errors import InputError
+from fitting_core.files.regular import legible
+from tcfit_app.cli.ending import ended, prepare_streams
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.detect import DetectOptions
@@ -19,9 +22,7 @@ from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.export import ExportOptions
 from tcfit_app.options.fit import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 from tcfit_app.options.import_ import ImportOptions
-
-INPUT_ERROR, CANCELLED = 2, 130
-"""Exit codes: of what the user gave (as for unknown options), and of Ctrl-C (128 + SIGINT, as shells have it)."""
+from tcfit_app.options.paths import check_paths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,19 +187,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; None: those of this process.
 
     Returns:
-        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, INPUT_ERROR or
-        CANCELLED.
+        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, or one of those in
+        ending.py.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        options = parse(given)
-        run = dict(COMMANDS.values())[type(options)]
-        return run(options, shlex.join(["tcfit", *given])) or 0
-    except SystemExit as end:
-        return int(end.code or 0)
-    except InputError as error:
-        print(f"tcfit: {error}", file=sys.stderr)
-        return INPUT_ERROR
-    except KeyboardInterrupt:
-        print("tcfit: cancelled.", file=sys.stderr)
-        return CANCELLED
+    prepare_streams()
+    return ended(lambda: _run(given))
+
+
+def _run(given: list[str]) -> int | None:
+    os.getcwd()  # fails where that folder is gone, in which torch's libraries end the process
+    options = parse(given)
+    check_paths(options)
+    run = dict(COMMANDS.values())[type(options)]
+    return run(options, legible(shlex.join(["tcfit", *given])))

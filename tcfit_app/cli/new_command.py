@@ -19,6 +19,7 @@ from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
 
 SUFFIX = ".tcfit"
+_FOCAL_OPTIONS = ("--focal-length", "--fov", "--focal-length-35mm")
 
 
 def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
@@ -109,7 +110,8 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
     choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
     if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):
         raise InputError(f"{folder}: is a project of another clip than {clip.source}. {choice}")
-    if given and _frames_and_camera(made) != _frames_and_camera(clip):
+    told = not set(_FOCAL_OPTIONS).isdisjoint(given)
+    if given and _frames_and_camera(made, told) != _frames_and_camera(clip, told):
         raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
     if not _detected(clip.keypoints) or same_detections(made.keypoints, clip.keypoints):
         return
@@ -131,10 +133,11 @@ def check_same_packed(folder: Path, path: Path) -> None:
         raise InputError(f"{folder}: is another project than the one in {path}. Give --out for a new one.")
 
 
-def _frames_and_camera(clip: Clip) -> tuple[object, ...]:
-    """Without the words that say where the focal length comes from."""
+def _frames_and_camera(clip: Clip, focal: bool) -> tuple[object, ...]:
+    """Without the words that say where the focal length comes from; without itself where nobody asked for one."""
     camera = clip.camera
-    return clip.first_frame, len(clip), clip.frame_rate, camera.focal, camera.center, camera.size
+    asked = camera.focal if focal else None
+    return clip.first_frame, len(clip), clip.frame_rate, asked, camera.center, camera.size
 
 
 def _detected(keypoints: Keypoints) -> bool:

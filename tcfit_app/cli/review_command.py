@@ -19,7 +19,7 @@ from fitting_core.errors import InputError
 from tcfit_app.options.fit import ReferenceOptions, ReviewOptions, ServerOptions
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
-from tcfit_app.project.storage.runs import newest_body
+from tcfit_app.project.storage.run_record import newest_body
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
@@ -33,6 +33,7 @@ def run_review(options: ReviewOptions) -> None:
     Raises:
         InputError: There is no such project, it cannot be made, or nothing can listen at the address.
     """
+    check_folders(options.server, models=options.models)
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     if options.video is not None and is_project(options.video):
         with _served(options.video.stem, options.server) as server:
@@ -62,9 +63,15 @@ def review(
         _review(project, server, options, models=models, fit=fit)
 
 
-def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
+def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
+    """Raise InputError for folders that are none, before anything is made or fitted. Arguments as of `review`."""
     if options.files is not None and not options.files.is_dir():
         raise InputError(f"--files {options.files}: is no folder; expected one whose files pages may name.")
+    if models is not None and not models.is_dir():
+        raise InputError(f"--models {models}: is no folder; expected one with body models.")
+
+
+def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
     return review_server(
         f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser, scripts=web_files()
     )

@@ -16,7 +16,7 @@ from fitting_core.measure.references.reference import BodyOf, Reference
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.runs import Run, named, newest
+from tcfit_app.project.storage.run_record import Run, named, newest
 
 FIRST, FINAL = "phase 1", "final"
 """What the two fits of one result are called."""

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
@@ -38,7 +39,7 @@ _PRINTED = (
 def write_evaluation(
     folder: Path, evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), ablations: Sequence[Ablation] = ()
 ) -> None:
-    """Write the three files, each whole or not at all.
+    """Write the three files, all of them whole or none.
 
     Raises:
         InputError: The folder cannot be written.
@@ -52,9 +53,9 @@ def write_evaluation(
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, data in files.items():
-            with replacing(folder / name) as draft:
-                draft.write_bytes(data)
+        with ExitStack() as drafts:  # none takes its place before all are written
+            for name, data in files.items():
+                drafts.enter_context(replacing(folder / name)).write_bytes(data)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror or error}). Free space, or choose another --out."

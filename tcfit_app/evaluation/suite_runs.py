@@ -2,21 +2,24 @@
 
 import hashlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 import numpy as np
 import torch
 
+from assets import LIFTER
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, without_collisions
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
@@ -33,11 +36,14 @@ from fitting_core.measure.records import BASELINE, PHASE_1, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
+from fitting_core.synthetic.truth import Truth
 
 MEASURES = 1
 """Changes whenever figures are taken in another way: then stored fits are measured again."""
+Task = TypeVar("Task")
+Done = TypeVar("Done")
 _RECORDS = "records.json"
-_FIT_KEY = "fit.key"
+FIT_KEY = "fit.key"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,14 +120,19 @@ def _config(preset: str, *, collisions: bool) -> FitConfig:
 
 
 def run_tasks(tasks: Sequence[SuiteTask], *, jobs: int = 1) -> Iterator[tuple[SuiteTask, tuple[Record, ...]]]:
+    """Fit and measure sequences, several at once if there are several jobs; yields each as it is done."""
+    return done_tasks(run_task, tasks, jobs=jobs)
+
+
+def done_tasks(do: Callable[[Task], Done], tasks: Sequence[Task], *, jobs: int) -> Iterator[tuple[Task, Done]]:
     """Do tasks, several at once if there are several jobs; yields each as it is done."""
     if jobs == 1 or len(tasks) < 2:
         for task in tasks:
-            yield task, run_task(task)
+            yield task, do(task)
         return
     # Spawned, not forked: torch's threads do not survive a fork.
     with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(run_task, task): task for task in tasks}
+        waiting = {pool.submit(do, task): task for task in tasks}
         try:
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
@@ -135,11 +146,11 @@ def run_task(task: SuiteTask) -> tuple[Record, ...]:
     torch.set_num_threads(1)
     ready.use(threads=1)
     made, body = make_sequence(SEQUENCES[task.sequence], task.level), fitted_body()
-    key = fit_key(task, made, body)
+    key = fit_key(task.config, made.clip, made.truth, body, start=task.start)
     measured_key = f"{key} {task.every} {MEASURES}"
     if (stored := _stored(task.folder / _RECORDS)) is not None and stored.key == measured_key:
         return stored.records
-    if _read(task.folder / _FIT_KEY) != key:
+    if read_text(task.folder / FIT_KEY) != key:
         _fit(task, made, body, key)
     records = _measured(task, made, body)
     content = msgspec.json.encode(_Stored(key=measured_key, records=records))
@@ -154,15 +165,16 @@ def fitted_body() -> BodyModel:
     return load_body(find_body(search=FREE_FOLDER))
 
 
-def fit_key(task: SuiteTask, made: SuiteClip, body: BodyModel) -> str:
-    """Stands for all that a fit depends on: settings, detections, truth, body, and the packages' versions."""
-    digest = hashlib.sha256(msgspec.json.encode([as_plain(task.config), versions(), body.hash, made.truth.body_hash]))
-    for array in (made.clip.keypoints.xy, made.clip.keypoints.confidence):
+def fit_key(config: FitConfig, clip: Clip, truth: Truth, body: BodyModel, *, start: Path | None = None) -> str:
+    """Stands for all that a fit depends on: settings, detections, truth, body, lifter, and the packages' versions."""
+    digest = hashlib.sha256(msgspec.json.encode([as_plain(config), versions(), body.hash, truth.body_hash]))
+    digest.update(LIFTER.read_bytes())
+    for array in (clip.keypoints.xy, clip.keypoints.confidence):
         digest.update(np.ascontiguousarray(array).tobytes())
     for f in fields(BodyParams):
-        digest.update(getattr(made.truth.params, f.name).numpy().tobytes())
-    if task.start is not None:
-        digest.update((_read(task.start / _FIT_KEY) or "").encode())
+        digest.update(getattr(truth.params, f.name).numpy().tobytes())
+    if start is not None:
+        digest.update((read_text(start / FIT_KEY) or "").encode())
     return digest.hexdigest()
 
 
@@ -184,7 +196,7 @@ def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:
         fit_clip(made.clip, body, task.config) if task.start is None else _later_phases(task, made, body, task.start)
     )
     write_result(task.folder, found, made.clip, body)
-    with replacing(task.folder / _FIT_KEY) as draft:
+    with replacing(task.folder / FIT_KEY) as draft:
         draft.write_text(key)
 
 
@@ -241,7 +253,8 @@ def fit_seconds(folder: Path) -> dict[str, float]:
     return msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["seconds"]
 
 
-def _read(path: Path) -> str | None:
+def read_text(path: Path) -> str | None:
+    """A file's text; None where there is no file."""
     return path.read_text() if path.is_file() else None
 
 

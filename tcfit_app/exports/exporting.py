@@ -1,15 +1,12 @@
 """Exports from their start to their end: files that appear whole or not at all."""
 
-import os
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
+from fitting_core.files.atomic import drafting, put_folder, replacing, scratch_folder
 from fitting_core.io.motion.fitted_motion import Progress
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import Export
@@ -53,9 +50,11 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
         with _replacing_folder(path) as folder:
             export.write(source, folder, progress)
     else:
-        with tempfile.TemporaryDirectory(prefix="tcfit-export-") as name, replacing(path) as draft:
-            export.write(source, Path(name), lambda share: progress((1 - _ZIPPING) * share))
-            _zip(Path(name), draft, lambda share: progress(1 - _ZIPPING + _ZIPPING * share))
+        with replacing(path) as draft:
+            folder = draft.with_name(f"{draft.name}.files")
+            folder.mkdir()
+            export.write(source, folder, lambda share: progress((1 - _ZIPPING) * share))
+            _zip(folder, draft, lambda share: progress(1 - _ZIPPING + _ZIPPING * share))
     progress(1.0)
 
 
@@ -67,32 +66,12 @@ def _replacing_folder(path: Path) -> Iterator[Path]:
         InputError: What is at `path` is a file, or holds files that the new folder does not.
     """
     path = path.resolve()  # where a link leads
-    draft = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    draft.mkdir()
-    try:
+    with drafting(path) as draft:
+        draft.mkdir()
         yield draft
-        _put_in_place(draft, path)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-
-
-def _put_in_place(draft: Path, path: Path) -> None:
-    """What was at `path` is back there unless the new folder is."""
-    if not path.exists():
-        draft.rename(path)
-        return
-    _check_replaced(path, draft)
-    old = path.with_name(f".{path.name}.{os.getpid()}.old")
-    try:
-        path.rename(old)
-        draft.rename(path)
-    except BaseException:  # Ctrl-C comes as one
-        if old.exists() and not path.exists():
-            old.rename(path)
-        raise
-    finally:
         if path.exists():
-            shutil.rmtree(old, ignore_errors=True)
+            _check_replaced(path, draft)
+        put_folder(draft, path)
 
 
 def _check_replaced(path: Path, draft: Path) -> None:
@@ -116,7 +95,7 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
 
 def content_of(export: Export, source: ExportSource, progress: Progress) -> bytes:
     """An export as one file's content, of which nothing stays on the disk. As `write_export`."""
-    with tempfile.TemporaryDirectory(prefix="tcfit-export-") as folder:
-        path = Path(folder) / f"export{export.suffix}"
+    with scratch_folder() as folder:
+        path = folder / f"export{export.suffix}"
         write_export(export, source, path, progress, zipped=True)
         return path.read_bytes()

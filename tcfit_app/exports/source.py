@@ -12,6 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.ground.level import level_of
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
@@ -42,6 +43,7 @@ class ExportedFit:
             frame_rate=clip.frame_rate,
             name=clip.name,
             first_frame=clip.first_frame,
+            level=level_of(self.fit.grounding),
         )
 
     @property
@@ -66,7 +68,9 @@ class ExportedFit:
             return self
         note = f"A part of a fit of {whole} frames: seconds and the other warnings are those of the whole."
         phases = tuple(_part(phase, frames) for phase in self.fit.phases)
-        fit = replace(self.fit, phases=phases, observed=observed, warnings=(*self.fit.warnings, note))
+        grounding = None if self.fit.grounding is None else self.fit.grounding[frames]
+        warnings = (*self.fit.warnings, note)
+        fit = replace(self.fit, phases=phases, observed=observed, warnings=warnings, grounding=grounding)
         shown = replace(self.shown, params=self.shown.params[frames])
         return replace(self, fit=fit, shown=shown)
 

@@ -10,7 +10,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import Reference
-from tcfit_app.project.storage.runs import BodyRecord
+from tcfit_app.project.storage.run_record import BodyRecord
 
 
 def record_of(body: BodyModel) -> BodyRecord:
@@ -53,9 +53,9 @@ class Bodies:
             return known
         path = Path(record.source)
         body = self._read(path) if record.source and path.is_file() else None
-        if body is None or body.hash != record.hash:
+        if body is None or record.hash not in ("", body.hash):
             body = self.find(kind=record.kind, gender=record.gender)
-        if body.hash != record.hash:
+        if record.hash not in ("", body.hash):
             raise InputError(
                 f"The {record.gender} {record.kind} body of this run is no longer there (found another one at "
                 f"{body.source}). Put {record.source or 'the file'} back, or run the fit again."

@@ -9,29 +9,45 @@ from itertools import count
 from queue import SimpleQueue
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
+from fitting_core.config.schema import fits_as_smplifyx
 from fitting_core.errors import InputError
-from fitting_core.fit.events import PhaseFinished, WindowFinished
+from fitting_core.fit.events import FramesFitted, PhaseFinished
 from fitting_core.fit.fitting import Refit, patched
+from fitting_core.fit.grounded import grounded
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob, with_phases
-from tcfit_app.fitting.live import Correction
+from tcfit_app.fitting.live import Correction, Target
 from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.runs import Ended, Run, newest
+from tcfit_app.project.storage.run_record import Ended, Run, newest
 
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
 IN_USE = 5.0
 """Seconds since it was last asked for until a result counts as not on show any more."""
-TITLES = {1: "SMPLify-X", 2: "shared shape", 3: "temporal"}
-"""What each phase is called where two of them stand side by side."""
+TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
+"""What each phase is called, whatever run it is of."""
+
+
+def phase_title(run: Run, phase: int) -> str:
+    """What a phase of a run is called, on buttons and legends and in names of files."""
+    return "SMPLify-X" if phase == 1 and run.kind != "imported" and fits_as_smplifyx(run.config) else TITLES[phase]
+
+
+_OWN: dict[str, tuple[int, ...]] = {"frames": (3,), "shape": (2, 3), "corrections": (), "imported": ()}
+
+
+def own_phases(run: Run) -> tuple[int, ...]:
+    """Phases that a run did itself, and whose seconds are its own; the others are its parent's. Corrections are patches
+    of their parent's phase 3."""
+    return _OWN.get(run.kind, tuple(TITLES))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,26 +69,64 @@ class Shown:
     params: BodyParams
     """All frames."""
     result: PhaseResult | None
-    """Its figures; None while its windows come in."""
+    """Its figures; None while its frames come in."""
     revision: int
     """Another number whenever `params` is another."""
     camera: Camera
     """The one that it was fitted with: its focal length may not be the clip's."""
+    there: Bool[np.ndarray, "T"] | None
+    """Frames that have a body; None: all."""
+
+    def has(self, frame: int) -> bool:
+        """Whether there is a body in a frame: while phase 1 runs, not in those that it has not come to."""
+        return self.there is None or bool(self.there[frame])
 
     @property
     def title(self) -> str:
         """For the user."""
-        return self.run.name if self.run.kind == "imported" else f"{self.run.name} · {TITLES[self.phase]}"
+        name = self.run.name
+        return name if self.run.kind == "imported" else f"{name} · {phase_title(self.run, self.phase)}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Partial:
+    """A phase whose frames come in."""
+
+    phase: int
+    params: BodyParams
+    """All frames; those that are not there yet are any body."""
+    there: Bool[np.ndarray, "T"] | None
+    """As of `Shown`."""
+
+    def with_frames(self, frames: range, params: BodyParams) -> "_Partial":
+        there = None if self.there is None else self.there.copy()
+        if there is not None:
+            there[frames.start : frames.stop] = True
+        return replace(self, params=self.params.with_frames(frames, params), there=there)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Version:
     """What a run has found so far."""
 
-    fit: FitResult
-    partial: BodyParams | None
-    """Phase 3 while its windows come in, all frames."""
+    fit: FitResult | None
+    """None: no phase is finished."""
+    camera: Camera
+    partial: _Partial | None
+    """The phase that is running, if frames of it can be looked at."""
     revision: int
+
+    @property
+    def finished(self) -> tuple[PhaseResult, ...]:
+        """Phases with all figures."""
+        return () if self.fit is None else self.fit.phases
+
+
+def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
+    """A phase of which the first frames come: the others are those of the phase before, if there is one."""
+    if version.finished:
+        return _Partial(phase=found.phase, params=version.finished[-1].params, there=None)
+    return _Partial(phase=found.phase, params=found.params[[0] * length], there=np.zeros(length, bool))
 
 
 class Fits:
@@ -117,26 +171,26 @@ class Fits:
             self.changes += 1
 
     def showable(self) -> list[Run]:
-        """Runs with at least one phase, oldest first."""
+        """Runs of which there is something to look at, oldest first."""
         with self._lock:
-            return [
-                run
-                for run in self.runs
-                if run.stored or (run.id in self._versions and self._versions[run.id].fit.phases)
-            ]
+            there = {number for number, v in self._versions.items() if v.finished or v.partial is not None}
+            return [run for run in self.runs if run.stored or run.id in there]
 
     def phases(self, run: Run) -> tuple[int, ...]:
         """Which phases of a run can be shown."""
         version = self._version(run)
-        return tuple(p.phase for p in version.fit.phases) + ((3,) if version.partial is not None else ())
+        return tuple(p.phase for p in version.finished) + (() if version.partial is None else (version.partial.phase,))
 
     def fit(self, run: Run) -> FitResult:
         """Everything that a run has found.
 
         Raises:
-            InputError: It cannot be read.
+            InputError: It cannot be read, or no phase is finished.
         """
-        return self._version(run).fit
+        fit = self._version(run).fit
+        if fit is None:
+            raise InputError(f"{run.name} is in its first phase: wait until that is done.")
+        return fit
 
     def meant(self, choice: FitChoice) -> Run | None:
         """The run that a choice means now."""
@@ -158,18 +212,20 @@ class Fits:
         if run is None:
             return None
         version = self._version(run)
-        if version.partial is not None and choice.phase in (None, 3):
-            return self._shown(run, version, 3, version.partial, None)
-        there = [p for p in version.fit.phases if choice.phase is None or p.phase <= choice.phase]
-        if not there:
+        phases = [*version.finished, *([] if version.partial is None else [version.partial])]
+        wanted = None if run.kind == "imported" else choice.phase  # another program's result has no phases to choose
+        last = next((p for p in reversed(phases) if wanted is None or p.phase <= wanted), None)
+        if last is None:
             return None
-        last = there[-1]
-        return self._shown(run, version, last.phase, last.params, last)
-
-    @staticmethod
-    def _shown(run: Run, version: _Version, phase: int, params: BodyParams, result: PhaseResult | None) -> Shown:
-        camera = version.fit.camera
-        return Shown(run=run, phase=phase, params=params, result=result, revision=version.revision, camera=camera)
+        return Shown(
+            run=run,
+            phase=last.phase,
+            params=last.params,
+            result=last if isinstance(last, PhaseResult) else None,
+            revision=version.revision,
+            camera=version.camera,
+            there=last.there if isinstance(last, _Partial) else None,
+        )
 
     def _version(self, run: Run) -> _Version:
         with self._lock:
@@ -182,9 +238,12 @@ class Fits:
         with self._lock:  # another thread may have published a newer one meanwhile
             return self._versions.get(run.id) or self._publish(run.id, fit)
 
-    def _publish(self, run: int, fit: FitResult, partial: BodyParams | None = None) -> _Version:
+    def _publish(self, run: int, fit: FitResult, partial: _Partial | None = None) -> _Version:
+        return self._put(run, fit, fit.camera, partial)
+
+    def _put(self, run: int, fit: FitResult | None, camera: Camera, partial: _Partial | None) -> _Version:
         with self._lock:
-            version = _Version(fit=fit, partial=partial, revision=next(self._revisions))
+            version = _Version(fit=fit, camera=camera, partial=partial, revision=next(self._revisions))
             self._versions[run] = version
             self._versions.move_to_end(run)
             self._asked[run] = time.monotonic()
@@ -206,7 +265,7 @@ class Fits:
             fit = self.fit(start.run)
             kept = tuple(p for p in fit.phases if p.phase < (2 if run.kind == "shape" else 3))
             # Frames that are fitted again stand as they were until they come in, and all others for good.
-            partial = start.params if run.kind == "frames" else None
+            partial = _Partial(phase=3, params=start.params, there=None) if run.kind == "frames" else None
             self._publish(run.id, replace(fit, phases=kept, config=run.config), partial)
         self.changed()
 
@@ -218,7 +277,8 @@ class Fits:
         """
         self._project.runs.end(run, state, message)
         with self._lock:
-            if (version := self._versions.pop(run, None)) is not None and self._project.runs.get(run).stored:
+            version = self._versions.pop(run, None)
+            if version is not None and version.fit is not None and self._project.runs.get(run).stored:
                 self._publish(run, version.fit)
         self.changed()
 
@@ -228,7 +288,7 @@ class Fits:
             self._versions.pop(run, None)
         self.changed()
 
-    def keep(self, job: Job, result: PhaseFinished | WindowFinished | FitResult) -> None:
+    def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
         """Store what a run's job found; see `worker.Sink`."""
         if isinstance(job, CorrectionJob):
             if isinstance(result, FitResult):
@@ -250,7 +310,7 @@ class Fits:
             self._publish(job.run_id, result.so_far)
             self.changed()
         else:
-            self._put_window(job, result)
+            self._put_frames(job, result)
 
     @property
     def unwritten(self) -> bool:
@@ -271,18 +331,23 @@ class Fits:
             del self._unwritten[number]
         return written
 
-    def _put_window(self, job: RunJob, window: WindowFinished) -> None:
+    def _put_frames(self, job: RunJob, found: FramesFitted) -> None:
         with self._lock:
-            version = self._versions[job.run_id]
-            before = version.fit.last.params if version.partial is None else version.partial
-            self._publish(job.run_id, version.fit, before.with_frames(window.frames, window.params))
+            version = self._versions.get(job.run_id) or self._put(job.run_id, None, job.clip.camera, None)
+            before = version.partial
+            if before is None or before.phase != found.phase:
+                before = _begun(version, found, len(job.clip))
+            partial = before.with_frames(found.frames, found.params)
+            self._put(job.run_id, version.fit, version.camera, partial)
+        if len(version.finished) == 0 and version.partial is None:
+            self.changed()  # there is something to look at
 
-    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], refit: Refit) -> None:
+    def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
         """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
         assert correction.origin is not None
         # Its own edit is among them: it was on the disk before the drag was released.
         seen = {entry.id for entry in self._project.log if entry.id <= correction.edits_seen}
-        clip = correction.edited(xy)
+        clip = correction.edited(target)
         with self._correcting:
             self._correct(correction.origin, (correction.frames,), refit, clip, correction.body, seen)
 
@@ -313,7 +378,8 @@ class Fits:
         note = "keypoints were corrected, and the frames around them fitted again"
         phase = patched(fit.last, clip, body, fit.config, whole, windows, provenance=refit.provenance, note=note)
         config = self._project.runs.get(run).config
-        self._store_corrections(base, with_phases(fit, (phase,), config), self.edits_seen(base, windows, seen))
+        found = grounded(with_phases(fit, (phase,), config), clip, body)
+        self._store_corrections(base, found, self.edits_seen(base, windows, seen))
 
     def corrections_of(self, run: int) -> Run:
         """The run in which corrections of a run are collected, or the run itself if there is none yet."""

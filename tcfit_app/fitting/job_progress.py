@@ -8,7 +8,7 @@ from typing import Literal
 
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished
 from tcfit_app.fitting.jobs import TYPICAL_SHARES, Job
-from tcfit_app.fitting.outbox import JobProgress
+from tcfit_app.fitting.reports import JobProgress
 
 _EARLY = 0.02
 """Share of a job before which nothing is said about the remaining time."""
@@ -86,7 +86,7 @@ class RunningJob:
     losses: list[tuple[float, dict[str, float]]] = field(default_factory=list)
     """Seconds of work, and mean cost of a frame by term, "total" among them; about twice a second."""
     windows: list[range] = field(default_factory=list)
-    """Frames that are final."""
+    """Frames that have a fit from the phase that is running."""
     outcome: Literal["", "finished", "cancelled", "failed"] = ""
     """Empty: it has not ended."""
     reason: str = ""

@@ -8,8 +8,9 @@ from typing import Protocol
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.events import FitEvent, Iteration, WindowFinished, mapped
+from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, mapped
 from fitting_core.fit.fitting import Refit, fit_events, patched, rerun_events, shape_events
+from fitting_core.fit.grounded import grounded
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.project.frame_words import in_words
@@ -89,7 +90,7 @@ class RerunFrames:
             refit = yield from _as_part(events, i, len(self.windows))
             inside = slice(window.start, window.stop)
             params, provenance = refit.params, provenance.with_frames(window, refit.provenance[inside])
-            yield WindowFinished(frames=window, params=params[inside])
+            yield FramesFitted(phase=3, frames=window, params=params[inside])
         phase = patched(
             replace(self.start.last, phase=3),
             self.clip,
@@ -100,7 +101,8 @@ class RerunFrames:
             provenance=provenance,
             note=f"{self.title}: window of phase 3, the rest as in the run before",
         )
-        return with_phases(self.start, (replace(phase, seconds=time.perf_counter() - begin),), self.config)
+        phase = replace(phase, seconds=time.perf_counter() - begin)
+        return grounded(with_phases(self.start, (phase,), self.config), self.clip, self.body)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +149,7 @@ class RunJob:
     """A job that makes a run."""
 
     run_id: int
-    job: Job
+    job: FitEverything | RerunFrames | FitShape
     start: Callable[[], FitResult] | None = None
     """The fit that frames are fitted again in, where it is still to come: asked for when the job begins."""
 
@@ -160,6 +162,11 @@ class RunJob:
     def phases(self) -> tuple[int, ...]:
         """As the job's."""
         return self.job.phases
+
+    @property
+    def clip(self) -> Clip:
+        """As the job's."""
+        return self.job.clip
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """As the job's. Raises InputError if the fit to start from never came."""

@@ -2,13 +2,16 @@
 
 What a drag does not change is made once, at its start: the stages and their compiled points, the last stage's objective
 with its face contour held, and the joints of the frames around the window, to which E_T couples it. A move then changes
-a few numbers of the data term, and a step of Levenberg-Marquardt goes on from where the last move left the window.
+a few numbers of the data term, or of the depths, and a step of Levenberg-Marquardt goes on from where the last move
+left the window.
 
 Milliseconds of CPU time of a move on one thread, window of 7 frames, medians:
 
     keypoints               with the kernels   in torch
     body                    9                  20
     body, hands and face    10                 31
+
+A drag in depth takes 1 ms more, in which the kernels take up the term of relative positions anew.
 """
 
 from collections.abc import Callable, Generator
@@ -27,8 +30,10 @@ from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
 from fitting_core.fit.fitting import Refit, rerun_events
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.observations import cut_off
 from fitting_core.fit.phases.consistency import coupled
+from fitting_core.fit.sides import other_side
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.data import Data
@@ -37,6 +42,8 @@ from fitting_core.keypoints import Keypoints
 
 REACH = 3
 """Frames on each side of the dragged one that follow: a window of seven."""
+Target = Float[np.ndarray, "n 2"] | Float[np.ndarray, "n"]
+"""Where dragged keypoints are: pixels, or of a drag in depth metres behind the pelvis (`Keypoints.depth`)."""
 ATTEMPTS = 3
 """Dampings that one re-solve tries; the next one goes on from there."""
 SETTLED = 1e-5
@@ -58,6 +65,8 @@ class Correction:
     frame: int
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
+    in_depth: bool = False
+    """Whether they are dragged away from the camera and towards it, and not in the image."""
     reach: int = REACH
     origin: int | None = None
     """The run that `params` are of, for whoever keeps the correction."""
@@ -74,6 +83,8 @@ class Correction:
             raise InputError(
                 f"Keypoints {self.keypoints} cannot be moved: expected different ones of 0 to {kp.COUNT - 1}."
             )
+        if self.in_depth and (other := [k for k in self.keypoints if k >= kp.BODY.stop]):
+            raise InputError(f"Keypoints {other} have no depth that could be dragged: only those of the body have.")
         if len(self.params) != len(self.clip):
             raise InputError(
                 f"The result has {len(self.params)} frames and the clip {len(self.clip)}: fit this clip first."
@@ -86,8 +97,10 @@ class Correction:
 
     @property
     def converging(self) -> FitConfig:
-        """The configuration of the fit at release: the last stage, warm-started."""
-        return replace(self.config, solver="lm", temporal=replace(self.config.temporal, stages=(N_STAGES,)))
+        """The configuration of the fit at release: the last stage, warm-started. Feet go where they are dragged."""
+        weights = replace(self.config.weights, held_position=(0.0,) * N_STAGES)
+        temporal = replace(self.config.temporal, stages=(N_STAGES,))
+        return replace(self.config, solver="lm", temporal=temporal, weights=weights)
 
     @property
     def following(self) -> FitConfig:
@@ -99,14 +112,16 @@ class Correction:
         """The same, renewed."""
         return self if self.renewed is None else self.renewed()
 
-    def edited(self, xy: Float[np.ndarray, "n 2"]) -> Clip:
-        """The clip with the dragged keypoints at `xy` (pixels), at confidence 1: a person put them there."""
-        keypoints = self.clip.keypoints
+    def edited(self, target: Target) -> Clip:
+        """The clip with the dragged keypoints at `target`: in the image at confidence 1, as a person put them there."""
+        keypoints, cells = self.clip.keypoints, (self.frame, list(self.keypoints))
+        if self.in_depth:
+            depth = keypoints.told_depth.copy()
+            depth[cells] = target
+            return replace(self.clip, keypoints=replace(keypoints, depth=depth))
         moved, confidence, by_hand = keypoints.xy.copy(), keypoints.confidence.copy(), keypoints.placed.copy()
-        moved[self.frame, list(self.keypoints)] = xy
-        confidence[self.frame, list(self.keypoints)] = 1
-        by_hand[self.frame, list(self.keypoints)] = True
-        return replace(self.clip, keypoints=Keypoints(xy=moved, confidence=confidence, by_hand=by_hand))
+        moved[cells], confidence[cells], by_hand[cells] = target, 1, True
+        return replace(self.clip, keypoints=replace(keypoints, xy=moved, confidence=confidence, by_hand=by_hand))
 
 
 class LiveCorrection:
@@ -114,24 +129,32 @@ class LiveCorrection:
 
     Args:
         correction: what is dragged.
-        xy: where to, pixels; in the order of `correction.keypoints`.
+        target: where to; in the order of `correction.keypoints`.
     """
 
-    def __init__(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> None:
+    def __init__(self, correction: Correction, target: Target) -> None:
         self.correction = correction
-        clip, config = correction.edited(xy), correction.following
+        clip, config = correction.edited(target), correction.following
         stages = Stages.of(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
         window, near = correction.frames, coupled(correction.frames, len(clip))
         self._stages = stages.within(near)
         self._frame = correction.frame - near.start
         """That is corrected, in `_stages`, which hold the window and what is coupled to it."""
         self._row = self._stages.keypoints[self._frame : self._frame + 1]
-        self._places = [_place(self._row, k, position) for k, position in zip(correction.keypoints, xy, strict=True)]
+        self._places = self._in_fit(target)
         around = self._stages.parametrisation.from_params(correction.params[slice(near.start, near.stop)])
         self._problem = self._coupled(around, range(window.start - near.start, window.stop - near.start))
-        self._looked_at = self._stages.data_keypoints(N_STAGES)
+        self._looked_at = self._stages.looked_at(N_STAGES)
         self._state = around[self._problem.frames]
-        self.move(xy)
+        self.move(target)
+
+    def _in_fit(self, target: Target) -> list[int]:
+        """Which keypoints of the fit are dragged: the fit may have swapped the two sides back."""
+        dragged = self.correction.keypoints
+        if self.correction.in_depth:
+            swapped = self._stages.observations[self._frame : self._frame + 1].swaps
+            return [other_side(keypoint, swapped) for keypoint in dragged]
+        return [_place(self._row, keypoint, xy) for keypoint, xy in zip(dragged, target, strict=True)]
 
     def _coupled(self, around: State, window: range) -> Sequence:
         """The window's problem, held by its surroundings as in a re-run."""
@@ -139,20 +162,32 @@ class LiveCorrection:
         objective = stages.objective(N_STAGES, around, stages.free(N_STAGES, betas=False))
         return Sequence(objective, around, window)
 
-    def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
-        """The keypoints are there now; pixels, in the order of the correction's."""
-        self.xy = xy
+    def move(self, target: Target) -> None:
+        """The keypoints are there now; in the order of the correction's."""
+        self.target = target
         self._damping = self._state.vector.new_full((1,), _FIRST_DAMPING)
         self.settled = False
         """Whether another `resolve` would change next to nothing."""
+        objective = self._problem.objective
+        self._problem = copy(self._problem)
+        self._problem.objective = self._at_depth(objective) if self.correction.in_depth else self._in_image(objective)
+
+    def _at_depth(self, objective: FrameObjective) -> FrameObjective:
+        """With the dragged keypoints as far away as they are now."""
+        term = objective.relative_position
+        target = term.target.clone()
+        columns = [self._looked_at.tolist().index(place) for place in self._places]
+        target[self._frame, columns, 2] = torch.as_tensor(self.target).to(target)
+        return objective.with_relative_position(replace(term, target=target))
+
+    def _in_image(self, objective: FrameObjective) -> FrameObjective:
+        """With the dragged keypoints where they are now."""
         row = self._row.xy.copy()
-        row[0, self._places] = xy
+        row[0, self._places] = self.target
         keypoints = replace(self._row, xy=row)
         config, size = self._stages.config, self.correction.clip.camera.size
         side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(row.shape, np.int8)
-        objective = self._problem.objective
-        self._problem = copy(self._problem)
-        self._problem.objective = objective.with_data(self._aimed(objective.data, row, side))
+        return objective.with_data(self._aimed(objective.data, row, side))
 
     def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:
         """The data term with this frame's keypoints where they are now."""
@@ -197,12 +232,12 @@ class LiveCorrection:
         Around it they are those of the result as it is now, and so are all other keypoints.
         """
         self.correction = c = self.correction.now
-        clip = c.edited(self.xy)
+        clip = c.edited(self.target)
         return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames))
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:
-    """Which keypoint of the fit it is: the fit may have swapped the two sides back."""
+    """Which keypoint of the fit is the one at a position in the image."""
     there = (row.xy[0] == position).all(-1) & (row.confidence[0] == 1)
     group = next(g for g in (kp.BODY, kp.HANDS, kp.FACE) if g.start <= keypoint < g.stop)
     found = group.start + np.flatnonzero(there[group])

@@ -11,16 +11,15 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.fit.events import Finished, FitEvent, Iteration, PhaseFinished, WindowFinished
+from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration, PhaseFinished
 from fitting_core.fit.fitting import Refit
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
-from tcfit_app.fitting.live import Correction, LiveCorrection
-from tcfit_app.fitting.outbox import DragEnded, DragMoved, JobEnded, JobReported, JobStarted, Outbox
+from tcfit_app.fitting.live import Correction, LiveCorrection, Target
+from tcfit_app.fitting.reports import DragEnded, DragMoved, JobEnded, JobReported, JobStarted, Reports
 
 LINGER = 2.0
 """Seconds for which a job waits for a pointer that rests, before it goes on under the drag."""
@@ -30,11 +29,11 @@ _log = logging.getLogger(__name__)
 class Sink(Protocol):
     """Where results go before anybody is told of them; called on the worker's thread."""
 
-    def keep(self, job: Job, result: PhaseFinished | WindowFinished | FitResult) -> None:
+    def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
         """Store what a job found. An exception ends it as failed."""
         ...
 
-    def keep_correction(self, correction: Correction, xy: Float[np.ndarray, "n 2"], refit: Refit) -> None:
+    def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
         """Store a released drag: where its keypoints are, and all frames under it. An exception ends it as failed."""
         ...
 
@@ -42,20 +41,20 @@ class Sink(Protocol):
 class Drag:
     """A drag under way. Moves overwrite each other: only the newest counts."""
 
-    def __init__(self, number: int, correction: Correction, xy: Float[np.ndarray, "n 2"], changed: threading.Condition):
+    def __init__(self, number: int, correction: Correction, target: Target, changed: threading.Condition) -> None:
         self.number, self.correction = number, correction
         self.live: LiveCorrection | None = None
         """The worker's own; made when it first comes to the drag."""
         self._changed = changed
-        self._xy: Float[np.ndarray, "n 2"] | None = np.array(xy, dtype=float)
+        self._target: Target | None = np.array(target, dtype=float)
         self.released = self.abandoned = False
         self.failed = False
         """Known to whoever began it: nothing follows it any more."""
 
-    def move(self, xy: Float[np.ndarray, "n 2"]) -> None:
-        """The keypoints are at `xy` (pixels) now, in the order of the correction's."""
+    def move(self, target: Target) -> None:
+        """The keypoints are at `target` now, in the order of the correction's."""
         with self._changed:
-            self._xy = np.array(xy, dtype=float)
+            self._target = np.array(target, dtype=float)
             self._changed.notify_all()
 
     def release(self) -> None:
@@ -70,16 +69,16 @@ class Drag:
             self.abandoned = True
             self._changed.notify_all()
 
-    def taken(self) -> Float[np.ndarray, "n 2"] | None:
+    def taken(self) -> Target | None:
         """Where to, if that is news; asked under the lock."""
-        xy, self._xy = self._xy, None
-        return xy
+        target, self._target = self._target, None
+        return target
 
     @property
     def wants(self) -> bool:
         """Whether there is something to do; asked under the lock."""
         unsettled = self.live is None or not self.live.settled
-        return unsettled or self.released or self.abandoned or self._xy is not None
+        return unsettled or self.released or self.abandoned or self._target is not None
 
 
 class Worker:
@@ -90,7 +89,7 @@ class Worker:
     """
 
     def __init__(self, sink: Sink) -> None:
-        self.outbox = Outbox()
+        self.reports = Reports()
         self._sink = sink
         self._changed = threading.Condition()
         self._numbers = count(1)
@@ -102,7 +101,7 @@ class Worker:
         self._thread.start()
 
     def submit(self, job: Job) -> int:
-        """Puts a job at the end of the queue; its number, by which the outbox calls it."""
+        """Puts a job at the end of the queue; its number, by which reports call it."""
         with self._changed:
             self._refuse_if_closing()
             number = next(self._numbers)
@@ -117,14 +116,14 @@ class Worker:
             dropped = [number for number, _ in self._queue if job in (None, number)]
             self._queue = deque(entry for entry in self._queue if entry[0] not in dropped)
             for number in dropped:
-                self.outbox.tell(JobEnded(job=number, how="cancelled"))
+                self.reports.tell(JobEnded(job=number, how="cancelled"))
             self._changed.notify_all()
 
-    def drag(self, correction: Correction, xy: Float[np.ndarray, "n 2"]) -> Drag:
+    def drag(self, correction: Correction, target: Target) -> Drag:
         """Begins to follow a drag; a running job waits for it."""
         with self._changed:
             self._refuse_if_closing()
-            drag = Drag(next(self._numbers), correction, xy, self._changed)
+            drag = Drag(next(self._numbers), correction, target, self._changed)
             self._drags.append(drag)
             self._changed.notify_all()
         return drag
@@ -156,14 +155,14 @@ class Worker:
             elif entry is not None:
                 self._run(*entry)
         for drag in self._drags:
-            self.outbox.tell(DragEnded(drag=drag.number, how="abandoned"))
+            self.reports.tell(DragEnded(drag=drag.number, how="abandoned"))
 
     def _waiting_drag(self) -> Drag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
         """A job from its start to its end."""
-        self.outbox.tell(JobStarted(job=number))
+        self.reports.tell(JobStarted(job=number))
         try:
             ended = self._outcome(number, job)
         except InputError as error:
@@ -174,7 +173,7 @@ class Worker:
             _log.exception("Job %d (%s) failed", number, job.title)
         with self._changed:
             self._running = None
-        self.outbox.tell(ended)
+        self.reports.tell(ended)
         give_back()
 
     def _outcome(self, number: int, job: Job) -> JobEnded:
@@ -206,12 +205,12 @@ class Worker:
     def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
         clock.take(event)
         if isinstance(event, Iteration):
-            self.outbox.show(clock.progress(event))
+            self.reports.show(clock.progress(event))
             return
-        if isinstance(event, PhaseFinished | WindowFinished):
+        if isinstance(event, PhaseFinished | FramesFitted):
             self._sink.keep(job, event)
         if not isinstance(event, Finished):  # its result comes as the outcome
-            self.outbox.tell(JobReported(job=number, event=event))
+            self.reports.tell(JobReported(job=number, event=event))
 
     def _follow(self, drag: Drag) -> None:
         """A drag until it ends, or until its pointer rests."""
@@ -223,7 +222,7 @@ class Worker:
         if ended is not None:
             with self._changed:
                 self._drags.remove(drag)
-            self.outbox.tell(ended)
+            self.reports.tell(ended)
 
     def _followed(self, drag: Drag) -> DragEnded | None:
         while True:
@@ -231,22 +230,22 @@ class Worker:
                 self._changed.wait_for(lambda: self._closing or drag.wants, LINGER)
                 if not (self._closing or drag.wants):
                     return None
-                xy = drag.taken()
+                target = drag.taken()
             if self._closing or drag.abandoned:
                 return DragEnded(drag=drag.number, how="abandoned")
-            live = self._aimed(drag, xy)
+            live = self._aimed(drag, target)
             if drag.released:
                 return self._released(drag, live)
             params = live.resolve()
-            self.outbox.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+            self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
 
-    def _aimed(self, drag: Drag, xy: Float[np.ndarray, "n 2"] | None) -> LiveCorrection:
+    def _aimed(self, drag: Drag, target: Target | None) -> LiveCorrection:
         """The drag's correction, made at first."""
         if drag.live is None:
-            assert xy is not None, "a drag begins somewhere"
-            drag.live = LiveCorrection(drag.correction.now, xy)
-        elif xy is not None:
-            drag.live.move(xy)
+            assert target is not None, "a drag begins somewhere"
+            drag.live = LiveCorrection(drag.correction.now, target)
+        elif target is not None:
+            drag.live.move(target)
         return drag.live
 
     def _released(self, drag: Drag, live: LiveCorrection) -> DragEnded:
@@ -257,7 +256,7 @@ class Worker:
                     next(events)
                 except StopIteration as stop:
                     refit: Refit = stop.value
-                    self._sink.keep_correction(live.correction, live.xy, refit)
+                    self._sink.keep_correction(live.correction, live.target, refit)
                     return DragEnded(drag=drag.number, how="finished")
         return DragEnded(drag=drag.number, how="abandoned")
 

@@ -6,7 +6,6 @@ Files that a browser sends are written under names of our own, whatever they are
 import io
 import os
 import re
-import tempfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Protocol
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import scratch_folder
 from fitting_core.io.keypoints.openpose import SUFFIX
 from fitting_core.keypoints import Keypoints
 from fitting_core.video.frame_names import natural_key, split_number
@@ -81,8 +81,8 @@ class ImportUpload:
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         report("Unpacking the upload", None)
-        with tempfile.TemporaryDirectory(prefix="tcfit-upload-") as folder:
-            path = received(self.name, self.content, Path(folder))
+        with scratch_folder() as folder:
+            path = received(self.name, self.content, folder)
             return ImportFiles(path=path).run(clip, report)
 
 

@@ -16,6 +16,7 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import scratch_folder
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io import read_motion
 from fitting_core.io.motion.imported_motion import ImportedMotion, cover
@@ -26,12 +27,11 @@ from fitting_core.video.frames import image_files
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
-from tcfit_app.project.storage.runs import BodyRecord, Run
+from tcfit_app.project.storage.run_record import BodyRecord, Run
 
 if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
 import io
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -48,8 +48,8 @@ class ImportChoices:
 
     first_frame: int | None = None
     """Number in the video of the result's first frame; None: as its files are numbered, or the clip's first."""
-    person: int = 0
-    """Of SMPLify-X results, the number of the pickle in each frame."""
+    person: int | None = None
+    """Of several people in a result, the number; None: who is in most frames, or of SMPLify-X 0."""
     gender: str | None = None
     """Of the body; None: as the file says, else neutral."""
     body_model: str | None = None
@@ -203,8 +203,8 @@ def _camera(motion: ImportedMotion, clip: Clip, focal_length: float | None) -> C
         if not (np.isfinite(focal_length) and focal_length > 0):
             raise InputError(f"The focal length is {focal_length:g}; expected pixels, above 0.")
         focal = (focal_length, "as given when it was imported")
-    elif motion.focal is not None:
-        focal = motion.focal
+    elif (told := motion.focal_for(size)) is not None:
+        focal = told
     else:
         return clip.camera
     middle = (size[0] / 2, size[1] / 2)
@@ -226,7 +226,14 @@ def _scaled(motion: ImportedMotion, camera: Camera, size: tuple[int, int]) -> Ca
     )
 
 
-_STARTS: dict[bytes, str] = {b"PK\x03\x04": ".zip", b"\x1f\x8b": ".tar.gz", b"\x80": ".pkl"}
+_STARTS: dict[bytes, str] = {
+    b"PK\x03\x04": ".zip",
+    b"\x1f\x8b": ".tar.gz",
+    b"\x93NUMPY": ".npy",
+    **dict.fromkeys(
+        (b"\x80", b"\x78\x01", b"\x78\x5e", b"\x78\x9c", b"\x78\xda", b"BZh", b"\x5d\x00\x00", b"\xfd7zXZ"), ".pkl"
+    ),
+}
 """By a file's first bytes: what it is called here. The name that it came with never becomes part of a path."""
 
 
@@ -241,7 +248,10 @@ def upload(name: str, content: bytes) -> Iterator[Path]:
     suffix = next((suffix for start, suffix in _STARTS.items() if content.startswith(start)), None)
     if suffix is None:
         found = "is empty" if not content else "is no result"
-        raise InputError(f"{shown}: {found}; expected an npz, a zip of SMPLify-X's results, or one of their pickles.")
+        raise InputError(
+            f"{shown}: {found}; expected an npz, a zip of SMPLify-X's results, one of their pickles, or a learned "
+            "system's result."
+        )
     if suffix == ".zip" and _has_arrays(content):
         suffix = ".npz"
     with kept_as(f"upload{suffix}", content, shown) as path:
@@ -251,8 +261,8 @@ def upload(name: str, content: bytes) -> Iterator[Path]:
 @contextmanager
 def kept_as(name: str, content: bytes, shown: str) -> Iterator[Path]:
     """A file of this name and content, as long as the block lasts; errors call it what the user does."""
-    with tempfile.TemporaryDirectory(prefix="tcfit-upload-") as folder:
-        path = Path(folder) / name
+    with scratch_folder() as folder:
+        path = folder / name
         path.write_bytes(content)
         try:
             yield path

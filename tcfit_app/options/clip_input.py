@@ -8,7 +8,7 @@ from typing import Any
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip, read_footage
-from tcfit_app.options.fit import CameraOptions, ClipOptions, FitOptions, NewOptions, ReviewOptions
+from tcfit_app.options.fit import CameraOptions, ClipOptions, FitOptions, NewOptions, ReviewOptions, camera_for
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
@@ -19,7 +19,8 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
     Raises:
         InputError: Files or options cannot be used.
     """
-    details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
+    camera = camera_for(options.camera, options.method if isinstance(options, FitOptions) else None)
+    details = dataclasses.asdict(camera) | dataclasses.asdict(options.clip)
     names = re.compile(r"\b(" + "|".join(name for name in details if "_" in name) + r")\b")
 
     def translated(text: str) -> str:

@@ -2,18 +2,35 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional, UseAppendAction, arg
+from tyro.constructors import PrimitiveConstructorSpec
 
 from tcfit_app.options.fit import shown
+
+SUITES = ("acted", "motion")
+"""The first is meant where --suite stands alone."""
+
+
+def _suite_option() -> PrimitiveConstructorSpec[str | None]:
+    """A name that may be left out behind --suite."""
+    return PrimitiveConstructorSpec(
+        nargs=(0, 1),
+        metavar="[{" + ",".join(SUITES) + "}]",
+        instance_from_str=lambda given: given[0] if given else SUITES[0],
+        is_instance=lambda value: value is None or isinstance(value, str),
+        str_from_instance=lambda value: [] if value is None else [value],
+        choices=SUITES,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateOptions:
     """Measure a fit against what is known to be true, or the method against the synthetic suite.
 
-    Prints a table; the --out folder receives metrics.csv, metrics.json and report.html.
+    Prints a table; the --out folder receives metrics.csv, metrics.json and report.html; with --suite
+    motion, motion.json and motion.md.
     """
 
     fit: Annotated[Positional[Path | None], arg(metavar="FIT", help_behavior_hint="(or --suite)")] = None
@@ -26,22 +43,29 @@ class EvaluateOptions:
     """Number in the video of the reference's first frame, where it was cut and does not say so."""
     run: Annotated[str | None, shown("NAME|N", "the latest")] = None
     """Which of a project's runs."""
-    suite: bool = False
-    """Fit the sequences of the synthetic suite, whose truth is known, and measure these. What is done is kept in
-    --out, and not repeated with the same settings."""
+    suite: Annotated[str | None, _suite_option(), arg(help_behavior_hint="(default: none; alone: acted)")] = None
+    """Fit the sequences of a suite, whose truth is known, and measure these. What is done is kept in --out, and not
+    repeated with the same settings. acted: the synthetic suite; motion: captured motion from all sides, for depth."""
     ablations: bool = False
     """With --suite: vary window size, shape sample and temporal weight of the last of --presets, one at a time."""
     level: Annotated[str, arg(metavar="{clean,normal,hard}")] = "normal"
     """How hard the suite's detections are."""
-    presets: Annotated[tuple[str, ...], arg(metavar="PRESET")] = ("smplifyx", "paper", "tcfit")
+    presets: Annotated[tuple[str, ...], shown("PRESET", "smplifyx paper tcfit; on the motion suite tcfit")] = ()
     """What is compared on the suite; of smplifyx phase 1 alone, which is all that SMPLify-X does."""
     collisions: bool = True
     """Of the presets that have the term of self-collision (smplifyx, paper). It takes 6/7 of their time, and the report
     says when it was left out."""
     sequences: Annotated[tuple[str, ...], shown("NAME", "all")] = ()
-    """Of the suite: names like complex_1, or motions like simple."""
+    """Of the suite: names like complex_1, or motions like simple or dance."""
     jobs: Annotated[int, arg(metavar="N")] = 1
     """Sequences that are fitted at once."""
+    half: Literal["tuning", "untouched"] = "tuning"
+    """Of the motion suite. Settle on a method with the tuning half; look at the untouched one when it is settled."""
+    focal: Literal["true", "default", "auto"] = "true"
+    """Of the motion suite: the focal length that fits are given, the camera's own, the image's diagonal, or an
+    estimate from the keypoints."""
+    set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE", help_behavior_hint="(repeatable)")] = ()
+    """Of the motion suite: a setting of all --presets, as for tcfit fit."""
     every: Annotated[int, arg(metavar="N")] = 1
     """Measure surfaces in every Nth frame, which is the slow part."""
     pictures: Annotated[int, arg(metavar="N")] = 12

@@ -26,7 +26,7 @@ class ExportOptions:
     run: Annotated[str | None, shown("NAME", "the newest")] = None
     """Which run of a project: its name or number."""
     phase: Annotated[Literal[1, 2, 3] | None, shown("{1,2,3}", "the last")] = None
-    """1: frame by frame, as SMPLify-X; 2: with one shape; 3: consistent over time."""
+    """1: each frame on its own; 2: with one shape; 3: consistent over time."""
     against: Annotated[str | None, shown("NAME", "phase 1 of the run")] = None
     """The run that is A in side-by-side: its name or number."""
     frames: Annotated[str | None, shown("FIRST:LAST", "all")] = None
@@ -34,7 +34,8 @@ class ExportOptions:
     axes: Annotated[
         Literal["camera", "y-up", "z-up"] | None, shown("{camera,y-up,z-up}", "as readers of the format expect")
     ] = None
-    """World of npz, bvh, obj and ply; the camera stands at its origin. camera: x right, y down, z away."""
+    """World of npz, bvh, obj and ply. camera: x right, y down, z away, the camera at the origin. The others are
+    upright, with the floor at height 0, where that is known."""
     zip: bool = False
     """Write a zip where a format is a folder of files."""
     overwrite: bool = False

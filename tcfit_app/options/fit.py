@@ -1,15 +1,16 @@
 """The options of `tcfit fit`, and how they become a FitConfig. Imports nothing heavy."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from fitting_core.camera import FocalRule
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import changed, check, settings, unknown
-from fitting_core.config.toml import preset, read_config
+from fitting_core.config.toml import preset, read_named
 from fitting_core.errors import InputError
 
 
@@ -45,6 +46,8 @@ SHORTCUTS = {
 }
 """Options for the settings that are changed most, by the name of the option."""
 _OF_PRESET = "(default: the preset's)"
+_AS_PUBLISHED = ("paper", "smplifyx")
+"""Presets whose figures are compared with those of others: the focal length is not estimated unless asked for."""
 
 
 def _shortcut(option: str, text: str = "") -> Any:
@@ -73,10 +76,14 @@ class ClipOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOptions:
-    """The camera. Give at most one of the first three; without any, the image diagonal is taken."""
+    """The camera. Give at most one of the first three."""
 
-    focal_length: Annotated[float | None, shown("PX", "the image diagonal")] = None
-    """Focal length in pixels."""
+    focal_length: Annotated[
+        float | FocalRule | None,
+        shown("PX|auto|diagonal", "auto; with the presets paper and smplifyx diagonal"),
+    ] = None
+    """Focal length in pixels. auto: what photographs tell in their Exif data, or else an estimate from how the person
+    moves and looks; diagonal: as long as the image's diagonal, a 43 mm equivalent."""
     fov: Annotated[float | None, shown("DEGREES", "not given")] = None
     """Horizontal field of view in degrees."""
     focal_length_35mm: Annotated[float | None, shown("MM", "not given")] = None
@@ -209,7 +216,7 @@ class ReviewOptions:
     clip: ClipOptions = field(default_factory=ClipOptions)
     """For a new project: which part of the clip, and how its files are read."""
     camera: CameraOptions = field(default_factory=CameraOptions)
-    """For a new project: the camera. Give at most one of the first three; without any, the image diagonal is taken."""
+    """For a new project: the camera. Give at most one of the first three."""
     truth: ReferenceOptions = field(default_factory=ReferenceOptions)
     server: ServerOptions = field(default_factory=ServerOptions)
 
@@ -241,10 +248,7 @@ def fit_config(options: MethodOptions) -> FitConfig:
     Raises:
         InputError: An unknown or wrong setting, one that is given twice, or two that cannot be together.
     """
-    if options.config is not None:
-        config = read_config(options.config, preset_name=options.preset)
-    else:
-        config = preset(options.preset or DEFAULT_PRESET)
+    _, config = _of_preset(options)
     seen: dict[str, str] = {}
     for origin, name, text in _given(options):
         if name in seen:
@@ -253,6 +257,26 @@ def fit_config(options: MethodOptions) -> FitConfig:
         seen[name] = origin
     check(config)
     return config
+
+
+def camera_for(camera: CameraOptions, method: MethodOptions | None = None) -> CameraOptions:
+    """With the rule for a focal length that is not given; presets that follow a paper take the diagonal.
+
+    Raises:
+        InputError: The method's configuration cannot be read.
+    """
+    given = (camera.focal_length, camera.fov, camera.focal_length_35mm)
+    if any(value is not None for value in given) or (method is not None and _of_preset(method)[0] in _AS_PUBLISHED):
+        return camera
+    return replace(camera, focal_length="auto")
+
+
+def _of_preset(options: MethodOptions) -> tuple[str, FitConfig]:
+    """The preset that the options start from, and it with what the file of --config changes."""
+    if options.config is not None:
+        return read_named(options.config, preset_name=options.preset)
+    name = options.preset or DEFAULT_PRESET
+    return name, preset(name)
 
 
 def _given(options: MethodOptions) -> Iterator[tuple[str, str, str]]:

@@ -13,8 +13,9 @@ from tcfit_app.options.fit import shown
 class ImportOptions:
     """Put another program's result into a project as a run, to compare fits with.
 
-    SMPLify-X's output folder (or a zip of it), an npz of SMPL-X or AMASS, or a fit.npz of tcfit. The content tells
-    which; the body model that it belongs to must be here. Nothing is written unless all of it could be read.
+    SMPLify-X's output folder (or a zip of it), an npz of SMPL-X or AMASS, a fit.npz of tcfit, or a result of GVHMR,
+    GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP or BEV. The content tells which; the body model that it belongs to
+    must be here. Nothing is written unless all of it could be read.
     """
 
     project: Annotated[Positional[Path], arg(metavar="PROJECT")]
@@ -25,8 +26,8 @@ class ImportOptions:
     """Of the run."""
     first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None
     """Number in the video of the result's first frame."""
-    person: int = 0
-    """Of SMPLify-X results, the number of the pickle in each frame: 0 is 000.pkl."""
+    person: Annotated[int | None, shown("N", "who is in most frames; of SMPLify-X 0")] = None
+    """Of several people, as the result numbers them; of SMPLify-X the number of the pickle: 0 is 000.pkl."""
     gender: Annotated[str | None, shown("{neutral,male,female}", "as the file says, or neutral")] = None
     """Gender of the body."""
     body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None

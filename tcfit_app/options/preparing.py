@@ -9,6 +9,7 @@ import torch
 from fitting_core.body.files.registry import find_body
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.files.regular import at_home
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import is_result
 from tcfit_app.options.fit import BodyOptions
@@ -75,7 +76,7 @@ def body_file(options: BodyOptions) -> Path:
     Raises:
         InputError: There is none, or --body-model is a path and --models is given too.
     """
-    given = Path(options.body_model).expanduser()
+    given = at_home(options.body_model)
     if not (given.suffix or given.exists() or len(given.parts) > 1):
         return find_body(model=options.body_model, gender=options.gender, search=options.models)
     if options.models is not None:

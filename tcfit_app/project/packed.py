@@ -17,7 +17,6 @@ import re
 import shutil
 import sqlite3
 import stat
-import tempfile
 import zipfile
 from contextlib import closing
 from pathlib import Path
@@ -25,13 +24,13 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
+from fitting_core.files.atomic import drafting, put_folder, replacing, scratch_folder
+from fitting_core.files.regular import regular_file
 from fitting_core.io.motion.fitted_motion import Progress
 from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage import database, media, runs
-from tcfit_app.project.storage.clip import DETECTIONS, copy_detections, creation_time
-from tcfit_app.project.storage.durable import accessing, sync
-from tcfit_app.project.storage.lock import Lock
+from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.clip import DETECTIONS, copy_detections, creation_time, stored_link
 from tcfit_app.project.storage.media import MediaLink
 from tcfit_app.project.storage.names import portable
 from tcfit_app.project.storage.reference import NAME as REFERENCE
@@ -90,8 +89,8 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
             project calls its own video lies elsewhere.
         OSError: Something cannot be read or written.
     """
-    with tempfile.TemporaryDirectory(prefix="tcfit-pack-") as name, replacing(path) as draft:
-        copy, detections = Path(name) / database.NAME, Path(name) / DETECTIONS
+    with scratch_folder() as copies, replacing(path) as draft:
+        copy, detections = copies / database.NAME, copies / DETECTIONS
         _back_up_with_detections(folder, copy, detections)
         files = [
             (copy, database.NAME),
@@ -131,14 +130,14 @@ def _back_up(source: Path, copy: Path) -> None:
 
 def _run_files(folder: Path, copy: Path) -> list[tuple[Path, str]]:
     """Results of the runs that the copy knows: newer ones may have come since."""
-    with closing(sqlite3.connect(copy)) as connection:
+    with closing(database.copied(copy)) as connection:
         return [(folder / name, name) for name in runs.entries(folder, connection)]
 
 
 def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:
     """Files of the video; the copy learns its place in the package."""
-    with closing(sqlite3.connect(copy)) as connection:
-        link = _link(connection)
+    with closing(database.copied(copy)) as connection:
+        link = stored_link(connection)
         if link is None or not (with_media or media.is_own(link)):
             return []
         own = media.is_own(link)
@@ -157,11 +156,6 @@ def _video_elsewhere(folder: Path, link: MediaLink) -> Path:
     if found.path is None or found.problem:
         raise InputError(f"The video cannot be packed. {found.problem} Or pack the project without it.")
     return found.path.resolve()
-
-
-def _link(connection: sqlite3.Connection) -> MediaLink | None:
-    (text,) = connection.execute("SELECT media FROM clip").fetchone()
-    return None if text is None else msgspec.json.decode(text, type=MediaLink)
 
 
 def _own_video(folder: Path, link: MediaLink) -> Path:
@@ -213,20 +207,14 @@ def unpack(path: Path, folder: Path) -> None:
     with accessing(folder):
         check_free(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".partial", dir=folder.parent) as name:
-            held = Lock(Path(name))  # or whoever makes a project of this name would sweep it away
-            try:
-                draft = Path(name) / folder.name
-                draft.mkdir()
-                _extract(path, draft)
-                Project.open(draft).close()  # what cannot be opened is refused here
-                _check_link(path, draft)
-                if folder.exists():
-                    folder.rmdir()
-                draft.rename(folder)
-            finally:
-                held.release()
-        sync(folder.parent)
+        with drafting(folder) as draft:
+            draft.mkdir()
+            _extract(path, draft)
+            Project.open(draft).close()  # what cannot be opened is refused here
+            _check_link(path, draft)
+            if folder.exists():
+                folder.rmdir()
+            put_folder(draft, folder)
 
 
 def packed_creation_time(path: Path) -> str:
@@ -235,14 +223,14 @@ def packed_creation_time(path: Path) -> str:
     Raises:
         InputError: As `unpack`.
     """
-    with tempfile.TemporaryDirectory(prefix="tcfit-look-") as name:
-        _extract(path, Path(name), only=database.NAME)
-        return creation_time(Path(name))
+    with scratch_folder() as folder:
+        _extract(path, folder, only=database.NAME)
+        return creation_time(folder)
 
 
 def _extract(path: Path, draft: Path, *, only: str | None = None) -> None:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(regular_file(path, most=None)) as archive:
             entries = archive.infolist()
             _check_about(path, archive)
             _check_entries(path, entries)
@@ -301,8 +289,8 @@ def _is_ours(name: str) -> bool:
 
 def _check_link(path: Path, draft: Path) -> None:
     """A video that is said to lie in the project does, or lies nowhere."""
-    with closing(sqlite3.connect(draft / database.NAME)) as connection:
-        link = _link(connection)
+    with closing(database.copied(draft / database.NAME)) as connection:
+        link = stored_link(connection)
     if link is not None and media.is_own(link) and not _is_ours(link.relative):
         raise InputError(
             f"{path}: was not unpacked: it says that its video is {link.relative[:100]!r}, which none of tcfit's is."
@@ -326,4 +314,3 @@ def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Pat
             file.write(block)
     if left:
         raise zipfile.BadZipFile(f"{entry.filename} is shorter than it says")
-    sync(target)

@@ -4,7 +4,7 @@ A project is a folder:
 
 | file | |
 |---|---|
-| project.sqlite | clip, log of edits, runs with their settings, review marks (`storage/database.py` has the tables) |
+| project.sqlite | clip, log of edits, marks and notes, runs and settings (`storage/database.py` has the tables) |
 | detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137); stay once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
 | reference.npz | what fits are compared with, where something is known |
@@ -15,10 +15,6 @@ What a method that changes something has returned from is on the disk. A process
 as if it had been closed after the last such return.
 """
 
-import glob
-import os
-import shutil
-import sqlite3
 import threading
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -30,21 +26,23 @@ import numpy as np
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import drafting, put_folder, sweep
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo, decode, encode
+from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Note, Redo, Undo, decode, encode
 from tcfit_app.project.storage import database, media
+from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import read_clip, replace_detections, write_clip
+from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.durable import accessing, sweep, sync
-from tcfit_app.project.storage.lock import Lock, ProjectLocked
+from tcfit_app.project.storage.lock import Lock
 from tcfit_app.project.storage.marks import Marks
 from tcfit_app.project.storage.media import Media
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
 
-_DRAFT = ".partial"
+_LEFT_OUT = "it is left out"
 
 
 class Project:
@@ -56,7 +54,10 @@ class Project:
         stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
         """Where the video or images were when the project was opened, and what is wrong with them."""
-        self.runs, self.marks = Runs(folder, store), Marks(store, len(stored))
+        self.runs = Runs(folder, store, len(stored))
+        self.marks = Marks(
+            store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
+        )
         self._stored, self._database, self._lock = stored, store, held
         self._clip: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
@@ -70,11 +71,20 @@ class Project:
             with accessing(folder):
                 sweep(folder)
             self.runs.recover()
-        self._log = [_entry(row, store.path) for row in store.rows("SELECT * FROM edits ORDER BY id")]
-        try:
-            self._history = EditHistory(stored.keypoints, self._log)
-        except InputError as error:
-            raise InputError(f"{store.path}: its log of edits is damaged. {error}") from error
+        senseless: set[int] = set()
+
+        def leave_out(entry: LogEntry, why: InputError) -> None:
+            store.damage.note(f"edit {entry.id} makes no sense ({why})", _LEFT_OUT)
+            senseless.add(entry.id)
+
+        log = _readable_log(store)
+        self._history = EditHistory(stored.keypoints, log, leave_out=leave_out)
+        self._log = [entry for entry in log if entry.id not in senseless]
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """What is damaged in the database, and what stands in for it; more may be found when more is read."""
+        return self._database.damage.found
 
     @staticmethod
     def create(folder: Path, clip: Clip, *, copy_media: bool = False) -> "Project":
@@ -92,30 +102,20 @@ class Project:
         with accessing(folder):
             check_free(folder)
             folder.parent.mkdir(parents=True, exist_ok=True)
-            _sweep_drafts(folder)
-            draft = folder.with_name(f".{folder.name}.{os.getpid()}{_DRAFT}")
-            draft.mkdir()
-            try:
-                held = Lock(draft)
-                try:
-                    write_clip(draft, folder, clip, copy_media=copy_media)
-                finally:
-                    held.release()
+            with drafting(folder) as draft:
+                draft.mkdir()
+                write_clip(draft, folder, clip, copy_media=copy_media)
                 check_free(folder)
                 if folder.exists():
-                    folder.rmdir()  # Windows replaces no folder.
-                draft.rename(folder)
-            except BaseException:
-                shutil.rmtree(draft, ignore_errors=True)
-                raise
-            sync(folder.parent)
+                    folder.rmdir()
+                put_folder(draft, folder)
         return Project.open(folder)
 
     @staticmethod
     def open(folder: Path, *, read_only: bool = False) -> "Project":
         """Open a project. There is one writer at a time, and any number of readers.
 
-        A reader sees edits as they were when it opened, runs and marks as they are.
+        A reader sees edits and remarks as they were when it opened, runs as they are.
 
         Raises:
             ProjectLocked: Another one is writing; read-only it can be opened.
@@ -234,9 +234,19 @@ class Project:
             with self._guard:
                 self._reference, self._looked = reference, True
 
+    def _marks_done(self) -> list[LogEntry]:
+        with self._guard:
+            return self._history.marks
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What was written about frames, by their order."""
+        with self._guard:
+            return self._history.notes
+
     @property
     def log(self) -> tuple[LogEntry, ...]:
-        """Everything that was done to the keypoints, oldest first."""
+        """Everything that was done to the keypoints and said about frames, oldest first."""
         with self._guard:
             return tuple(self._log)
 
@@ -248,32 +258,32 @@ class Project:
 
     @property
     def undoable(self) -> LogEntry | None:
-        """The edit that `undo` would take back."""
+        """The edit or remark that `undo` would take back."""
         with self._guard:
             return self._history.undoable
 
     @property
     def redoable(self) -> LogEntry | None:
-        """The edit that `redo` would bring back."""
+        """The edit or remark that `redo` would bring back."""
         with self._guard:
             return self._history.redoable
 
     def undo(self, *, author: str = "") -> LogEntry | None:
-        """Take the last edit back; returns that edit, or None if there is none. Raises InputError as `append`."""
+        """Take the last edit or remark back; returns it, or None if there is none. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.undoable:
                 self.append(Undo(edit=edit.id), author=author)
             return edit
 
     def redo(self, *, author: str = "") -> LogEntry | None:
-        """Bring back what was undone last; returns that edit, or None. Raises InputError as `append`."""
+        """Bring back what was undone last; returns it, or None. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.redoable:
                 self.append(Redo(edit=edit.id), author=author)
             return edit
 
     def append(self, action: Action, *, author: str = "") -> LogEntry:
-        """Make an edit; when this returns, it is on the disk.
+        """Make an edit or a mark; when this returns, it is on the disk.
 
         Raises:
             InputError: It makes no sense for this clip, or the project cannot be written; nothing has changed.
@@ -326,20 +336,15 @@ def check_free(folder: Path) -> None:
         raise InputError(f"{folder}: holds other files ({', '.join(names[:4])}). Choose a folder that is empty or new.")
 
 
-def _sweep_drafts(folder: Path) -> None:
-    """Delete projects that were to become this folder when their process died."""
-    for draft in folder.parent.glob(f".{glob.escape(folder.name)}.*{_DRAFT}"):
-        try:
-            held = Lock(draft)
-        except ProjectLocked:
+def _readable_log(store: Database) -> list[LogEntry]:
+    log: list[LogEntry] = []
+    for row in store.rows("SELECT * FROM edits ORDER BY id"):
+        columns = Columns(row, f"edit {row['id']}", store.damage)
+        number = columns.read("id", of(Count), None, _LEFT_OUT)
+        action = columns.read("action", decode, None, _LEFT_OUT)
+        if number is None or action is None:
             continue
-        held.release()
-        shutil.rmtree(draft, ignore_errors=True)
-
-
-def _entry(row: sqlite3.Row, path: Path) -> LogEntry:
-    try:
-        time = datetime.fromisoformat(row["time"])
-        return LogEntry(id=row["id"], time=time, author=row["author"], action=decode(row["action"]))
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{path}: entry {row['id']} of its log of edits cannot be read. {error}") from error
+        made = columns.read("time", time, UNKNOWN_TIME, "it counts as made long ago")
+        author = columns.read("author", text, "", "nobody is named")
+        log.append(LogEntry(id=number, time=made, author=author, action=action))
+    return log

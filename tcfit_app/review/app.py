@@ -10,11 +10,11 @@ from pathlib import Path
 
 import viser
 
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.session import Session
-from tcfit_app.review.shared.desk import Desk
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.server.gated_viser import is_here
 from tcfit_app.server.page_files import PageFiles
@@ -23,6 +23,8 @@ TICK = 1 / 60
 """Seconds between two drawings while something moves."""
 REST = 0.25
 """Seconds between two drawings while nothing does: messages end, the worker's news are looked for."""
+MOST_COMMANDS = 5000
+"""That may wait for the drawing thread; what pages ask for beyond is dropped."""
 _log = logging.getLogger(__name__)
 
 
@@ -39,12 +41,12 @@ class ReviewApp:
         self.session, self._server, self._files = session, server, files
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
-        self.desk = Desk(session, lambda: self.post(lambda: None))
+        self.data = DrawingData(session, lambda: self.post(lambda: None))
         self.pages: dict[int, Page] = {}
         self._remembered: dict[str, TabState] = {}
         self._faults = Faults(self._tell)
         session.tell = self._tell
-        session.tasks.arrived = session.worker.outbox.arrived = lambda: self.post(lambda: None)
+        session.tasks.arrived = session.worker.reports.arrived = lambda: self.post(lambda: None)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
@@ -58,9 +60,14 @@ class ReviewApp:
         """Do something on the drawing thread, soon; from any thread."""
         self._commands.put(command)
 
+    def _take(self, command: Callable[[], None]) -> None:
+        """Something that a page asks for: a strange one asks for more than can be done."""
+        if self._commands.qsize() < MOST_COMMANDS:
+            self.post(command)
+
     def _open(self, client: viser.ClientHandle) -> None:
         files = PageFiles(here=is_here(self._server, client.client_id), root=self._files)
-        self.pages[client.client_id] = Page(client, self.desk, self.post, self._remembered, files)
+        self.pages[client.client_id] = Page(client, self.data, self._take, self._remembered, files)
 
     def _close(self, client: int) -> None:
         if (page := self.pages.pop(client, None)) is not None:
@@ -72,7 +79,7 @@ class ReviewApp:
 
     def run(self) -> None:
         """Draw until `stop` is called."""
-        self.desk.warm_up()  # while the browser loads the page
+        self.data.warm_up()  # while the browser loads the page
         while not self._stop.is_set():
             self._obey(TICK if self._moving() else REST)
             now = time.monotonic()
@@ -90,7 +97,7 @@ class ReviewApp:
         for page in self.pages.values():
             page.close()
         self.session.close()
-        self.desk.close()
+        self.data.close()
 
     def _moving(self) -> bool:
         return any(page.tab.state.playing for page in self.pages.values())

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable
 
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 
 AGAIN = 1.0
 """Seconds until something that went wrong is tried again: the loop would do so sixty times a second."""

@@ -8,35 +8,43 @@ import viser
 
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Keys, Selection, Skeleton
+from tcfit_app.review.drawing.first_steps import HINTS
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings
+from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures, bindings
+from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
-from tcfit_app.review.shared.desk import Desk
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.review.tab.tab import Do, Tab
 from tcfit_app.server.page_files import PageFiles
+from tcfit_app.server.serving import set_theme
+from tcfit_app.server.uploads import too_large
 
 _BEAT = 5.0
 """Seconds between two signs of life."""
-SKELETON = Skeleton(names=tuple(full_name(joint) for joint in range(COUNT)))
+SKELETON = Skeleton(
+    names=tuple(full_name(joint) for joint in range(COUNT)),
+    hands=tuple((wrist, hand.start, hand.stop) for wrist, hand in HANDS_OF.items()),
+)
 
 
 class Page:
     """Builds a tab's parts, hands them the page's events, and draws them. Arguments as of `Tab`."""
 
     def __init__(
-        self, client: viser.ClientHandle, desk: Desk, do: Do, remembered: dict[str, TabState], files: PageFiles
+        self, client: viser.ClientHandle, data: DrawingData, do: Do, remembered: dict[str, TabState], files: PageFiles
     ) -> None:
-        self.tab = Tab(client, desk, do, self.receive, remembered, files)
+        self.tab = Tab(client, data, do, self.receive, remembered, files)
         self.gestures = Gestures(self.tab)
-        self.tab.buttons.on("action", lambda action: action.run(self.gestures), ACTIONS.__getitem__)
+        self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
         self.tab.channel.send("skeleton", SKELETON)
         self.tab.channel.send("keys", Keys(bindings=bindings()))
         self.picture, self.timeline, self.status = Picture(self.tab), Timeline(self.tab), Status(self.gestures)
@@ -57,9 +65,9 @@ class Page:
         return made
 
     def _add_commands(self) -> None:
-        for action in ACTIONS.values():
+        for action in (action for action in ACTIONS.values() if not action.held):
             command = self.tab.client.gui.add_command(action.title, description=action.key_text)
-            command.on_trigger(lambda _, action=action: self.tab.do(lambda: action.run(self.gestures)))
+            command.on_trigger(lambda _, action=action: self.tab.do(lambda: self._run(action)))
 
     # --- events of the page ---
 
@@ -68,13 +76,20 @@ class Page:
         RECEIVERS[type(event)](self, event)
 
     def _hello(self, event: page_events.Hello) -> None:
-        self.tab.greet(event.tab)
+        self.tab.greet(event.tab, event.browser)
+        set_theme(self.tab.client.gui, dark=event.dark)
         self.picture.resized(event.width, event.height)
+        if not event.hinted and self.tab.session.project.has_detections:
+            self.tab.show_first_steps()
 
     def _key(self, event: page_events.Key) -> None:
         action = ACTIONS.get(event.action)
         if action is not None and (action.repeats or not event.repeat):
-            action.run(self.gestures)
+            self._run(action)
+
+    def _run(self, action: Action) -> None:
+        self.tab.doing = action.title
+        action.run(self.gestures)
 
     def _seek(self, event: page_events.Seek) -> None:
         self.tab.pause()
@@ -87,6 +102,22 @@ class Page:
         end = self.tab.length - 1
         first, last = sorted((min(event.first, end), min(event.last, end)))
         self.tab.set(frames=range(first, last + 1))
+
+    def _move_key(self, event: page_events.MoveKey) -> None:
+        if max(event.frame, event.to) < self.tab.length:
+            self.gestures.correcting.move_key(event.frame, event.to)
+
+    def _look_at(self, event: page_events.LookAt) -> None:
+        for suspect in self.gestures.reviewing.suspects or ():
+            if (suspect.frame, suspect.kind) == (event.frame, event.kind):
+                self.gestures.reviewing.show(suspect)
+
+    def _tell_too_large(self, event: page_events.TooLarge) -> None:
+        self.tab.notify(Notice(title=f"{event.name} cannot be uploaded", text=too_large(event.size), kind="error"))
+
+    def _open_link(self, event: page_events.OpenLink) -> None:
+        self.tab.doing = "Open the link"
+        self.gestures.noting.open_link(event.frame, event.run, event.phase)
 
     def _select(self, event: page_events.Select) -> None:
         now = self.tab.state.selection
@@ -117,12 +148,13 @@ class Page:
             return  # bodies that pile up in a busy browser would come later and later
         self._attempt("draw the picture", lambda: self._draw_picture(now), now)
         self._attempt("draw the selection", self._draw_selection, now)
-        if self.tab.desk.warming:
+        if self.tab.data.warming:
             return  # the first body comes half a second sooner if the browser has nothing else to draw
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
+        self._attempt("show the first steps", self._draw_first_steps, now)
         for panel in self.panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
 
@@ -144,6 +176,10 @@ class Page:
             self._followed = revision
             tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing))
 
+    def _draw_first_steps(self) -> None:
+        if self.tab.sent.differs("first steps", self.tab.first_steps) and self.tab.first_steps:
+            self.tab.channel.send("hints", HINTS)
+
     def _draw_selection(self) -> None:
         tab = self.tab
         if tab.sent.differs("selection", tab.state.selection, tab.state.suggested):
@@ -153,19 +189,27 @@ class Page:
     def close(self) -> None:
         """The tab is gone."""
         self.gestures.correcting.abandon()
-        self.tab.desk.video.leave(self.tab)
+        self.tab.data.video.leave(self.tab)
         self.tab.session.tasks.leave(self.tab)
 
 
 RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Hello: Page._hello,
     page_events.Resized: lambda page, event: page.picture.resized(event.width, event.height),
+    page_events.Theme: lambda page, event: set_theme(page.tab.client.gui, dark=event.dark),
     page_events.Key: Page._key,
     page_events.Seek: Page._seek,
     page_events.Range: Page._range,
+    page_events.Plot: lambda page, event: page.timeline.plot(event.name, shown=event.shown),
+    page_events.MoveKey: Page._move_key,
+    page_events.LookAt: Page._look_at,
+    page_events.OpenLink: Page._open_link,
     page_events.Select: Page._select,
     page_events.Drag: lambda page, event: page.gestures.correcting.take(event),
+    page_events.DragDepth: lambda page, event: page.gestures.correcting.take(event),
+    page_events.Widen: lambda page, event: page.tab.set_side_width(event.width),
     page_events.Press: lambda page, event: page.tab.buttons.take(event),
+    page_events.TooLarge: Page._tell_too_large,
     page_events.Gesture: lambda page, event: page.tab.scene.cameras.touched(),
     page_events.Drawn: lambda page, event: page.tab.playback.drawn(event.frame),
 }

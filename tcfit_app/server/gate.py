@@ -114,6 +114,11 @@ class Gate:
         return _page(HTTPStatus.OK, going_on, {"Set-Cookie": cookie})
 
 
+def busy() -> Response:
+    """The answer to a page for which there is no room."""
+    return _page(HTTPStatus.SERVICE_UNAVAILABLE, "Too many tabs are open. Close one of them.")
+
+
 def protect(headers: Headers) -> None:
     """Adds PROTECTION to an answer's headers, in place."""
     for name, value in PROTECTION.items():

@@ -8,7 +8,6 @@ import socket
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from traceback import walk_tb
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -17,19 +16,23 @@ import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import InvalidMessage
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
-from websockets.protocol import State
 
 from tcfit_app.server import viser_bridge
-from tcfit_app.server.gate import Gate, protect
+from tcfit_app.server.connections import BACKLOG, PAGES, Complaints, Connection, hang_up
+from tcfit_app.server.gate import Gate, busy, protect
 from tcfit_app.server.page_files import on_this_computer
+from tcfit_app.server.page_messages import MESSAGE_BYTES
+from tcfit_app.server.screen import Screen
+from tcfit_app.server.uploads import UploadRoom
 
 REQUEST_SECONDS = 30.0
 """How long one request may take, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
 GOODBYE_SECONDS = 1.0
 """How long browsers have to hang up when the server stops."""
 
-_here: ContextVar[bool] = ContextVar("whether a connection comes from this computer", default=False)
+_screen: ContextVar[Screen] = ContextVar("a connection as viser sees it, in its own context")
 _clients_here: WeakKeyDictionary[viser.ViserServer, set[int]] = WeakKeyDictionary()
 
 # Below INFO, websockets logs whole requests, with tokens and cookies.
@@ -38,15 +41,8 @@ _log.setLevel(logging.INFO)
 
 
 def _is_no_noise(record: logging.LogRecord) -> bool:
-    """Drops the tracebacks about connections that sent no proper request, for they quote it, or no message of viser's.
-
-    Such a connection is closed. What goes wrong in the handling of a message is another's traceback.
-    """
-    error = record.exc_info[1] if record.exc_info else None
-    if error is None:
-        return True
-    in_consumer = any(viser_bridge.handles_messages(frame) for frame, _ in walk_tb(error.__traceback__))
-    return not (in_consumer or isinstance(error, InvalidMessage))
+    """Drops the tracebacks about connections that sent no proper request, for they quote it. They are closed."""
+    return not (record.exc_info and isinstance(record.exc_info[1], InvalidMessage))
 
 
 _log.addFilter(_is_no_noise)
@@ -61,14 +57,17 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
     """
     viser_bridge.check()
     viser_bridge.keep_icons_open()
+    viser_bridge.let_tabs_leave()
     started: list[websockets.asyncio.server.Server] = []
 
     def serve(handler: Any, host: str, port: int, **options: Any) -> websockets.asyncio.server.serve:
         """In place of websockets' own; host and port are the socket's."""
         options |= {"process_request": _checked(gate, options["process_request"]), "logger": _log}
         options |= {"open_timeout": REQUEST_SECONDS, "close_timeout": REQUEST_SECONDS, "server_header": None}
-        serving = websockets.asyncio.server.serve(_located(handler), sock=listening, **options)
+        options |= {"max_size": MESSAGE_BYTES, "create_connection": Connection, "backlog": BACKLOG}
+        serving = websockets.asyncio.server.serve(_screened(handler), sock=listening, **options)
         started.append(serving.server)
+        serving.server.loop.set_exception_handler(Complaints(serving.server))
         return serving
 
     host, port = listening.getsockname()[:2]
@@ -77,8 +76,8 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
     try:
         if not started:
             raise RuntimeError(f"viser {viser.__version__} starts its server in a way that tcfit does not know")
-        viser_bridge.forbid_sharing(server)
-        _note_clients_here(server)
+        viser_bridge.check_gui(server)
+        _know_clients(server)
         yield server
     finally:
         with suppress(RuntimeError):  # somebody stopped viser before: its loop is closed
@@ -93,23 +92,36 @@ def is_here(server: viser.ViserServer, client: int) -> bool:
     return client in _clients_here.get(server, ())
 
 
-def _located(handler: Callable[[ServerConnection], Awaitable[None]]) -> Callable[[ServerConnection], Awaitable[None]]:
-    """viser's handler of a websocket, in which `_here` says where that comes from."""
+def _screened(handler: Callable[[Any], Awaitable[None]]) -> Callable[[ServerConnection], Awaitable[None]]:
+    """viser's handler of a websocket, which gets to see a Screen instead."""
+    room = UploadRoom()
 
-    async def located(connection: ServerConnection) -> None:
+    async def screened(connection: ServerConnection) -> None:
+        found, known = connection.subprotocol, f"viser-v{viser.__version__}"
+        if found != known:  # viser would say so in the terminal, each time
+            await connection.close(CloseCode.PROTOCOL_ERROR, f"This page is of {found}, and the server of {known}")
+            return
         request, other_end = connection.request, connection.remote_address
-        _here.set(request is not None and bool(other_end) and on_this_computer(other_end[0], request.headers))
-        await handler(connection)
+        here = request is not None and bool(other_end) and on_this_computer(other_end[0], request.headers)
+        screen = Screen(connection, room, here=here)
+        _screen.set(screen)
+        try:
+            await handler(screen)
+        finally:
+            screen.end()
 
-    return located
+    return screened
 
 
-def _note_clients_here(server: viser.ViserServer) -> None:
-    """Keep the numbers of clients on this computer. Nobody has a link yet, so none is missed."""
+def _know_clients(server: viser.ViserServer) -> None:
+    """Tell screens their clients, and keep the numbers of those on this computer. Nobody has a link yet, so none is
+    missed."""
     here = _clients_here.setdefault(server, set())
 
     def connected(client: int) -> None:
-        if _here.get():
+        screen = _screen.get()
+        screen.client = lambda: server.get_clients().get(client)
+        if screen.here:
             here.add(client)
 
     viser_bridge.watch_connections(server, connected, here.discard)
@@ -120,6 +132,8 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
 
     def checked(connection: Any, request: Request) -> Response | None:
         response = gate.answer(request)
+        if response is None and "Upgrade" in request.headers and len(connection.server.connections) >= PAGES:
+            response = busy()
         if response is None:
             response = answer(connection, request)
         if response is not None:
@@ -134,9 +148,7 @@ def _hang_up(server: websockets.asyncio.server.Server) -> None:
 
     viser's stop waited 6 s for each such connection, and left its thread behind.
     """
-    for connection in list(server.handlers):
-        if connection.protocol.state is State.CONNECTING:
-            connection.transport.abort()
+    hang_up(server, keep=0)
     server.get_loop().call_later(GOODBYE_SECONDS, lambda: [c.transport.abort() for c in list(server.handlers)])
 
 

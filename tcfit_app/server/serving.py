@@ -111,8 +111,13 @@ def _aside(say: Say, text: str) -> None:
     Thread(target=say, args=(text,), daemon=True).start()
 
 
+def set_theme(gui: viser.GuiApi, *, dark: bool) -> None:
+    """Light or dark panels, of a server's pages or of one client's."""
+    gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=BRAND_COLOR)
+
+
 def _dress(server: viser.ViserServer, title: str) -> None:
-    server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND_COLOR)
+    set_theme(server.gui, dark=True)
     server.gui.set_panel_label(title)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)

@@ -4,11 +4,12 @@ No other file imports a private module of viser or touches a private attribute o
 that a new version of viser is looked through here, and in the page's `viser/bridge.js`.
 """
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from threading import Lock
-from types import FrameType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 from zipfile import ZipFile
 
@@ -41,12 +42,12 @@ _NEEDED = {
     _messages: (
         "RunJavascriptMessage SetCameraFovMessage SetCameraNearMessage SetCameraFarMessage SetCameraUpDirectionMessage "
         "SetCameraPositionMessage SetCameraLookAtMessage SetCameraMinOrbitDistanceMessage "
-        "SetCameraMaxOrbitDistanceMessage ShareUrlRequest ShareUrlDisconnect"
+        "SetCameraMaxOrbitDistanceMessage"
     ),
     _gui_api: "svg_from_icon",
     _gui_handles: "svg_from_icon",
     _icons: "ICONS_DIR",
-    _infra: "websockets _message_consumer",
+    _infra: "websockets",
 }
 """What is used of viser's private modules."""
 
@@ -60,6 +61,15 @@ def check() -> None:
     needed = [(module, name) for module, names in _NEEDED.items() for name in names.split()]
     missing = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
     if missing or not viser.__version__.startswith(f"{_SERIES}."):
+        raise _unfit(missing)
+
+
+_NEEDED_OF_GUI = ("_gui_input_handle_from_uuid", "_container_handle_from_uuid")
+
+
+def check_gui(server: viser.ViserServer) -> None:
+    """Look whether a server's widgets can be found by what pages call them. Raises InputError as `check`."""
+    if missing := [name for name in _NEEDED_OF_GUI if not hasattr(server.gui, name)]:
         raise _unfit(missing)
 
 
@@ -126,19 +136,31 @@ def field_id(field: viser.GuiTextHandle) -> str:
     return field._impl.uuid
 
 
-def put_back(field: viser.GuiInputHandle[Any], value: object) -> None:
+def put_back(field: viser.GuiInputHandle[Any] | viser.GuiUploadButtonHandle, value: object) -> None:
     """Undo a strange value that a page has sent to an input, and that viser has taken already: its own setter would
     turn every later value into the strange one's type."""
     field._impl.value = value
 
 
+def find_input(client: viser.ClientHandle, uuid: str) -> viser.GuiInputHandle[Any] | None:
+    """One of a tab's own inputs, by the name that the page has for it."""
+    return client.gui._gui_input_handle_from_uuid.get(uuid)  # pyright: ignore[reportReturnType]
+
+
+def is_on_show(field: viser.GuiInputHandle[Any] | None) -> bool:
+    """Whether an input is visible, and the folders that it lies in are."""
+    if field is None or not field.visible:
+        return False
+    containers = field._impl.gui_api._container_handle_from_uuid
+    around = containers.get(field._impl.parent_container_id)
+    while isinstance(around, viser.GuiFolderHandle):
+        if not around.visible:
+            return False
+        around = containers.get(around._impl.parent_container_id)
+    return True
+
+
 # --- the server ---
-
-
-def forbid_sharing(server: viser.ViserServer) -> None:
-    """Any page that is connected could ask for viser's share tunnel, which puts the server onto the internet."""
-    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        server._websock_server.unregister_handler(message)
 
 
 def watch_connections(
@@ -157,9 +179,9 @@ def watch_connections(
     server._websock_server.on_client_disconnect(gone)
 
 
-def handles_messages(frame: FrameType) -> bool:
-    """Whether this is viser's loop that reads what a page sends."""
-    return frame.f_code is _infra._message_consumer.__code__
+def let_tabs_leave() -> None:
+    """viser warns, on standard error, of what is sent to a tab that was closed a moment ago."""
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection")
 
 
 _starting = Lock()

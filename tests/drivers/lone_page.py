@@ -17,13 +17,13 @@ import viser
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.runs import Run
+from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_events import Key, Press
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.session import Session
-from tcfit_app.review.shared.desk import Desk
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.server.page_files import PageFiles
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
@@ -176,7 +176,7 @@ def lone_page(
     client.gui, client.scene, client.client_id = server.gui, server.scene, 0
     client.camera.image_width, client.camera.image_height = 1000, 700
     session = Session(project, bodies or Bodies())
-    desk = Desk(session, lambda: None)
+    data = DrawingData(session, lambda: None)
     sent: list[Any] = []
     queue = server.gui._websock_interface.queue_message
     server.gui._websock_interface.queue_message = sent.append  # pyright: ignore[reportAttributeAccessIssue]
@@ -185,13 +185,13 @@ def lone_page(
         for stored in session.fits.showable():
             with suppress(InputError):
                 session.fits.fit(stored)  # which the drawing thread would not wait for
-        page = Page(cast(viser.ClientHandle, client), desk, run, {}, PageFiles(here=True))
+        page = Page(cast(viser.ClientHandle, client), data, run, {}, PageFiles(here=True))
         yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue
         server.gui.reset()
         session.close()
-        desk.close()
+        data.close()
 
 
 @contextmanager

@@ -21,7 +21,8 @@ FOV = 0.004
 LENGTH = 300
 WRIST, ELBOW, KNEE, MISSING = (INDEX[n] for n in ("right_wrist", "right_elbow", "left_knee", "left_ear"))
 PLACES = {WRIST: (80.0, 120.0), ELBOW: (120.0, 90.0), KNEE: (220.0, 180.0)}
-POSTER_X = WIDTH / HEIGHT / 2 + 0.015
+HALVES = (0.0, 0.0, 0.5, 1.0), (0.5, 0.0, 1.0, 1.0)
+"""Windows of two pictures beside each other."""
 TABS: list["Tab"] = []
 """The last one is the one that connects."""
 HTML = "<img src=x onerror=alert(1)> & </script>"
@@ -95,8 +96,8 @@ class Tab:
         self.page.wait_for_function(there, arg=math.hypot(distance, x))
         self.settle()
 
-    def screen(self, u: float, v: float, *, poster: float = 0.0) -> tuple[float, float]:
-        """Where an image's pixel is on the screen, from the camera that viser reports."""
+    def screen(self, u: float, v: float, *, window: states.Place = (0.0, 0.0, 1.0, 1.0)) -> tuple[float, float]:
+        """Where an image's pixel is on the screen, in a window, from the camera that viser reports."""
         camera = self.clients[-1].camera
         x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
         # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
@@ -104,8 +105,9 @@ class Tab:
             "() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]"
         )
         scale = height / 2 / math.tan(camera.fov / 2) / distance
-        world = ((u - WIDTH / 2) / HEIGHT + poster, (v - HEIGHT / 2) / HEIGHT)
-        return (width / 2 + (world[0] - x) * scale, height / 2 + (world[1] - y) * scale)
+        world = ((u - WIDTH / 2) / HEIGHT, (v - HEIGHT / 2) / HEIGHT)
+        middle = width * (window[0] + window[2]) / 2, height * (window[1] + window[3]) / 2
+        return (middle[0] + (world[0] - x) * scale, middle[1] + (world[1] - y) * scale)
 
     def scale(self) -> float:
         """Screen pixels of an image's pixel."""
@@ -150,11 +152,16 @@ class Tab:
         mouse.up()
 
 
-POSTER = states.Layout(mode="poster", image=(WIDTH, HEIGHT), posters=(states.Poster(x=0.0, label="Edit"),))
+POSTER = states.Layout(
+    mode="poster", image=(WIDTH, HEIGHT), posters=(states.Poster(width=WIDTH / HEIGHT, label="Edit"),)
+)
 PAIR = states.Layout(
     mode="poster",
     image=(WIDTH, HEIGHT),
-    posters=(states.Poster(x=-POSTER_X, label="A"), states.Poster(x=POSTER_X, label="B")),
+    posters=(
+        states.Poster(node="/posters/0", window=HALVES[0], width=WIDTH / HEIGHT, label="A"),
+        states.Poster(node="/posters/1", window=HALVES[1], width=WIDTH / HEIGHT, label="B"),
+    ),
 )
 SPACE = states.Layout(mode="space")
 KEYS = states.Keys(
@@ -170,13 +177,49 @@ KEYS = states.Keys(
 TIMELINE = states.Timeline(
     length=LENGTH,
     frame_rate=30.0,
-    title="Error",
-    unit="px",
-    curves=(
-        states.Curve(label="run A", color="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
-        states.Curve(label="run B", color="#ff963c", values=(None,) * LENGTH),
+    choices=(
+        states.Choice(name="error", title="Error (px)"),
+        states.Choice(name="jitter", title="Jitter (mm)"),
+        states.Choice(name="error_difference", title="Error, B − A (px)", group="compared"),
     ),
 )
+ROWS = states.Rows(
+    rows=(
+        states.Row(
+            name="error",
+            title="Error",
+            unit="px",
+            curves=(
+                states.Curve(label="A", color="#5aa0ff", values=states.curve_values(np.linspace(1, 300, LENGTH))),
+                states.Curve(label="B", color="#ff963c", values=(None,) * LENGTH),
+            ),
+        ),
+    ),
+    fits=(
+        states.FitName(label="A", title="run A", color="#5aa0ff"),
+        states.FitName(label="B", title="run B", color="#ff963c"),
+    ),
+)
+
+
+RECORD = """() => {
+  const usual = CanvasRenderingContext2D.prototype.fillText;
+  window.written = [];
+  CanvasRenderingContext2D.prototype.fillText = function (text, ...where) {
+    window.written.push(text);
+    usual.call(this, text, ...where);
+  };
+}"""
+"""From now on the texts that are drawn are in `window.written`."""
+GUTTER, MARGIN = 178, 14
+"""Left and right of the timeline's plot."""
+
+
+def strip_place(tab: Tab, frame: float, y: float = 70.0) -> tuple[float, float]:
+    """On the screen, when the whole clip is shown; by default in the upper row."""
+    box = tab.page.locator(".tcfit-strip").bounding_box()
+    assert box is not None
+    return box["x"] + GUTTER + (frame + 0.5) / LENGTH * (box["width"] - GUTTER - MARGIN), box["y"] + y
 
 
 def open_tab(server: ReviewServer, browser: "Browser") -> Tab:

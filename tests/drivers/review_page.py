@@ -88,12 +88,18 @@ class Reviewing:
         return float(np.hypot(b[0] - a[0], b[1] - a[1]) / 100)
 
     def rest(self) -> None:
-        """Until the camera stands still and nothing is being fitted."""
-        until(lambda: not self.session.jobs and not self.session.following.busy, "the fits")
+        """Until nothing is being fitted, the tab shows its frame and layout, and the camera stands still."""
+        until(lambda: not self.session.jobs and not self.session.edit_follower.busy, "the fits")
+        until(self._shows_its_frame, "the tab's frame")
         before = None
         while (now := self.tab.evaluate("() => tcfit.place(0, 0).concat(tcfit.place(100, 100))")) != before:
             before = now
             self.tab.wait_for_timeout(150)
+
+    def _shows_its_frame(self) -> bool:
+        frame, mode = self.tab.evaluate("() => [tcfit.state('keypoints')?.frame, tcfit.state('layout')?.mode]")
+        state = self.page.tab.state
+        return mode == "space" if state.mode == "space" else (frame, mode) == (state.frame, "poster")
 
 
 @contextmanager
@@ -115,10 +121,12 @@ def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, titl
                     context.close()
 
 
-def opened(app: ReviewApp, server: ReviewServer, browser: "Browser") -> Reviewing:
-    """One more tab, in a context of its own, as another person's browser has it."""
+def opened(app: ReviewApp, server: ReviewServer, browser: "Browser", *, script: str = "") -> Reviewing:
+    """One more tab, in a context of its own, as another person's browser has it; a script runs in it from the start."""
     known = len(app.pages)
     tab = browser.new_context(viewport={"width": 960, "height": 640}).new_page()
+    tab.add_init_script(script)
+    tab.context.add_cookies([{"name": "tcfit-hints", "value": "read", "url": server.address.url}])
     made = Reviewing(app=app, server=server, tab=tab)
 
     def note(text: str) -> None:

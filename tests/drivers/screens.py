@@ -15,10 +15,13 @@ from viser import _messages
 from fitting_core.camera import Camera
 from fitting_core.synthetic.studio.rasterize import rasterize
 from tcfit_app.review.browser.channel import Channel, web_files
+from tcfit_app.review.browser.page_states import Layout
+from tcfit_app.review.drawing.picture import poster_layout
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage
-from tcfit_app.review.scene.poses import Pose
+from tcfit_app.review.scene.poses import Pose, Rectangle, Window
 from tcfit_app.review.scene.poster import Posters
 from tcfit_app.review.scene.scene import SceneView
+from tcfit_app.review.scene.space import Space
 from tcfit_app.server.serving import review_server
 
 if TYPE_CHECKING:
@@ -28,6 +31,8 @@ PLATE_COLOR: RGB = (0, 0, 160)
 BODY_COLOR: RGB = (255, 60, 60)
 PLATE = FrameImage.uniform(PLATE_COLOR)
 PATIENCE_SECONDS = 30.0
+COVERED = 132.0
+"""CSS pixels at the bottom of the canvas that posters leave free."""
 
 # Everything but the canvas: panels, messages.
 _HIDE = """() => {
@@ -45,13 +50,27 @@ _DRAW = """async () => {
 }"""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Screen:
     """A browser tab and the scene in it."""
 
     view: SceneView
     client: viser.ClientHandle
     page: "Page"
+    channel: Channel
+    laid_out: Layout | None = None
+
+    def show(self, snapshot: Posters | Space) -> tuple[str, ...]:
+        """Shows it, and has the page draw posters in their windows; what cannot be shown, and why."""
+        problems = self.view.show(snapshot)
+        layout = Layout(mode="space")
+        if isinstance(snapshot, Posters):
+            names = (("", "#ffffff"),) * (len(snapshot.posters) + (snapshot.side is not None))
+            layout = poster_layout(snapshot, names, self.view.cameras.window, clipped=False)
+        if layout != self.laid_out:
+            self.laid_out = layout
+            self.channel.send("layout", layout)
+        return problems
 
     def settle(self, size: tuple[int, int] | None = None) -> None:
         """Waits until all is drawn, at another window size if one is given."""
@@ -102,9 +121,9 @@ def screen(browser: "Browser", size: tuple[int, int] = (1440, 900)) -> Iterator[
         end = time.monotonic() + PATIENCE_SECONDS
         while not clients and time.monotonic() < end:
             page.wait_for_timeout(20)
-        Channel(clients[0], lambda event: None)
-        shown = Screen(SceneView(clients[0]), clients[0], page)
-        shown.view.cameras.follow(covered=132)
+        channel = Channel(clients[0], lambda event: None)
+        shown = Screen(SceneView(clients[0]), clients[0], page, channel)
+        shown.view.cameras.follow(covered=COVERED)
         shown.settle()
         yield shown
         assert not errors, errors
@@ -126,14 +145,14 @@ def seen_plate(picture: UInt8[np.ndarray, "H W 3"]) -> Float[np.ndarray, "H W"]:
     return np.clip((blue - background) / (PLATE_COLOR[2] - background), 0, 1)
 
 
-def canvas_camera(camera: Camera, pose: Pose, window: tuple[int, int], place: float = 0.0) -> Camera:
-    """The camera that takes the whole canvas as its image, for a poster whose middle is at x = place.
+def canvas_camera(camera: Camera, pose: Pose, window: tuple[int, int], place: Rectangle) -> Camera:
+    """The camera that takes the whole canvas as its image, for a poster in a window.
 
     Worked out from where the viewer's camera was told to be, and from nothing that draws.
     """
     scale = window[1] / (2 * -pose.position[2] * np.tan(pose.fov / 2)) / camera.size[1]  # screen pixels per image pixel
-    middle = np.array(camera.size) / 2 + np.array([pose.position[0] - place, pose.position[1]]) * camera.size[1]
-    center = (np.array(camera.center) - middle) * scale + np.array(window) / 2
+    middle = np.array(camera.size) / 2 + np.array(pose.position[:2]) * camera.size[1]
+    center = (np.array(camera.center) - middle) * scale + np.array(place).reshape(2, 2).mean(0)
     focal = np.array(camera.focal) * scale
     return Camera(focal=(focal[0], focal[1]), center=(center[0], center[1]), size=window)
 
@@ -141,12 +160,14 @@ def canvas_camera(camera: Camera, pose: Pose, window: tuple[int, int], place: fl
 def expected_body(posters: Posters, pose: Pose, window: tuple[int, int]) -> Bool[np.ndarray, "H W"]:
     """Where the bodies of all posters should be seen: their triangles rasterized on the processor."""
     mask = np.zeros((window[1], window[0]), bool)
-    for poster, place in zip(posters.posters, posters.places, strict=True):
+    windows = posters.divide(Window(width=window[0], height=window[1], covered=COVERED)).windows
+    for poster, place in zip(posters.posters, windows, strict=False):
         camera = canvas_camera(posters.camera, pose, window, place)
+        left, top, right, bottom = (round(edge) for edge in place)
         for body in poster.bodies:
             depth = np.full(mask.shape, np.inf)
             rasterize(body.vertices.astype(float), body.faces, camera, depth)
-            mask |= np.isfinite(depth)
+            mask[top:bottom, left:right] |= np.isfinite(depth[top:bottom, left:right])
     return mask
 
 
@@ -158,7 +179,8 @@ def overlap(a: Bool[np.ndarray, "H W"], b: Bool[np.ndarray, "H W"]) -> float:
 def plate_errors(picture: UInt8[np.ndarray, "H W 3"], posters: Posters, pose: Pose) -> float:
     """How far the edges of a single poster with PLATE and no body are from where they should be: screen pixels."""
     window = picture.shape[1], picture.shape[0]
-    camera = canvas_camera(posters.camera, pose, window)
+    (place,) = posters.divide(Window(width=window[0], height=window[1], covered=COVERED)).windows
+    camera = canvas_camera(posters.camera, pose, window, place)
     scale = camera.focal[0] / posters.camera.focal[0]
     corner = np.array(camera.center) - np.array(posters.camera.center) * scale
     expected = np.array([*corner, *(corner + np.array(posters.camera.size) * scale)])

@@ -1,13 +1,22 @@
 """The pinhole camera against numbers worked out by hand."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitting_core.camera import Camera, default_focal, focal_from_35mm, focal_from_fov, project
+from fitting_core.camera import (
+    DEFAULT_FOCAL,
+    ESTIMATED,
+    Camera,
+    default_focal,
+    focal_from_35mm,
+    focal_from_fov,
+    project,
+)
 
 CAMERA = Camera(focal=(1000.0, 1100.0), center=(320.0, 240.0), size=(640, 480))
 
@@ -22,6 +31,11 @@ def test_projection_by_hand():
 def test_scaling_a_scene_changes_no_pixel(x: float, y: float, z: float, scale: float):
     point = torch.tensor([x, y, z], dtype=torch.float64)
     torch.testing.assert_close(project(CAMERA, scale * point), project(CAMERA, point), rtol=1e-9, atol=1e-7)
+
+
+def test_guesses_and_estimates_are_no_calibration():
+    assert CAMERA.calibrated
+    assert not any(replace(CAMERA, source=s).calibrated for s in (DEFAULT_FOCAL, f"{ESTIMATED}, between 1 and 2"))
 
 
 def test_field_of_view_reaches_the_image_border():

@@ -8,10 +8,10 @@ import numpy as np
 _SIZE = (64, 48)
 
 
-def write_video(path: Path, *, seed: int = 0, frames: int = 3) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, _SIZE)
+def write_video(path: Path, *, seed: int = 0, frames: int = 3, size: tuple[int, int] = _SIZE) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, size)
     for image in _images(seed, frames):
-        writer.write(image)
+        writer.write(cv2.resize(image, size))
     writer.release()
     return path
 

@@ -12,22 +12,36 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.ground.arrays import grounding_arrays
+from fitting_core.ground.contacts import Contacts
+from fitting_core.ground.gravity import Gravity
+from fitting_core.ground.grounding import Grounding
+from fitting_core.ground.plane import Ground
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry
 from tcfit_app.project.edits.kinds import (
+    MAX_DEPTH,
     SIDES,
+    ClearDepth,
     CopyFrom,
     Edit,
     Interpolate,
+    Lock,
     MarkBad,
+    MoveKey,
     MoveKeypoint,
     Nudge,
+    Pin,
+    PlaceKey,
+    RemoveKey,
     Reset,
     Restore,
     SetConfidence,
+    SetDepth,
     SwapSides,
+    Unlock,
 )
-from tcfit_app.project.storage.runs import BodyRecord
+from tcfit_app.project.storage.run_record import BodyRecord
 
 FRAMES = 6
 CAMERA = Camera(focal=(700.5, 710.0), center=(310.0, 250.0), size=(640, 480), source="as given")
@@ -80,6 +94,19 @@ def sample_fit(seed: int, *, last_phase: int = 3, frames: int = FRAMES, componen
         observed=np.random.default_rng(seed).random((frames, 55)) < 0.5,
         warnings=("left and right were swapped",),
         pose_prior="relaxed",
+        grounding=sample_grounding(seed, frames),
+    )
+
+
+def sample_grounding(seed: int, frames: int = FRAMES) -> Grounding:
+    """A camera that looks down by 10 degrees from 1.5 m, or one that sees no feet if the seed is even."""
+    random, up = np.random.default_rng(seed), np.array([0.0, -np.cos(np.radians(10)), -np.sin(np.radians(10))])
+    known = seed % 2 == 1
+    return Grounding(
+        gravity=Gravity(up=up, deviation=4.5),
+        contacts=Contacts(probability=random.random((frames, 2)), standing=random.random((frames, 2)) < 0.5),
+        ground=Ground(normal=up, offset=1.5, deviation=0.02) if known else None,
+        missing="" if known else "the feet are not in the image",
     )
 
 
@@ -100,8 +127,14 @@ def assert_same_fit(one: FitResult, other: FitResult) -> None:
         for name, codes in vars(a.provenance).items() if a.provenance else ():
             assert getattr(b.provenance, name).dtype == np.uint8 and np.array_equal(codes, getattr(b.provenance, name))
     assert np.array_equal(one.observed, other.observed)
+    known, found = grounding_arrays(one.grounding), grounding_arrays(other.grounding)
+    assert known.keys() == found.keys() and all(_same_values(known[name], found[name]) for name in known)
     for name in ("camera", "config", "warnings", "pose_prior"):
         assert getattr(one, name) == getattr(other, name), name
+
+
+def _same_values(one: np.ndarray, other: np.ndarray) -> bool:
+    return np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
 
 
 def applied(detections: Keypoints, log: Iterable[LogEntry]) -> Keypoints:
@@ -111,12 +144,18 @@ def applied(detections: Keypoints, log: Iterable[LogEntry]) -> Keypoints:
 
 def same_keypoints(one: Keypoints, other: Keypoints) -> bool:
     """Equal to the last bit."""
-    return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
+    told = [np.nan if keypoints.turn is None else keypoints.turn for keypoints in (one, other)]
+    same_turns = _same_values(*map(np.asarray, np.broadcast_arrays(*told)))
+    arrays = ("xy", "confidence", "told_depth")
+    return same_turns and all(_same_values(getattr(one, n), getattr(other, n)) for n in arrays)
 
 
 _PIXELS = st.floats(-1e4, 1e4)
 _FRAMES = st.lists(st.integers(0, FRAMES - 1), min_size=1, max_size=4, unique=True).map(tuple)
 _JOINTS = st.lists(st.sampled_from([0, 4, 7, 30, 46, 100, 136]), min_size=1, max_size=4, unique=True).map(tuple)
+
+_LOCKABLE = st.lists(st.sampled_from([0, 4, 7]), min_size=1, max_size=3, unique=True).map(tuple)
+_BODY_JOINTS = st.lists(st.sampled_from([0, 4, 7, 14]), min_size=1, max_size=3, unique=True).map(tuple)
 
 
 @st.composite
@@ -129,9 +168,41 @@ def _moves(draw: st.DrawFn) -> MoveKeypoint:
 
 
 @st.composite
+def _depths(draw: st.DrawFn) -> SetDepth:
+    frames, joints = draw(_FRAMES), draw(_BODY_JOINTS)
+    row = st.tuples(*[st.floats(-MAX_DEPTH, MAX_DEPTH)] * len(joints))
+    return SetDepth(frames=frames, joints=joints, depth=draw(st.tuples(*[row] * len(frames))))
+
+
+@st.composite
+def _locks(draw: st.DrawFn) -> Lock:
+    joints = draw(_LOCKABLE)
+    turn = st.tuples(*[st.floats(-3, 3)] * 3)
+    return Lock(frames=draw(_FRAMES), joints=joints, turn=draw(st.tuples(*[turn] * len(joints))))
+
+
+def _pinned(edit: SetDepth) -> Pin:
+    places = tuple((10.0 * joint, 20.0) for joint in edit.joints)
+    return Pin(frames=edit.frames, joints=edit.joints, xy=places, depth=edit.depth)
+
+
+@st.composite
 def _interpolations(draw: st.DrawFn) -> Interpolate:
     first = draw(st.integers(0, FRAMES - 3))
     return Interpolate.between(first, draw(st.integers(first + 2, FRAMES - 1)), draw(_JOINTS))
+
+
+@st.composite
+def _keyframes(draw: st.DrawFn) -> Edit:
+    first, at, to, last = sorted(draw(st.tuples(*[st.integers(0, FRAMES - 1)] * 4)))
+    frames, joints = tuple(range(first, last + 1)), draw(_JOINTS)
+    if draw(st.booleans()):
+        return PlaceKey(
+            frames=frames, joints=joints, at=at, xy=draw(st.tuples(*[st.tuples(_PIXELS, _PIXELS)] * len(joints)))
+        )
+    if draw(st.booleans()):
+        return MoveKey(frames=frames, joints=joints, at=at, to=to)
+    return RemoveKey(frames=frames, joints=joints, at=at)
 
 
 def edits() -> st.SearchStrategy[Edit]:
@@ -140,6 +211,12 @@ def edits() -> st.SearchStrategy[Edit]:
     return st.one_of(
         _moves(),
         _interpolations(),
+        _keyframes(),
+        _depths(),
+        _depths().map(_pinned),
+        _locks(),
+        st.builds(Unlock, frames=_FRAMES, joints=_LOCKABLE),
+        st.builds(ClearDepth, frames=_FRAMES, joints=_BODY_JOINTS),
         st.builds(Nudge, **where, by=st.tuples(_PIXELS, _PIXELS)),
         st.builds(MarkBad, **where),
         st.builds(Restore, **where),
@@ -162,5 +239,9 @@ def random_edit(seed: int) -> Edit:
         Nudge(frames=frames, joints=joints, by=(1.0, -0.5)),
         SwapSides(frames=frames, joints=SIDES["arms"]),
         CopyFrom(frames=frames, joints=joints, source=0),
+        Pin(frames=frames, joints=(4, 7), xy=((1.0, 2.0), (3.0, 4.0)), depth=((0.1, 0.2), (0.3, 0.4))),
+        SetDepth(frames=frames, joints=(4, 7), depth=tuple(map(tuple, rng.uniform(-1, 1, (2, 2)).tolist()))),
+        PlaceKey(frames=tuple(range(FRAMES)), joints=joints, at=frames[0], xy=xy[0]),
+        Lock(frames=frames, joints=(4,), turn=((0.1, -0.2, 0.3),)),
     ]
     return kinds[seed % len(kinds)]

@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from fitting_core import keypoints as kp
 from fitting_core.body import rotations
 from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.model import JOINT, BodyModel
@@ -111,13 +112,39 @@ def random_state(parametrisation: Parametrisation, frames: int, seed: int = 0) -
     return State(rotations.exp(params.global_orient), vector)
 
 
-def finished(steps: Any) -> Any:
-    """What a generator returns, its steps left aside."""
+def with_positions(stages: Stages, seed: int = 0) -> Stages:
+    """The same where something is known of the depth of body keypoints, and of the place of undetected ones.
+
+    Of every fourth nothing is known, and of none of the left arm. Some feet are held where they stand.
+    """
+    o, random = stages.observations, np.random.default_rng(seed)
+    position = torch.as_tensor(random.normal(0.0, 0.3, o.relative_position.shape)).to(o.relative_position)
+    deviation = torch.as_tensor(random.uniform(0.05, 0.4, o.confidence.shape)).to(position)
+    deviation[torch.as_tensor(random.random(deviation.shape) < 0.25)] = torch.inf
+    deviation[:, [*range(kp.BODY.stop, COUNT), kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]]] = torch.inf
+    deviations = deviation[..., None].repeat(1, 1, 3)
+    deviations[..., :2][o.confidence > 0] = torch.inf
+    held = torch.full_like(o.confidence, torch.inf)
+    held[1:, kp.INDEX["right_heel"]] = held[: len(held) - 1, kp.INDEX["left_big_toe"]] = 0.02
+    place = position + torch.tensor([0.0, 0.0, 3.0]).to(position)
+    known = replace(o, relative_position=position, relative_position_deviation=deviations)
+    known = replace(known, held_position=place, held_position_deviation=held)
+    return replace(stages, observations=known)
+
+
+def listed(steps: Any) -> tuple[list[Any], Any]:
+    """The steps of a generator, and what it returns."""
+    found = []
     while True:
         try:
-            next(steps)
+            found.append(next(steps))
         except StopIteration as stop:
-            return stop.value
+            return found, stop.value
+
+
+def finished(steps: Any) -> Any:
+    """What a generator returns, its steps left aside."""
+    return listed(steps)[1]
 
 
 def without_correctives(body: BodyModel) -> BodyModel:

@@ -17,9 +17,9 @@ from fitting_core.fit.events import FitEvent, Iteration
 from fitting_core.fit.result import FitResult
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.runs import BodyRecord
+from tcfit_app.project.storage.run_record import BodyRecord
 from tcfit_app.review.session.session import Session
 from tests.samples.scenes import arms_in_motion, clip_of, hidden, keypoints_of, noisy
 
@@ -90,7 +90,7 @@ def until(session: Session, condition: Callable[[], Any]) -> None:
 
 
 def idle(session: Session) -> None:
-    until(session, lambda: not session.jobs and not session.following.busy)
+    until(session, lambda: not session.jobs and not session.edit_follower.busy)
 
 
 def newest(session: Session) -> Shown:

@@ -23,7 +23,7 @@ _MAX_DEPTH = 16
 _PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
 
 
-class _Kept:
+class Kept:
     """Stands in for an object of a library that is not needed: keeps the state, runs nothing of it."""
 
     title = "chumpy array"
@@ -38,14 +38,15 @@ class _Kept:
         raise NotImplementedError
 
 
-class _Dtype(_Kept):
+class _Dtype(Kept):
     """A numpy dtype: its code, and its byte order as the state that follows tells it."""
 
     title = "dtype"
 
     def __init__(self, code: object = "", *_: object) -> None:
         super().__init__()
-        self._code, self._order = str(code), "="
+        # Not str(code): the text of a list that holds itself often has no end.
+        self.code, self._order = code if isinstance(code, str) else "", "="
 
     def __setstate__(self, state: object) -> None:
         if isinstance(state, tuple) and len(state) > 1 and state[1] in ("<", ">", "|", "="):
@@ -57,12 +58,12 @@ class _Dtype(_Kept):
         Raises:
             InputError: It is none of numbers or text.
         """
-        if not re.fullmatch(r"[<>|=]?[biufSU]\d+", self._code):
-            raise InputError(f"of the type '{self._code}', expected numbers")
-        return np.dtype(self._order + self._code.lstrip("<>|="))
+        if not re.fullmatch(r"[<>|=]?[biufSU]\d+", self.code):
+            raise InputError(f"of the type '{self.code}', expected numbers")
+        return np.dtype(self._order + self.code.lstrip("<>|="))
 
 
-class _Array(_Kept):
+class _Array(Kept):
     """A numpy array: shape, dtype, order and bytes; numpy's own unpickling would trust them unseen."""
 
     title = "numpy array"
@@ -72,18 +73,19 @@ class _Array(_Kept):
             self.state = dict(zip(("shape", "dtype", "fortran", "data"), state[1:], strict=True))
 
     def array(self) -> np.ndarray:
-        flat = np.frombuffer(_bytes(self.state["data"]), dtype=self.state["dtype"].numpy())
+        dtype = self.state["dtype"].numpy()
+        flat = np.frombuffer(_bytes(self.state["data"]), dtype)
         return flat.reshape(self.state["shape"], order="F" if self.state["fortran"] else "C").copy()
 
 
-class _Chumpy(_Kept):
+class _Chumpy(Kept):
     """A chumpy array that holds its numbers."""
 
     def array(self) -> np.ndarray:
         return as_array(self.state["x"])
 
 
-class _ChumpySelection(_Kept):
+class _ChumpySelection(Kept):
     """Elements of another chumpy array: how SMPL files cut their shape directions to 10."""
 
     def array(self) -> np.ndarray:
@@ -91,14 +93,14 @@ class _ChumpySelection(_Kept):
         return selected.reshape(tuple(int(n) for n in self.state.get("preferred_shape", selected.shape)))
 
 
-class _ChumpyExpression(_Kept):
+class _ChumpyExpression(Kept):
     """Any other chumpy object: what models hold for their own computations (J, v_posed), never read here."""
 
     def array(self) -> np.ndarray:
         raise InputError("a chumpy expression that would have to be computed, expected numbers")
 
 
-class _Sparse(_Kept):
+class _Sparse(Kept):
     """A scipy sparse matrix, unfolded by numpy.
 
     scipy's own compiled code trusts the indices: with a row pointer like (0, 10**9, 0), which passes its full check, it
@@ -150,13 +152,30 @@ class _Coo(_Sparse):
         return rows, columns, as_array(self.state["data"])
 
 
+def stand_in(module: str, name: str) -> Any:
+    """What takes the place of a numpy array, its type or a scalar, by the name in a pickle; None for anything else."""
+    return _ADMITTED.get((module, name)) if module.split(".")[0] == "numpy" else None
+
+
+def as_objects(value: object) -> list[Any]:
+    """The elements of an unpickled array of Python objects.
+
+    Raises:
+        InputError: It is none.
+    """
+    data = value.state.get("data") if isinstance(value, _Array) else None
+    if not isinstance(data, list):
+        raise InputError("no array of objects")
+    return data
+
+
 def as_array(value: object) -> np.ndarray:
     """Numbers of an unpickled value: an array, a list of numbers, a sparse matrix (dense here) or a chumpy array.
 
     Raises:
         InputError: A stand-in whose state is not understood; the message starts with what it holds.
     """
-    if not isinstance(value, _Kept):
+    if not isinstance(value, Kept):
         _forbid_endless(value)
         return np.asarray(value)
     try:
@@ -217,7 +236,7 @@ def _encode(text: str, encoding: str = "latin1") -> bytes:
 
 def _new(cls: type, *_: object) -> object:
     """How old protocols make an object of a class: only stand-ins are made so."""
-    if not issubclass(cls, _Kept):
+    if not issubclass(cls, Kept):
         raise pickle.UnpicklingError(f"an object of the class {cls.__name__}")
     return cls()
 
@@ -273,7 +292,7 @@ class ArrayUnpickler(pickle.Unpickler):
         Raises:
             InputError: Always.
         """
-        raise InputError(f"the pickle refers to an object outside the file ({pid!r:.40})")
+        raise InputError(f"the pickle refers to an object outside the file (a {type(pid).__name__})")
 
 
 def _forbid_far_memos(file: BinaryIO) -> None:

@@ -6,7 +6,6 @@ data folder, where `register` puts models; the free bodies that come with tcfit.
 
 import os
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -19,6 +18,8 @@ from fitting_core.body.files.forms import KINDS
 from fitting_core.body.files.raw_file import READERS, vertex_count
 from fitting_core.body.files.reading import gender_of_name, load_body
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import drafting, sync
+from fitting_core.files.regular import at_home, regular_file
 
 ENVIRONMENT = "TCFIT_BODY_MODELS"
 """Environment variable with folders of body models, separated as in PATH."""
@@ -58,7 +59,7 @@ def search_folders() -> list[Path]:
     Raises:
         InputError: The environment variable names something that is no folder.
     """
-    given = [Path(part).expanduser() for part in os.environ.get(ENVIRONMENT, "").split(os.pathsep) if part]
+    given = [at_home(part) for part in os.environ.get(ENVIRONMENT, "").split(os.pathsep) if part]
     for folder in given:
         if not folder.is_dir():
             raise InputError(f"{folder}: is no folder, but {ENVIRONMENT} names it. Correct or unset that variable.")
@@ -116,10 +117,11 @@ def register(path: Path) -> list[BodyFile]:
     folder = user_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".incoming-", dir=folder) as incoming:
+        with drafting(folder / "incoming") as incoming:
+            incoming.mkdir()
             with open_members(path) as members:
                 chosen = _models_among(path, members)
-                copies = [_copy(member, Path(incoming) / str(i)) for i, member in enumerate(chosen)]
+                copies = [_copy(member, incoming / str(i)) for i, member in enumerate(chosen)]
             checked = [(copy, *_kind_and_gender(copy, member)) for copy, member in zip(copies, chosen, strict=True)]
             return [_place(copy, kind, gender, folder) for copy, kind, gender in checked]
     except OSError as error:
@@ -180,8 +182,9 @@ def _check_choice(what: str, value: str, choices: tuple[str, ...]) -> None:
 
 
 def _model_file(path: Path) -> Path:
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"{path}: does not exist. Give a body model file or a folder of them.")
+    regular_file(path)
     if path.suffix.lower() not in READERS:
         expected = " or ".join(READERS)
         raise InputError(
@@ -242,7 +245,9 @@ def _kind_and_gender(copy: Path, member: Member) -> tuple[str, str]:
 
 def _place(copy: Path, kind: str, gender: str, folder: Path) -> BodyFile:
     target = folder / file_name(kind, gender, copy.suffix.lower())
+    sync(copy)
     os.replace(copy, target)
+    sync(folder)
     for suffix in READERS:
         if suffix != target.suffix:
             # An older npz would be preferred to the pickle that was registered just now.

@@ -6,12 +6,13 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from fitting_core import keypoints as kp
 from fitting_core.body import rotations
 from fitting_core.body.kinematics import contour_bins
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import BodyPoints
-from fitting_core.body.points.pairs import Joint, keypoint_points
+from fitting_core.body.points.pairs import Joint, Point, keypoint_points
 
 _CHUNK = 64
 """Frames evaluated together: the face contour's tables of each frame take 0.4 MB."""
@@ -32,6 +33,14 @@ def keypoints_in_space(
     return found, exists
 
 
+def body_keypoints_in_space(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 25 3"]:
+    """The BODY_25 keypoints of posed bodies in camera space (metres), NaN for those that the body has not."""
+    points, exists = _body_keypoints(body)
+    found = np.full((len(params), len(exists), 3), np.nan)
+    found[:, exists] = _posed(points, body, params)
+    return found
+
+
 @lru_cache(maxsize=2)
 def _joints(body: BodyModel) -> BodyPoints:
     return BodyPoints(body, [Joint(i) for i in range(N_JOINTS)])
@@ -39,7 +48,15 @@ def _joints(body: BodyModel) -> BodyPoints:
 
 @lru_cache(maxsize=2)  # the face contour's 79 tables take 0.5 s to compile; two: a fit beside its truth
 def _keypoints(body: BodyModel) -> tuple[BodyPoints, Bool[np.ndarray, "137"]]:
-    wanted = keypoint_points(body)
+    return _existing(body, keypoint_points(body))
+
+
+@lru_cache(maxsize=2)
+def _body_keypoints(body: BodyModel) -> tuple[BodyPoints, Bool[np.ndarray, "25"]]:
+    return _existing(body, keypoint_points(body)[kp.BODY])
+
+
+def _existing(body: BodyModel, wanted: list[Point | None]) -> tuple[BodyPoints, Bool[np.ndarray, "n"]]:
     exists = np.array([point is not None for point in wanted])
     return BodyPoints(body, [point for point in wanted if point is not None]), exists
 

@@ -17,10 +17,10 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.autoencoder import NetworkSize, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool, split
 from fitting_core.build_assets.pose_prior.loss import Precision
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.build_assets.pose_prior.training import Progress, Schedule, Training
 from fitting_core.errors import InputError

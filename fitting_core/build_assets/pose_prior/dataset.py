@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import MotionClip, mirrored
+from fitting_core.build_assets.motion_capture.retarget import MotionClip, mirrored
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.build_assets.pose_prior.synthesis import SYNTHESIS, group_rows
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.geometry import MIRROR_ROTATION, shortest_rotation
 from fitting_core.body.model import JOINT
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import collar_rotation
+from fitting_core.build_assets.motion_capture.retarget import collar_rotation
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "spine": ("spine1", "spine2", "spine3"),

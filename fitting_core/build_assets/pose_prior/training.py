@@ -16,6 +16,7 @@ from fitting_core.build_assets.pose_prior.autoencoder import NetworkSize, PoseAu
 from fitting_core.build_assets.pose_prior.loss import Loss, Precision
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
 
 _WARM_UP = 1000
 """Steps over which the KL term comes in: with its full weight from the start a third of the latent stayed unused."""
@@ -136,7 +137,7 @@ class Training:
             InputError: it belongs to a training with other settings, or is no checkpoint.
         """
         try:
-            state = torch.load(path, map_location=self.device, weights_only=True)
+            state = torch.load(regular_file(path, most=None), map_location=self.device, weights_only=True)
             of = state["of"]
         except Exception as error:  # torch raises whatever the damage led to
             raise InputError(

@@ -53,6 +53,7 @@ FIXED = np.dtype(
         ("bending", _F),
         ("bent", _F, 3 * N_BODY),  # the sign with which elbows and knees bend, 0 elsewhere
         ("upright", np.bool_),
+        ("pelvis", _F, 3),  # from which relative positions are measured
         ("columns_held", _I),
         ("weight", _F, MOST_COLUMNS),
     ]
@@ -88,8 +89,13 @@ GROUP = np.dtype(
 """Points (places in `order`) that share the columns on which they depend, those of a limb: these turn columns, and the
 place of each turn column among them."""
 
-KEYPOINT = np.dtype([("xy", _F, 2), ("side", _F, 2), ("weight", _F)])
-"""See `terms.data.Data`."""
+KEYPOINT = np.dtype(
+    [
+        *[("xy", _F, 2), ("side", _F, 2), ("weight", _F)],  # see `terms.data.Data`
+        *[("place", _F, 3), ("place_weight", _F, 3), ("place_rho", _F, 3)],  # RelativePosition, see `terms.positions`
+        *[("spot", _F, 3), ("spot_weight", _F, 3), ("spot_rho", _F, 3)],  # HeldPosition
+    ]
+)
 
 HELD = np.dtype(
     [
@@ -137,6 +143,6 @@ class Constants(NamedTuple):
     groups: np.ndarray
     """GROUP, (G,)."""
     keypoints: np.ndarray
-    """KEYPOINT, (T, N)."""
+    """KEYPOINT, (T, N): what terms know of a point in a frame."""
     held: np.ndarray
     """HELD, (T,)."""

@@ -15,7 +15,7 @@ from fitting_core.fit.fused.jit import helper
 from fitting_core.fit.fused.network import latent_gradient, turns_by_latent
 from fitting_core.fit.fused.products import half_products, products
 from fitting_core.fit.fused.scratch import LANES
-from fitting_core.fit.fused.terms import add_upright, column_cost, data_cost, limit_cost, pose_cost
+from fitting_core.fit.fused.terms import add_upright, column_cost, limit_cost, point_cost, pose_cost
 
 
 @helper
@@ -28,7 +28,7 @@ def cost_of(c, frame, orient, x, scratch, everything):
     turn_joints(c, orient, x, s, everything)
     pose_skeleton(c, x, s)
     pose_points(c, frame, x, scratch)
-    cost = data_cost(c, frame, scratch)
+    cost = point_cost(c, frame, x, scratch)
     if cost == math.inf:
         return cost
     return cost + column_cost(c, frame, orient, x) + limit_cost(c, s, False) + pose_cost(c, frame, x, s, False)
@@ -66,23 +66,32 @@ def _add_group(c, frame, group, scratch):
     s, f, count = scratch.frame, c.fixed, 0
     for o in range(group.first, group.last):
         i = c.order[o]
-        weight = c.keypoints[frame, i].weight
-        if weight == 0.0:
+        keypoint = c.keypoints[frame, i]
+        weight, ranks = keypoint.weight, 3 if keypoint.place_weight[2] > 0.0 else 2
+        placed = keypoint.place_weight[0] > 0.0  # then the data term has no weight
+        if keypoint.spot_weight[0] > 0.0:
+            for k in range(3):
+                e, far = scratch.error[i, 3 + k], keypoint.spot_rho[k] * keypoint.spot_rho[k]
+                s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
+                s.left[k, k] = keypoint.spot_weight[k] * far / (e * e + far)
+                s.pulls[k] = s.left[k, k] * e
+            count = _add_rows(c, c.points[i], group, 3, 3, count, scratch)
+        if weight == 0.0 and ranks == 2:
             continue
         squared, depth = c.points[i].rho * c.points[i].rho, scratch.points[i, 2]
-        for k in range(2):
+        for k in range(ranks):
             e = scratch.error[i, k]
-            scale = weight * squared / (e * e + squared)
-            s.left[k, 0] = s.left[k, 1] = 0.0
-            s.left[k, k] = scale * f.focal[k] / depth
-            s.left[k, 2] = -scale * f.focal[k] * scratch.points[i, k] / (depth * depth)
+            s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
+            if placed or k == 2:
+                far = keypoint.place_rho[k] * keypoint.place_rho[k]
+                scale = keypoint.place_weight[k] * far / (e * e + far)
+                s.left[k, k] = scale
+            else:
+                scale = weight * squared / (e * e + squared)
+                s.left[k, k] = scale * f.focal[k] / depth
+                s.left[k, 2] = -scale * f.focal[k] * scratch.points[i, k] / (depth * depth)
             s.pulls[k] = scale * e
-        _set_rows(c, c.points[i], group, scratch)
-        for k in range(group.width):
-            r0, r1 = s.pair[0, k], s.pair[1, k]
-            scratch.rows[k, count], scratch.rows[k, count + 1] = r0, r1
-            s.gradient[group.column[k]] += r0 * s.pulls[0] + r1 * s.pulls[1]
-        count += 2
+        count = _add_rows(c, c.points[i], group, ranks, 0 if placed else 2, count, scratch)
     for k in range(group.width):
         for extra in range(count, count + -count % LANES):
             scratch.rows[k, extra] = 0.0
@@ -95,14 +104,28 @@ def _add_group(c, frame, group, scratch):
 
 
 @helper
-def _set_rows(c, point, group, scratch):
-    """The two rows of a keypoint in its group's columns, in `pair`."""
+def _add_rows(c, point, group, ranks, moving, count, scratch):
+    """Rows of a keypoint: into the gradient, and to the `count` that wait to be multiplied. Returns how many wait."""
+    s = scratch.frame
+    _set_rows(c, point, group, ranks, moving, scratch)
+    for r in range(ranks):
+        for k in range(group.width):
+            scratch.rows[k, count + r] = s.three[r, k]
+            s.gradient[group.column[k]] += s.three[r, k] * s.pulls[r]
+    return count + ranks
+
+
+@helper
+def _set_rows(c, point, group, ranks, moving, scratch):
+    """Two or three rows of a keypoint in its group's columns, in `three`; the first ones move with the translation."""
     s, f = scratch.frame, c.fixed
     for p in range(point.first_pair, point.last_pair):
         for d in range(3):
-            scratch.pull[p, d] = s.left[0, d] * s.pulls[0] + s.left[1, d] * s.pulls[1]
-    for k in range(2):
-        row = s.pair[k]
+            scratch.pull[p, d] += s.left[0, d] * s.pulls[0] + s.left[1, d] * s.pulls[1]
+            if ranks == 3:
+                scratch.pull[p, d] += s.left[2, d] * s.pulls[2]
+    for k in range(ranks):
+        row = s.three[k]
         for a in range(group.width):
             row[a] = 0.0
     for e in range(point.first_entry, point.last_entry):
@@ -113,7 +136,7 @@ def _set_rows(c, point, group, scratch):
             at = group.place[HANDS + (f.hand if finger >= 15 else 0)]
         else:
             at = group.place[f.jaw if entry.joint == JAW_JOINT else 3 * entry.joint]
-        for k in range(2):
+        for k in range(ranks):
             l0, l1, l2 = s.left[k, 0], s.left[k, 1], s.left[k, 2]
             c0, c1, c2 = s.v[1] * l2 - s.v[2] * l1, s.v[2] * l0 - s.v[0] * l2, s.v[0] * l1 - s.v[1] * l0
             q0 = c0 * axes[0, 0] + c1 * axes[1, 0] + c2 * axes[2, 0]
@@ -121,17 +144,18 @@ def _set_rows(c, point, group, scratch):
             q2 = c0 * axes[0, 2] + c1 * axes[1, 2] + c2 * axes[2, 2]
             if finger >= 0:
                 b = f.hand_basis
-                _add_three(s.pair[k, at : at + f.hand], q0, q1, q2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
+                row = s.three[k, at : at + f.hand]
+                _add_three(row, q0, q1, q2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
             else:
-                s.pair[k, at], s.pair[k, at + 1], s.pair[k, at + 2] = q0, q1, q2
+                s.three[k, at], s.three[k, at + 1], s.three[k, at + 2] = q0, q1, q2
     translation = group.place[f.translation]
-    for k in range(2):
+    for k in range(moving):
         for d in range(3):
-            s.pair[k, translation + d] = s.left[k, d]
+            s.three[k, translation + d] = s.left[k, d]
     if f.free_betas:
-        _add_coefficients(point, 0, group.place[f.betas], scratch)
+        _add_coefficients(point, 0, group.place[f.betas], ranks, scratch)
     if f.free_face:
-        _add_coefficients(point, 10, group.place[f.expression], scratch)
+        _add_coefficients(point, 10, group.place[f.expression], ranks, scratch)
 
 
 @helper
@@ -161,11 +185,11 @@ def _lever_arm(c, joint, entry, scratch):
 
 
 @helper
-def _add_coefficients(point, low, at, scratch):
+def _add_coefficients(point, low, at, ranks, scratch):
     """The columns of betas or expression."""
     s, last = scratch.frame, low + 10
-    for k in range(2):
-        row, l0, l1, l2 = s.pair[k, at : at + 10], s.left[k, 0], s.left[k, 1], s.left[k, 2]
+    for k in range(ranks):
+        row, l0, l1, l2 = s.three[k, at : at + 10], s.left[k, 0], s.left[k, 1], s.left[k, 2]
         if point.joint >= 0:
             m = s.joint_motion[point.joint]
             _add_three(row, l0, l1, l2, m[0, low:last], m[1, low:last], m[2, low:last])

@@ -7,6 +7,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,9 @@ from typing import Any
 import llvmlite.binding
 import numba
 import platformdirs
+
+from fitting_core.files.atomic import scratch_folder
+from fitting_core.files.regular import at_home
 
 # NaN and infinity are told apart (no "nnan", "ninf"): costs beyond the camera and failed solves are such numbers.
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
@@ -34,7 +38,7 @@ def kept_in() -> Path:
     for source in sorted(sources.glob("*.py")):
         digest.update(source.read_bytes())
     given = os.environ.get(FOLDER_VARIABLE)
-    parent = Path(given).expanduser() if given else platformdirs.user_cache_path("tcfit") / "kernels"
+    parent = at_home(given) if given else platformdirs.user_cache_path("tcfit") / "kernels"
     return parent / digest.hexdigest()[:16]
 
 
@@ -46,8 +50,9 @@ def _folder() -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError:
-        copy = Path(tempfile.mkdtemp(prefix="tcfit-kernels-"))
-        atexit.register(shutil.rmtree, copy, ignore_errors=True)
+        scratch = ExitStack()
+        copy = scratch.enter_context(scratch_folder())
+        atexit.register(scratch.close)
         if folder.is_dir():
             shutil.copytree(folder, copy, dirs_exist_ok=True)
         return copy

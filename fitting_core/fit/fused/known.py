@@ -15,6 +15,7 @@ from fitting_core.fit.fused import constants as k
 from fitting_core.fit.fused.scratch import MOST_LAYERS, WIDEST
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.priors import BENDING, Bending, Quadratic, Rest, Upright
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import View
@@ -213,6 +214,7 @@ class _Fields(NamedTuple):
     fixed: Mapping[str, Any]
     held: Mapping[str, Any] = MappingProxyType({})
     limits: np.ndarray = np.zeros(0, k.LIMIT)
+    keypoints: Mapping[str, Any] = MappingProxyType({})
 
 
 def _limits(term: Limits) -> _Fields:
@@ -238,11 +240,23 @@ def _upright(term: Upright) -> _Fields:
     return _Fields(fixed={"upright": True}, held={"lean": term.lean, "turn": term.turn})
 
 
+def _relative_position(term: RelativePosition) -> _Fields:
+    fields = {"place": term.target, "place_weight": term.weight, "place_rho": term.rho}
+    return _Fields(fixed={"pelvis": term.pelvis}, keypoints=fields)
+
+
+def _held_position(term: HeldPosition) -> _Fields:
+    fields = {"spot": term.target, "spot_weight": term.weight, "spot_rho": term.rho}
+    return _Fields(fixed={}, keypoints=fields)
+
+
 KNOWN: dict[type[Term], Callable[[Any], _Fields]] = {
     Limits: _limits,
     Rest: _rest,
     Bending: _bending,
     Upright: _upright,
+    RelativePosition: _relative_position,
+    HeldPosition: _held_position,
 }
 """What a term fills in, by its kind. Data and Quadratic are known as well; of each other kind an objective has at most
 one. Terms of kinds that are not here are evaluated in torch, and added to what the kernels know."""
@@ -304,6 +318,7 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
         **{name: value for fields in given for name, value in fields.fixed.items()},
     )
     held = {name: value for fields in given for name, value in fields.held.items()}
+    known = {name: value for fields in given for name, value in fields.keypoints.items()}
     assert view.contour_bin is not None or not points.has_contour, "contour landmarks need each frame's yaw table"
     variant = 0 if view.contour_bin is None else view.contour_bin
     made = k.Constants(
@@ -311,7 +326,7 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
         limits=np.concatenate([np.zeros(0, k.LIMIT), *[fields.limits for fields in given]]),
         **_network(p.prior)._asdict(),
         **laid._asdict(),
-        keypoints=np.zeros((0, 0), k.KEYPOINT),
+        keypoints=_records(k.KEYPOINT, tuple(data.weight.shape), **known),
         held=_records(k.HELD, (len(data.xy),), variant=variant, target=target, **held),
     )
     return with_data(made, data)
@@ -321,7 +336,9 @@ def with_data(constants: k.Constants, data: Data) -> k.Constants:
     """The same with other keypoints."""
     points = constants.points.copy()
     points["rho"] = data.rho[:, 0]
-    keypoints = _records(k.KEYPOINT, tuple(data.weight.shape), xy=data.xy, side=data.side, weight=data.weight)
+    keypoints = constants.keypoints.copy()
+    for name, values in (("xy", data.xy), ("side", data.side), ("weight", data.weight)):
+        keypoints[name] = values
     return constants._replace(points=points, keypoints=keypoints)
 
 

@@ -44,8 +44,8 @@ FRAME = np.dtype(
         ("turning_by", _F, (N_JOINTS, 3, MOST_COLUMNS)),
         ("features", _F, 9 * N_JOINTS),
         ("by_feature", _F, 9 * N_JOINTS),
-        ("left", _F, (2, 3)),
-        ("pulls", _F, 2),
+        ("left", _F, (3, 3)),
+        ("pulls", _F, 3),
         ("q", _F, 4),
         ("u", _F, 4),
         ("v", _F, 3),
@@ -55,7 +55,7 @@ FRAME = np.dtype(
         ("matrix", _F, (MOST_COLUMNS, MOST_COLUMNS)),
         ("by_body", _F, (MOST_COLUMNS, 64)),
         ("small", _F, (MOST_COLUMNS, MOST_COLUMNS)),
-        ("pair", _F, (2, MOST_COLUMNS)),
+        ("three", _F, (3, MOST_COLUMNS)),
         ("chained", _F, (MOST_COLUMNS, MOST_LATENT)),
         ("transposed", _F, (MOST_LATENT, 64)),
         ("state_gradient", _F, MOST_COLUMNS),
@@ -82,9 +82,9 @@ class Scratch(NamedTuple):
     pull: Float[np.ndarray, "P 3"]
     points: Float[np.ndarray, "N 3"]
     """In camera space."""
-    error: Float[np.ndarray, "N 2"]
-    """Pixels."""
-    rows: Float[np.ndarray, "columns 2N"]
+    error: Float[np.ndarray, "N 6"]
+    """Pixels and metres of depth, of a point that is not detected metres; then metres from where it is held."""
+    rows: Float[np.ndarray, "columns 6N"]
 
 
 def scratch_for(constants: Constants) -> Scratch:
@@ -100,6 +100,6 @@ def scratch_for(constants: Constants) -> Scratch:
         pair_motion=np.zeros((pairs, 3, N_COEFFICIENTS)),
         pull=np.zeros((pairs, 3)),
         points=np.zeros((points, 3)),
-        error=np.zeros((points, 2)),
-        rows=np.zeros((MOST_COLUMNS, 2 * points + LANES)),
+        error=np.zeros((points, 6)),
+        rows=np.zeros((MOST_COLUMNS, 6 * points + LANES)),
     )

@@ -14,9 +14,13 @@ _NEAREST = 0.1
 
 
 @helper
-def data_cost(c, frame, scratch):
-    """Of the keypoints; infinite where a point lies behind the camera. Leaves the errors in `scratch.error`."""
+def point_cost(c, frame, x, scratch):
+    """Of the keypoints, in the image and in space; infinite where a point lies behind the camera. Leaves the errors in
+    `scratch.error`."""
     cost, f, points, error = 0.0, c.fixed, scratch.points, scratch.error
+    origin, at = scratch.frame.v, f.translation - f.shift
+    for d in range(3):
+        origin[d] = x[at + d] + f.pelvis[d]
     for i in range(len(points)):
         keypoint, depth = c.keypoints[frame, i], points[i, 2]
         if not depth > _NEAREST:
@@ -28,6 +32,17 @@ def data_cost(c, frame, scratch):
                 e = 0.0
             error[i, d] = e
             cost += weight * squared * e * e / (e * e + squared)
+        for d in range(3):
+            if keypoint.place_weight[d] > 0.0:
+                weight, rho = keypoint.place_weight[d], keypoint.place_rho[d]
+                e = points[i, d] - origin[d] - keypoint.place[d]
+                error[i, d] = e
+                cost += weight * weight * rho * rho * e * e / (e * e + rho * rho)
+            if keypoint.spot_weight[d] > 0.0:
+                weight, rho = keypoint.spot_weight[d], keypoint.spot_rho[d]
+                e = points[i, d] - keypoint.spot[d]
+                error[i, 3 + d] = e
+                cost += weight * weight * rho * rho * e * e / (e * e + rho * rho)
     return cost
 
 

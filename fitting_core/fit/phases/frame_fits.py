@@ -46,6 +46,29 @@ class FrameFits:
         """Where each frame came from."""
         return Provenance(self.start.cpu().numpy(), self.stopped.cpu().numpy())
 
+    def __len__(self) -> int:
+        return len(self.cost)
+
+    def __getitem__(self, frames: slice) -> "FrameFits":
+        return replace(
+            self,
+            state=self.state[frames],
+            cost=self.cost[frames],
+            start=self.start[frames],
+            stopped=self.stopped[frames],
+        )
+
+    def with_frames(self, frames: range, other: "FrameFits") -> "FrameFits":
+        """A copy in which `frames` are as `other` has them, one after the other."""
+        at = torch.arange(frames.start, frames.stop, device=self.cost.device)
+        return replace(
+            self,
+            state=self.state.put(at, other.state),
+            cost=self.cost.index_copy(0, at, other.cost),
+            start=self.start.index_copy(0, at, other.start),
+            stopped=self.stopped.index_copy(0, at, other.stopped),
+        )
+
     def restarted(self, frames: Int[Tensor, "n"], state: State, start: Start | UInt8[Tensor, "n"]) -> "FrameFits":
         """Some frames start from other states."""
         codes = self.start.clone()

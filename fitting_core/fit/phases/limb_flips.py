@@ -9,13 +9,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
+from fitting_core import keypoints as kp
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
 from fitting_core.fit.provenance import Start
-from fitting_core.fit.stages import Stages
+from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.state import State
 
@@ -121,6 +122,32 @@ class LimbFlips:
         body = self.parametrisation.prior.encode(torch.cat([pose for _, pose in poses]), rough=True)
         for (start, _), own in zip(poses, body.split(len(state)), strict=True):
             yield start, state.with_columns(self.parametrisation.columns.body, own)
+
+
+def mirrored_as_told(stages: Stages, state: State, frames: Int[Tensor, "n"]) -> State:
+    """The state with limbs mirrored in frames where a person has said their depth, as far as that costs less.
+
+    Knees and elbows bend one way, so a descent from the other side of a limb stops halfway, or does not begin.
+
+    Args:
+        stages: of a clip, or a part of it.
+        state: all of its frames.
+        frames: which of them may change.
+    """
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
+    flips, columns, vector = LimbFlips(stages), stages.parametrisation.columns, state.vector.clone()
+    for limb in LIMBS.values():
+        ends = [kp.INDEX[name] for name in limb.joints[1:]]
+        told = frames[stages.observations.told[frames][:, ends].any(1)]
+        if not len(told):
+            continue
+        here = State(state.orient, vector)[told]
+        poses = [flips.flipped(here, limb, upper=upper, lower=lower) for upper, lower in FLIPS]
+        encoded = stages.parametrisation.prior.encode(torch.cat(poses), rough=True).split(len(told))
+        tried = [here, *(here.with_columns(columns.body, own) for own in encoded)]
+        best = torch.stack([objective.cost(one, told) for one in tried]).argmin(0)
+        vector[told] = torch.stack([one.vector for one in tried])[best, torch.arange(len(told), device=best.device)]
+    return State(state.orient, vector)
 
 
 def _hinged(

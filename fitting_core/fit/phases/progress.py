@@ -2,26 +2,33 @@
 
 import time
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.events import mapped
+from fitting_core.fit.provenance import STARTS, Start
 from fitting_core.fit.solvers.solution import Progress, Solution
+from fitting_core.fit.stages import N_STAGES
 
 
 @dataclass(frozen=True)
 class Step:
-    """One solver iteration inside a phase, or frames that became final."""
+    """One solver iteration inside a phase, or frames that can be looked at."""
 
     label: str
     share: float
     """How much of the phase is done, 0 to 1."""
     cost: float
-    final: tuple[range, BodyParams] | None = None
+    fitted: tuple[range, BodyParams] | None = None
+    """Frames with a fit, the first one of phase 1 or the last one of phase 3."""
     terms: Callable[[], dict[str, float]] = dict
     """Evaluates the mean cost of a frame by term; to be called before the phase goes on."""
+
+    def between(self, begin: float, end: float) -> "Step":
+        """The same step of what is only a part of the phase, between two shares of it."""
+        return replace(self, share=begin + (end - begin) * self.share)
 
 
 def reported(
@@ -61,3 +68,13 @@ class TermSampling:
         end = time.monotonic()
         self._due = end + max(TERMS_EVERY, (end - begin) / _SHARE)
         return terms
+
+
+def stage_label(stage: int) -> str:
+    """For the user."""
+    return f"stage {stage} of {N_STAGES}"
+
+
+def mirrored_label(start: Start) -> str:
+    """For the user, where a limb is tried that is mirrored in depth."""
+    return "trying " + STARTS[start].removeprefix("its own fit with ")

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
-from fitting_core.fit.phases.progress import Step, reported
+from fitting_core.fit.phases.progress import Step, reported, stage_label
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.problem import SharedShape
 from fitting_core.fit.stages import Stages
@@ -85,6 +85,6 @@ def fit_shape(
         objective = stages.objective(stage, whole, stages.free(stage, betas=True))
         minimisation = solver.minimise(SharedShape(objective, frames), sampled, final=i == len(chosen) - 1)
         share = (i / len(chosen), (i + 1) / len(chosen))
-        solution = yield from reported(minimisation, f"stage {stage}", share, solver.iterations)
+        solution = yield from reported(minimisation, stage_label(stage), share, solver.iterations)
         sampled = solution.state
     return sampled, frames

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.fit.objective import CHUNK, FrameObjective
+from fitting_core.fit.objective import FrameObjective, jacobians_at_once
 from fitting_core.fit.solvers.banded import solve_block_banded
 from fitting_core.fit.solvers.problem import OnFrames, Step, damping_diagonal, mean_costs
 from fitting_core.fit.terms.temporal import Evenness
@@ -93,8 +93,9 @@ class _ByStencil:
         residuals, first = self._residuals(state), self.coupling.free.start
         pull = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
         before = gradient.new_zeros(0, self.held.shape[1], gradient.shape[1])
-        for start in range(0, len(state), CHUNK):
-            stop = min(start + CHUNK, len(state))
+        at_once = jacobians_at_once(state.vector.device)
+        for start in range(0, len(state), at_once):
+            stop = min(start + at_once, len(state))
             rows = self._rows(state[start:stop], range(first + start, first + stop))
             gradient[start:stop] += (rows.transpose(1, 2) @ pull[start:stop, :, None])[..., 0]
             known, begin = torch.cat([before, rows]), start - len(before)

@@ -10,15 +10,19 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core.body.joint_ranges import joint_ranges
-from fitting_core.body.model import N_BETAS, POSE_JOINTS, BodyModel
+from fitting_core.body.model import JOINT, N_BETAS, POSE_JOINTS, BodyModel
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.terms.collision.term import CollidingBody, Collision
 from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.locks import Locks
 from fitting_core.fit.terms.priors import Bending, Quadratic, Rest, Upright
 from fitting_core.fit.terms.temporal import Evenness, JointPositions
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.state import Parametrisation
+from fitting_core.keypoints import LOCKABLE
 
+LOCK_WEIGHT = 6.0 / np.radians(2.0)
+"""Per radian: what a person says, as of depths, and within two degrees."""
 DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 
@@ -39,10 +43,12 @@ class Setting:
     """Frames that show a hip and its knee."""
     hands_shown: bool
     """Whether the clip shows any keypoint of the hands."""
-    observed: Bool[np.ndarray, "T 55"]
-    """Joints that the image turns."""
+    turned: Bool[np.ndarray, "T 55"]
+    """Joints that the image turns, or what is known of relative positions."""
     temporal_weight: float
     """w_T for this clip."""
+    turn: Float[Tensor, "T 137 3"]
+    """How joints are turned, as far as a person says it (see `Keypoints.turn`)."""
     colliding: Callable[[], CollidingBody]
     """Makes the whole mesh the first time."""
 
@@ -117,9 +123,9 @@ def _rest(setting: Setting, s: int) -> Term | None:
     weight, prior = setting.config.weights.rest[s], setting.parametrisation.prior
     if not weight:
         return None
-    observed = torch.as_tensor(setting.observed[:, POSE_JOINTS["body_pose"]], device=setting.xy.device)
-    unseen = ~observed.repeat_interleave(3, 1)
-    return Rest(weight * unseen.to(setting.xy), prior.decode(prior.neutral.to(setting.xy)[None])[0])
+    turned = torch.as_tensor(setting.turned[:, POSE_JOINTS["body_pose"]], device=setting.xy.device)
+    unknown = ~turned.repeat_interleave(3, 1)
+    return Rest(weight * unknown.to(setting.xy), prior.decode(prior.neutral.to(setting.xy)[None])[0])
 
 
 def _collision(setting: Setting, s: int) -> Term | None:
@@ -132,6 +138,18 @@ def _temporal(setting: Setting, s: int) -> Term | None:
         return None
     in_camera = setting.config.temporal.space == "camera"
     return Evenness(setting.temporal_weight, JointPositions(setting.body, setting.parametrisation, in_camera=in_camera))
+
+
+def _locks(setting: Setting, s: int) -> Term | None:
+    """In every stage and configuration: whoever locks a joint means it."""
+    names = LOCKABLE.values()
+    turn = setting.turn[:, list(LOCKABLE)]
+    locked = turn.isfinite().all(-1)
+    used = locked.any(0)
+    if not bool(used.any()):
+        return None
+    joint = torch.tensor([JOINT[name] for name in names], device=used.device)[used]
+    return Locks(joint, turn[:, used].nan_to_num(), LOCK_WEIGHT * locked[:, used].to(turn))
 
 
 @dataclass(frozen=True)
@@ -154,6 +172,7 @@ TERMS: dict[str, Entry] = {
     "upright": Entry(Upright, _upright),
     "limits": Entry(Limits, _limits),
     "rest": Entry(Rest, _rest),
+    "locks": Entry(Locks, _locks),
     "collision": Entry(Collision, _collision),
     "temporal": Entry(Evenness, _temporal),
 }

@@ -7,8 +7,8 @@
 | trans, expressions | (N, 3), (N, 10) | |
 | betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
-| axes, camera_to_world, camera_focal, camera_center, image_size, first_frame, \
-body_kind, body_hash, betas_source, generator | | tcfit's own |
+| axes, camera_to_world, camera_place, ground, camera_focal, camera_center, image_size, first_frame, \
+body_kind, body_hash, betas_source, generator | | tcfit's own: x_world = camera_to_world @ x_camera + camera_place |
 
 Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
 add-on's format "AMASS"; its format "SMPL-X" has y up.
@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, POSE_COLUMNS
 from fitting_core.files.npz import write_npz
-from fitting_core.io.motion.fitted_motion import AXES, Motion, stated
+from fitting_core.io.motion.fitted_motion import Motion, stated
 
 _BETAS = 16
 POSE_KEYS: dict[str, slice] = {
@@ -59,7 +59,9 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
         "expressions": shaped.params.expression.double().numpy(),
         **pose_arrays(poses),
         "axes": f"{motion.axes}: {facts['axes_text']}",
-        "camera_to_world": np.array(AXES[motion.axes].from_camera, float),
+        "camera_to_world": motion.camera_to_world,
+        "camera_place": motion.camera_place,
+        "ground": facts["ground"],
         "camera_focal": camera.focal,
         "camera_center": camera.center,
         "image_size": camera.size,

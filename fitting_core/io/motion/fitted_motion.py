@@ -15,6 +15,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.ground.level import Level
 
 Progress = Callable[[float], None]
 """Takes the share that is done, 0 to 1; what it raises ends the writing."""
@@ -24,7 +25,7 @@ CHUNK = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Axes:
-    """A world: the camera stands at its origin in each of them."""
+    """A world, by the axes of a camera that is held level."""
 
     from_camera: tuple[tuple[int, int, int], ...]
     """Rotation of camera space (x right, y down, z away from the camera) into it, by rows."""
@@ -36,7 +37,7 @@ AXES: dict[str, Axes] = {
     "y-up": Axes(from_camera=((1, 0, 0), (0, -1, 0), (0, 0, -1)), text="x right, y up, z towards the camera"),
     "z-up": Axes(from_camera=((1, 0, 0), (0, 0, 1), (0, -1, 0)), text="x right, y away from the camera, z up"),
 }
-"""Upright means: as the camera was held."""
+"""What is up is known from a motion's `level`; without one, upright means: as the camera was held."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +55,8 @@ class Motion:
     """Number of the first frame in the video, from 0."""
     axes: str = "camera"
     """A name of AXES."""
+    level: Level | None = None
+    """How the camera is held: by it y-up and z-up are upright, and their floor is at 0. None: as if it were level."""
 
     def __len__(self) -> int:
         return len(self.params)
@@ -98,19 +101,41 @@ class Motion:
         """
         if axes not in AXES:
             raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}.")
-        turn = (
-            torch.tensor(AXES[axes].from_camera, dtype=torch.float64)
-            @ torch.tensor(AXES[self.axes].from_camera, dtype=torch.float64).mT
-        )
-        if torch.equal(turn, torch.eye(3, dtype=torch.float64)):
-            return replace(self, axes=axes)
+        if axes == self.axes:
+            return self
+        there = replace(self, axes=axes)
+        turn = torch.as_tensor(there.camera_to_world @ self.camera_to_world.T)
         pelvis = self.rest_joints[:, 0].double()
         turned_root = turn @ rotations.exp(self.params.global_orient.double())
         orient = rotations.log(turned_root)
-        translation = (pelvis + self.params.camera_translation.double()) @ turn.mT - pelvis
+        from_camera = pelvis + self.params.camera_translation.double() - torch.as_tensor(self.camera_place)
+        translation = from_camera @ turn.mT + torch.as_tensor(there.camera_place) - pelvis
         like = self.params.global_orient
         turned = replace(self.params, global_orient=orient.to(like), camera_translation=translation.to(like))
-        return replace(self, params=turned, axes=axes)
+        return replace(there, params=turned)
+
+    @property
+    def camera_to_world(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation: x_world = camera_to_world @ x_camera + camera_place."""
+        axes = np.array(AXES[self.axes].from_camera, float)
+        return axes if self.level is None or self.axes == "camera" else axes @ self.level.turn
+
+    @property
+    def camera_place(self) -> Float[np.ndarray, "3"]:
+        """Where the camera stands in the world, metres: above the origin, as high as it is above the floor."""
+        if self.level is None or self.level.height is None or self.axes == "camera":
+            return np.zeros(3)
+        return np.array(AXES[self.axes].from_camera, float) @ (0.0, -self.level.height, 0.0)
+
+    @property
+    def axes_text(self) -> str:
+        """The world in words."""
+        if self.axes == "camera" or self.level is None:
+            return f"{AXES[self.axes].text}; metres; the camera stands at the origin"
+        if self.level.height is None:
+            return f"{AXES[self.axes].text}; upright by gravity; metres; the camera stands at the origin"
+        above = f"the camera stands {self.level.height:.3f} above the origin"
+        return f"{AXES[self.axes].text}; upright by gravity; metres; the floor is at height 0, {above}"
 
     @cached_property
     def rest_joints(self) -> Float[torch.Tensor, "T 55 3"]:
@@ -149,14 +174,14 @@ def rest_joints(body: BodyModel, params: BodyParams) -> Float[torch.Tensor, "T 5
 
 def stated(motion: Motion) -> dict[str, Any]:
     """What every file says about the motion in it, as plain values."""
-    world, camera, body = AXES[motion.axes], motion.camera, motion.body
+    camera, body, level = motion.camera, motion.body, motion.level
     return {
         "name": motion.name,
         "frames": len(motion),
         "first_frame": motion.first_frame,
         "frame_rate": motion.frame_rate,
         "axes": motion.axes,
-        "axes_text": f"{world.text}; metres; the camera stands at the origin",
+        "axes_text": motion.axes_text,
         "gender": body.gender,
         "body_kind": body.kind,
         "body_hash": body.hash,
@@ -167,7 +192,9 @@ def stated(motion: Motion) -> dict[str, Any]:
             "image_size_px": list(camera.size),
             "focal_source": camera.source,
         },
-        "camera_to_world": [list(row) for row in world.from_camera],
+        "camera_to_world": motion.camera_to_world.tolist(),
+        "camera_place": motion.camera_place.tolist(),
+        "ground": "not known: upright means as the camera was held" if level is None else level.text,
         "generator": "tcfit",
     }
 

@@ -1,8 +1,9 @@
 """A motion as binary glTF: one skinned mesh of 55 joints, its expression and correctives as morph targets, animated.
 
-glTF's world is y up in metres, so a motion gets the axes "y-up": the camera stands at the origin, looks along -z, and
-is in the file. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame rate,
-first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of asset and scene.
+glTF's world is y up in metres, so a motion gets the axes "y-up". The camera is in the file: it stands at the origin and
+looks along -z, or, where the floor is known, stands above the origin and looks as it was held. Frame t of the motion is
+at t / frame rate seconds. Everything that glTF has no place for (frame rate, first frame, intrinsics, gender, axes, the
+largest deviation from the fit) is in the extras of asset and scene.
 """
 
 import math
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib as gltf
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.model import JOINTS, N_JOINTS
@@ -121,9 +123,20 @@ def _nodes(rig: Rig, motion: Motion) -> list[gltf.Node]:
     return [
         gltf.Node(name=motion.name, children=[_FIRST_JOINT]),
         gltf.Node(name="body", mesh=0, skin=0),
-        gltf.Node(name="camera", camera=0),
+        _camera_node(motion),
         *joints,
     ]
+
+
+def _camera_node(motion: Motion) -> gltf.Node:
+    """Where the camera stands. That of glTF looks along -z with y up: the one here along z with y down."""
+    turn = motion.camera_to_world @ np.diag([1.0, -1.0, -1.0])
+    return gltf.Node(
+        name="camera",
+        camera=0,
+        translation=motion.camera_place.tolist(),
+        rotation=Rotation.from_matrix(turn).as_quat().tolist(),
+    )
 
 
 def _camera(motion: Motion) -> gltf.Camera:

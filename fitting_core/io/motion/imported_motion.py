@@ -1,6 +1,6 @@
 """A body's motion as another program's file has it, and how it comes into a clip: its space, its hands, its frames."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,6 +23,16 @@ _IN_VIEW = 1.2
 """Where a body's place is not known: metres from the pelvis up and down that are to be in the picture."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Person:
+    """One of the people in a file."""
+
+    number: int
+    """As the file has it."""
+    numbers: tuple[int, ...]
+    """Of the frames with this person, ascending."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImportedMotion:
     """T frames of a body, with what the file says about them."""
@@ -38,6 +48,8 @@ class ImportedMotion:
     """SHA-256 of the body's file, where the motion tells it."""
     params: BodyParams
     """In the file's own space, but for `camera_translation`, which is added after `turn`."""
+    about_pelvis: bool = False
+    """Whether `camera_translation` is where the pelvis lies, instead of what is added to the body's own origin."""
     whole_hands: bool
     """Whether hands are the axis-angle of 15 joints with the mean pose in it; else they are over that mean."""
     turn: Float[Tensor, "T 3 3"]
@@ -55,6 +67,10 @@ class ImportedMotion:
     camera: Camera | None = None
     focal: tuple[float, str] | None = None
     """Where the camera is not told: the focal length in pixels that the program takes, and these words for it."""
+    focal_rule: tuple[Callable[[tuple[int, int]], float], str] | None = None
+    """Instead of `focal`, where the program takes it from the image's width and height."""
+    people: tuple[Person, ...] = ()
+    """In the file, where it tells several apart; who is in most frames first."""
     notes: tuple[str, ...] = field(default=())
     """What a user should know of how it was read."""
 
@@ -63,6 +79,10 @@ class ImportedMotion:
 
     def __len__(self) -> int:
         return len(self.params)
+
+    def focal_for(self, size: tuple[int, int]) -> tuple[float, str] | None:
+        """The focal length that the program takes for images of this width and height, and words for it."""
+        return self.focal if self.focal_rule is None else (self.focal_rule[0](size), self.focal_rule[1])
 
     def on(self, body: BodyModel, camera: Camera) -> BodyParams:
         """The parameters in camera space, for this body.
@@ -73,23 +93,25 @@ class ImportedMotion:
             body: Of the motion's kind; its mean hand is the one that whole hands are taken against.
             camera: Which sees the motion; only used where `placed` is not.
         """
-        params = self._over_mean_hands(body)
+        params = self._as_body_params(body)
         if (self.turn != torch.eye(3, dtype=self.turn.dtype)).any():
             params = _turned(body, params, self.turn)
         return params if self.placed else _in_view(body, params, camera)
 
     def in_own_space(self, body: BodyModel) -> BodyParams:
         """The parameters in the file's own space, for this body."""
-        params = self._over_mean_hands(body)
+        params = self._as_body_params(body)
         return replace(params, camera_translation=(params.camera_translation[:, None] @ self.turn)[:, 0])
 
     def pelvis(self, body: BodyModel) -> Float[Tensor, "T 3"]:
         """The root joint at rest."""
         return rest_joints(body, self.params)[:, 0]
 
-    def _over_mean_hands(self, body: BodyModel) -> BodyParams:
-        """Hands as BodyParams has them."""
+    def _as_body_params(self, body: BodyModel) -> BodyParams:
+        """Hands and translation as BodyParams has them."""
         params = self.params
+        if self.about_pelvis:
+            params = replace(params, camera_translation=params.camera_translation - self.pelvis(body))
         if not self.whole_hands:
             return params
         left, right = (torch.as_tensor(mean).to(params.body_pose) for mean in body.hand_mean)

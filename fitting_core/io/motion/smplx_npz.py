@@ -8,7 +8,8 @@
 | betas | (10 or more) or (N, 10 or more) | the first ten count |
 | expressions | (N, 10) | optional |
 | gender, mocap_frame_rate or mocap_framerate | () | |
-| axes, camera_to_world | (), (3, 3) | tcfit's: the world of poses and trans. Without them, AMASS's: z up |
+| axes, camera_to_world, camera_place | (), (3, 3), (3,) | tcfit's: the world of poses and trans. Without them, \
+AMASS's: z up |
 | camera_focal, camera_center, image_size, camera_source, first_frame, body_kind, body_hash | | tcfit's, optional |
 """
 
@@ -53,6 +54,7 @@ _GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "unknown":
 _MAX_ANGLE, _MAX_LENGTH = 1e3, 1e6
 _KEYS = (
     "poses trans betas expressions gender surface_model_type mocap_frame_rate mocap_framerate axes camera_to_world "
+    "camera_place "
     "camera_focal camera_center image_size camera_source first_frame body_kind body_hash"
 ).split()
 
@@ -87,7 +89,7 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
     kind, columns = _LAYOUTS[poses.shape[1]]
     frames = len(poses)
     turn, placed = _turn_into_camera(arrays)
-    trans = _numbers(arrays, "trans", (frames, 3), _MAX_LENGTH)
+    trans = _numbers(arrays, "trans", (frames, 3), _MAX_LENGTH) - _camera_place(arrays)
     betas, notes = _betas(arrays, frames)
     found = {name: poses[:, part] for name, part in columns.items()}
     found |= {"betas": betas, "camera_translation": trans @ turn.T}
@@ -171,6 +173,11 @@ def _turn_into_camera(arrays: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, 
     if _text(arrays, "axes", "").lower().startswith("camera"):
         return np.eye(3), True
     return np.array(AXES["z-up"].from_camera, float).T, False
+
+
+def _camera_place(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "3"]:
+    """Where the camera stands in the file's world, metres."""
+    return _numbers(arrays, "camera_place", (3,), _MAX_LENGTH) if "camera_place" in arrays else np.zeros(3)
 
 
 def _frame_rate(arrays: dict[str, np.ndarray]) -> float | None:

@@ -1,18 +1,21 @@
-"""The log of edits, and what it makes of the detections.
+"""The log of edits and remarks, and what it makes of the detections.
 
-Entries are only ever added. Besides edits there are Undo and Redo, which say which edit they take back or bring back:
+Entries are only ever added. Besides edits and remarks (marks and notes) there are Undo and Redo, which say which of
+them they take back or bring back:
 
-- An edit is done; whatever was undone before it can no longer be redone.
-- Undo takes back the last edit that is done. Redo brings back the edit that was undone last.
+- An edit or a remark is done; whatever was undone before it can no longer be redone.
+- Undo takes back the last one that is done. Redo brings back the one that was undone last.
 - The keypoints are the detections with all edits that are done, in order.
+- A frame has the last mark that is done. There are the notes that are done, but for those that others replace.
 
 The log belongs to the project and not to a browser: two people at one project undo each other's edits.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Literal
 
 import msgspec
 
@@ -23,23 +26,58 @@ from tcfit_app.project.edits.kinds import Edit, check
 
 _MEMORY = 256 * 2**20
 """Bytes for what undo puts back; where that does not suffice, all edits are made again."""
+_UNDOABLE = 1000
+"""Edits of those made before that undo can take back without making all again: of more, a long log would feel each."""
+
+
+MarkState = Literal["checked", "flag"]
+"""Looks fine; or needs attention."""
+
+
+class MarkFrames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="mark"):
+    """Whether frames look fine."""
+
+    frames: tuple[int, ...]
+    """Counted from the clip's first (0)."""
+    state: MarkState | None
+    """None: nothing any more."""
+    moment: int
+    """The largest `Run.moment` then, 0 without any."""
+
+
+NOTE_CHARACTERS = 2000
+
+
+class WriteNote(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="note"):
+    """A note on frames, another text of one, or its end."""
+
+    frames: tuple[int, ...]
+    """Counted from the clip's first (0), one after the other."""
+    text: str
+    """What it says; empty: there is none any more."""
+    replaces: int | None = None
+    """The `Note.id` of the one that gets this text."""
 
 
 class Undo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="undo"):
-    """Takes back an edit."""
+    """Takes back an edit or a remark."""
 
     edit: int
     """Its id."""
 
 
 class Redo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="redo"):
-    """Brings back an edit."""
+    """Brings back an edit or a remark."""
 
     edit: int
     """Its id."""
 
 
-Action = Edit | Undo | Redo
+Remark = MarkFrames | WriteNote
+"""What is said about frames; the keypoints stay."""
+Said = Edit | Remark
+"""What can be undone."""
+Action = Said | Undo | Redo
 _DECODER = msgspec.json.Decoder(Action)
 
 
@@ -55,12 +93,27 @@ class LogEntry:
     action: Action
 
 
+@dataclass(frozen=True, kw_only=True)
+class Note:
+    """What somebody has written about frames."""
+
+    id: int
+    """Of the log's entry that said it first: it stays the same with other texts."""
+    frames: range
+    text: str
+    time: datetime
+    author: str
+
+
 def frames_of(log: Iterable[LogEntry]) -> dict[int, tuple[int, ...]]:
-    """The frames that each entry changes, by its id: Undo and Redo those of their edit."""
+    """The frames whose keypoints each entry changes, by its id: Undo and Redo those of their edit, remarks none."""
     found: dict[int, tuple[int, ...]] = {}
     for entry in log:
         action = entry.action
-        found[entry.id] = found.get(action.edit, ()) if isinstance(action, Undo | Redo) else action.frames
+        if isinstance(action, Undo | Redo):
+            found[entry.id] = found.get(action.edit, ())
+        else:
+            found[entry.id] = () if isinstance(action, Remark) else action.frames
     return found
 
 
@@ -68,12 +121,13 @@ def edits_since(log: Iterable[LogEntry], seen: int) -> list[Edit]:
     """The edits that stand now and did not after the entry `seen`, and those that did and do not now."""
     entries = list(log)
     now, then = _standing(entries), _standing([entry for entry in entries if entry.id <= seen])
-    return [edit for number, edit in (now | then).items() if (number in now) != (number in then)]
+    changed = [said for number, said in (now | then).items() if (number in now) != (number in then)]
+    return [edit for edit in changed if not isinstance(edit, Remark)]
 
 
-def _standing(entries: Iterable[LogEntry]) -> dict[int, Edit]:
-    done: dict[int, Edit] = {}
-    undone: dict[int, Edit] = {}
+def _standing(entries: Iterable[LogEntry]) -> dict[int, Said]:
+    done: dict[int, Said] = {}
+    undone: dict[int, Said] = {}
     for entry in entries:
         action = entry.action
         if isinstance(action, Undo):
@@ -111,30 +165,71 @@ class EditHistory:
     Not thread-safe; what it returns never changes.
     """
 
-    def __init__(self, detections: Keypoints, entries: Iterable[LogEntry] = ()) -> None:
-        """Raises InputError if the entries make no sense for these detections."""
+    def __init__(
+        self,
+        detections: Keypoints,
+        entries: Iterable[LogEntry] = (),
+        *,
+        leave_out: Callable[[LogEntry, InputError], None] | None = None,
+    ) -> None:
+        """Take up a log.
+
+        Args:
+            detections: What the edits correct.
+            entries: In order.
+            leave_out: Takes those that make no sense, and why.
+
+        Raises:
+            InputError: One makes no sense, and there is nobody to take it.
+        """
         self._detections = Corrected.none(detections)
         self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
+        self._written: list[tuple[LogEntry, WriteNote]] = []
+        """Those of _done about notes."""
         self._before: deque[tuple[Edit, Corrected]] = deque()
-        """What the last entries of _done have overwritten, of as many as memory allows."""
+        """What the last edits of _done have overwritten, of as many as memory allows."""
         self._bytes = 0
         self._published: Corrected | None = None
         self._keypoints: Keypoints | None = None
-        for entry in entries:
-            self.check(entry.action)
-            self.add(entry)
+        for entry in tuple(entries):  # what was undone in the end need not be made
+            try:
+                self.check(entry.action)
+            except InputError as error:
+                if leave_out is None:
+                    raise
+                leave_out(entry, error)
+            else:
+                self._take_up(entry)
+        self._make_all()
 
     @property
     def undoable(self) -> LogEntry | None:
-        """The edit that undo would take back."""
+        """The edit or remark that undo would take back."""
         return self._done[-1] if self._done else None
 
     @property
     def redoable(self) -> LogEntry | None:
-        """The edit that redo would bring back."""
+        """The edit or remark that redo would bring back."""
         return self._undone[-1] if self._undone else None
+
+    @property
+    def marks(self) -> list[LogEntry]:
+        """The marks that are done, in order."""
+        return [entry for entry in self._done if isinstance(entry.action, MarkFrames)]
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """The notes that there are, by their frames."""
+        found: dict[int, Note] = {}
+        for entry, said in self._written:
+            number = entry.id if said.replaces is None else said.replaces
+            found.pop(number, None)
+            if said.text:
+                frames = range(said.frames[0], said.frames[-1] + 1)
+                found[number] = Note(id=number, frames=frames, text=said.text, time=entry.time, author=entry.author)
+        return tuple(sorted(found.values(), key=lambda note: (note.frames.start, note.id)))
 
     @property
     def corrected(self) -> Corrected:
@@ -152,6 +247,9 @@ class EditHistory:
 
     def check(self, action: Action) -> None:
         """Raise InputError if this cannot be the next action."""
+        if isinstance(action, Remark):
+            _check_frames(action.frames, len(self._now.xy))
+            return self._check_note(action) if isinstance(action, WriteNote) else None
         if not isinstance(action, Undo | Redo):
             return check(action, len(self._now.xy))
         verb, expected = ("undone", self.undoable) if isinstance(action, Undo) else ("redone", self.redoable)
@@ -159,21 +257,44 @@ class EditHistory:
             now = f"edit {expected.id} is" if expected else "none is"
             raise InputError(f"Edit {action.edit} cannot be {verb} now; {now} next. Somebody else may have edited.")
 
+    def _check_note(self, note: WriteNote) -> None:
+        if note.replaces is not None and note.replaces not in {known.id for known in self.notes}:
+            raise InputError("This note is gone: somebody has changed or deleted it.")
+        if note.replaces is None and not note.text:
+            raise InputError("The note is empty. Type what it says first.")
+        if len(note.text) > NOTE_CHARACTERS:
+            raise InputError(f"The note has {len(note.text):,} characters; expected {NOTE_CHARACTERS:,} at most.")
+        if not note.frames or tuple(range(note.frames[0], note.frames[-1] + 1)) != note.frames:
+            raise InputError("A note is on one frame, or on several that follow each other.")
+
     def add(self, entry: LogEntry) -> None:
         """Take up the next entry, whose action has passed `check`."""
+        changed = self._take_up(entry)
+        if isinstance(changed, Remark):
+            return
         self._published = self._keypoints = None
         if isinstance(entry.action, Undo):
-            self._undone.append(self._done.pop())
             self._take_back()
-        elif isinstance(entry.action, Redo):
-            self._do(self._undone.pop())
+        else:
+            self._make(changed)
+
+    def _take_up(self, entry: LogEntry) -> Said:
+        """What is done now, and what can be redone; returns what was done, undone or redone. Keypoints stay."""
+        if isinstance(entry.action, Undo):
+            self._undone.append(self._done.pop())
+            said = _said(self._undone[-1])
+            if isinstance(said, WriteNote):
+                self._written.pop()
+            return said
+        if isinstance(entry.action, Redo):
+            self._done.append(self._undone.pop())
         else:
             self._undone.clear()
-            self._do(entry)
-
-    def _do(self, entry: LogEntry) -> None:
-        self._done.append(entry)
-        self._make(_edit(entry))
+            self._done.append(entry)
+        said = _said(self._done[-1])
+        if isinstance(said, WriteNote):
+            self._written.append((self._done[-1], said))
+        return said
 
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)
@@ -183,6 +304,14 @@ class EditHistory:
         while self._bytes > _MEMORY:
             self._bytes -= self._before.popleft()[1].nbytes
 
+    def _make_all(self) -> None:
+        """Everything that is done, on the keypoints as they were detected."""
+        edits = [said for entry in self._done if not isinstance(said := _said(entry), Remark)]
+        for edit in edits[:-_UNDOABLE]:
+            self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
+        for edit in edits[-_UNDOABLE:]:
+            self._make(edit)
+
     def _take_back(self) -> None:
         if self._before:
             edit, values = self._before.pop()
@@ -191,10 +320,14 @@ class EditHistory:
             return
         every = range(len(self._now.xy)), range(self._now.xy.shape[1])
         self._now.put(tuple(every[0]), tuple(every[1]), self._detections)
-        for entry in self._done:
-            self._make(_edit(entry))
+        self._make_all()
 
 
-def _edit(entry: LogEntry) -> Edit:
+def _said(entry: LogEntry) -> Said:
     assert not isinstance(entry.action, Undo | Redo)
     return entry.action
+
+
+def _check_frames(frames: tuple[int, ...], length: int) -> None:
+    if outside := [frame for frame in frames if not 0 <= frame < length]:
+        raise InputError(f"There is no frame {outside[0]}; the clip has frames 0 to {length - 1}.")

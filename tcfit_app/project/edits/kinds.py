@@ -4,6 +4,7 @@ An edit says what was done and not what came out, so it is small and can be read
 keypoints as they were before it, and on nothing else.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import get_args
 
@@ -11,12 +12,18 @@ import msgspec
 import numpy as np
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY_25, COUNT, FACE, HANDS, INDEX, LEFT_HAND, NAMES
+from fitting_core.keypoints import BODY_25, COUNT, FACE, HANDS, INDEX, LEFT_HAND, LOCKABLE, NAMES
 from fitting_core.video.frame_names import spans
 from tcfit_app.project.edits.corrected import Corrected
+from tcfit_app.project.edits.keyframes import carried, keyed
 
 _MAX_POSITION = 1e6
 """Pixels, as for detections."""
+MAX_DEPTH = 3.0
+"""Metres from the pelvis: nobody's arms or legs reach farther."""
+
+_MAX_TURN = 7.0
+"""Radians: a whole turn and a little more."""
 
 _HAND = LEFT_HAND.stop - LEFT_HAND.start
 _OTHER_SIDE = {"left": "right", "right": "left"}
@@ -43,7 +50,7 @@ SIDES = {
 the elbow or knee on: shoulders and hips stay on their sides."""
 
 
-class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
+class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", gc=False):
     frames: tuple[int, ...]
     """Which frames it changes, counted from the clip's first (0)."""
     joints: tuple[int, ...]
@@ -71,16 +78,14 @@ class MoveKeypoint(_Edit, frozen=True, tag="move"):
     confidence: float = 1.0
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        shape = len(self.frames), len(self.joints)
-        return _placed(np.array(self.xy, dtype=float), np.full(shape, self.confidence))
+        here = now.at(self.frames, self.joints)
+        return _placed(here, np.array(self.xy, dtype=float), np.full_like(here.confidence, self.confidence))
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.frames) or any(len(row) != len(self.joints) for row in self.xy):
             return f"xy has not one position for each of {len(self.frames)} frames and {len(self.joints)} keypoints"
-        positions = [value for row in self.xy for point in row for value in point]
-        if not all(abs(value) <= _MAX_POSITION for value in positions):
-            return f"a position is not a number between -{_MAX_POSITION:g} and {_MAX_POSITION:g} pixels"
-        return _confidence_problem(self.confidence)
+        positions = (value for row in self.xy for point in row for value in point)
+        return _position_problem(positions) or _confidence_problem(self.confidence)
 
 
 class Nudge(_Edit, frozen=True, tag="nudge"):
@@ -91,7 +96,8 @@ class Nudge(_Edit, frozen=True, tag="nudge"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return _chosen(here.present, _placed(here.xy + np.array(self.by), np.ones_like(here.confidence)), here)
+        moved = _placed(here, here.xy + np.array(self.by), np.ones_like(here.confidence))
+        return _chosen(here.present, moved, here)
 
     def problem(self, length: int) -> str:
         near = all(abs(value) <= _MAX_POSITION for value in self.by)
@@ -99,7 +105,7 @@ class Nudge(_Edit, frozen=True, tag="nudge"):
 
 
 class MarkBad(_Edit, frozen=True, tag="mark_bad"):
-    """Take keypoints out of the fit: their confidence is 0 until they are restored."""
+    """Take keypoints out of the fit: their confidence is 0 until they are restored, and their depth does not count."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -107,7 +113,7 @@ class MarkBad(_Edit, frozen=True, tag="mark_bad"):
 
 
 class Restore(_Edit, frozen=True, tag="restore"):
-    """Take back that keypoints are bad: they have the confidence again that they had before."""
+    """Take back that keypoints are bad: they have the confidence and the depth again that they had before."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -115,11 +121,11 @@ class Restore(_Edit, frozen=True, tag="restore"):
 
 
 class SwapSides(_Edit, frozen=True, tag="swap_sides"):
-    """Exchange left and right. `joints` names both sides (see SIDES); confidences and marks go along."""
+    """Exchange left and right. `joints` names both sides (see SIDES); confidences, depths and marks go along."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         other = now.at(self.frames, tuple(MIRRORED[joint] for joint in self.joints))
-        return replace(other, edited=np.ones_like(other.edited))
+        return replace(other, edited=np.ones_like(other.edited), turn=now.at(self.frames, self.joints).turn)
 
     def problem(self, length: int) -> str:
         if face := [NAMES[j] for j in self.joints if j not in MIRRORED]:
@@ -129,7 +135,7 @@ class SwapSides(_Edit, frozen=True, tag="swap_sides"):
 
 
 class CopyFrom(_Edit, frozen=True, tag="copy"):
-    """Take keypoints from another frame. One that is not there, or marked bad, is then so here too."""
+    """Take keypoints from another frame, with their depth. One that is not there, or marked bad, is so here too."""
 
     source: int
     """The frame to copy from."""
@@ -137,14 +143,19 @@ class CopyFrom(_Edit, frozen=True, tag="copy"):
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         one = now.at((self.source,), self.joints)
         source = Corrected(**{name: np.repeat(array, len(self.frames), 0) for name, array in vars(one).items()})
-        return replace(_placed(source.xy, np.where(source.confidence > 0, 1.0, 0.0)), bad=source.bad)
+        confidence = np.where(source.confidence > 0, 1.0, 0.0)
+        here = replace(now.at(self.frames, self.joints), depth=source.depth)
+        return replace(_placed(here, source.xy, confidence), bad=source.bad)
 
     def problem(self, length: int) -> str:
         return "" if 0 <= self.source < length else f"it copies from frame {self.source}"
 
 
 class Interpolate(_Edit, frozen=True, tag="interpolate"):
-    """Put keypoints on the straight line between two frames; those that one of the two lacks stay as they are."""
+    """Put keypoints on the straight line between two frames; those that one of the two lacks stay as they are.
+
+    So do depths, apart from the positions: one that was told in both frames is told in between.
+    """
 
     first: int
     """A frame before all of `frames`."""
@@ -158,8 +169,12 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here, ends = now.at(self.frames, self.joints), now.at((self.first, self.last), self.joints)
-        share = (np.array(self.frames) - self.first)[:, None, None] / (self.last - self.first)
-        line = _placed((1 - share) * ends.xy[0] + share * ends.xy[1], np.ones_like(here.confidence))
+        share = (np.array(self.frames) - self.first)[:, None] / (self.last - self.first)
+        told = (1 - share) * ends.told_depth[0] + share * ends.told_depth[1]
+        depth = np.where(np.isfinite(told), told, here.depth)
+        xy = (1 - share)[..., None] * ends.xy[0] + share[..., None] * ends.xy[1]
+        here = replace(here, depth=depth)
+        line = _placed(here, xy, np.ones_like(here.confidence))
         return _chosen(np.broadcast_to(ends.present.all(0), here.bad.shape), line, here)
 
     def problem(self, length: int) -> str:
@@ -169,7 +184,7 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
 
 
 class Reset(_Edit, frozen=True, tag="reset"):
-    """Back to what was detected."""
+    """Back to what was detected, at no depth."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         return detections.at(self.frames, self.joints)
@@ -182,13 +197,170 @@ class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return _chosen(here.confidence > 0, _placed(here.xy, np.full_like(here.confidence, self.confidence)), here)
+        there = here.confidence > 0
+        return replace(
+            here,
+            confidence=np.where(there, self.confidence, here.confidence),
+            bad=here.bad & ~there,
+            edited=here.edited | there,
+        )
 
     def problem(self, length: int) -> str:
         return _confidence_problem(self.confidence)
 
 
-Edit = MoveKeypoint | Nudge | MarkBad | Restore | SwapSides | CopyFrom | Interpolate | Reset | SetConfidence
+class SetDepth(_Edit, frozen=True, tag="depth"):
+    """Say how far away body keypoints are, without moving them in the image. One marked bad stays so."""
+
+    depth: tuple[tuple[float, ...], ...]
+    """Metres behind the pelvis along the camera's z, for each of `frames` and in it for each of `joints`."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        return replace(now.at(self.frames, self.joints), depth=np.array(self.depth, dtype=float))
+
+    def problem(self, length: int) -> str:
+        return _depths_problem(self.depth, self.frames, self.joints) or _depth_problem(self.joints)
+
+
+class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
+    """Take back what was said of the depth of body keypoints; all else stays."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = now.at(self.frames, self.joints)
+        return replace(here, depth=np.full_like(here.depth, np.nan))
+
+    def problem(self, length: int) -> str:
+        return _depth_problem(self.joints)
+
+
+class Pin(_Edit, frozen=True, tag="pin"):
+    """Body keypoints are in one place in space in all of `frames`. One marked bad counts again."""
+
+    xy: tuple[tuple[float, float], ...]
+    """Pixels, for each of `joints`; the camera stands still."""
+    depth: tuple[tuple[float, ...], ...]
+    """As in `SetDepth`: the pelvis moves, and they do not."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = replace(now.at(self.frames, self.joints), depth=np.array(self.depth, dtype=float))
+        xy = np.tile(np.array(self.xy, dtype=float), (len(self.frames), 1, 1))
+        return _placed(here, xy, np.ones_like(here.confidence))
+
+    def problem(self, length: int) -> str:
+        if len(self.xy) != len(self.joints):
+            return f"xy has not one position for each of {len(self.joints)} keypoints"
+        return (
+            _position_problem(value for point in self.xy for value in point)
+            or _depths_problem(self.depth, self.frames, self.joints)
+            or _depth_problem(self.joints)
+        )
+
+
+class Lock(_Edit, frozen=True, tag="lock"):
+    """Joints of the body are turned so against their parents in all of `frames`; their keypoints stay as they are."""
+
+    turn: tuple[tuple[float, float, float], ...]
+    """Axis-angle in radians, for each of `joints` (see LOCKABLE)."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = now.at(self.frames, self.joints)
+        return replace(here, turn=np.broadcast_to(np.array(self.turn, np.float32), here.turn.shape))
+
+    def problem(self, length: int) -> str:
+        if len(self.turn) != len(self.joints):
+            return f"turn has not one rotation for each of {len(self.joints)} keypoints"
+        if not all(abs(value) <= _MAX_TURN for turn in self.turn for value in turn):
+            return f"a rotation has a number that is not between -{_MAX_TURN:g} and {_MAX_TURN:g} radians"
+        return _lock_problem(self.joints)
+
+
+class Unlock(_Edit, frozen=True, tag="unlock"):
+    """Take back how joints are turned; all else stays."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = now.at(self.frames, self.joints)
+        return replace(here, turn=np.full_like(here.turn, np.nan))
+
+    def problem(self, length: int) -> str:
+        return _lock_problem(self.joints)
+
+
+class _KeyEdit(_Edit, frozen=True):
+    """An edit of a keyframe; `frames` are all that may follow it: those between its neighbours, without these."""
+
+    at: int
+    """The keyframe, one of `frames`."""
+
+    def problem(self, length: int) -> str:
+        if self.frames != tuple(self._span):
+            return "its frames do not follow each other"
+        return "" if self.at in self.frames else f"frame {self.at} is none of those that it names"
+
+    @property
+    def _span(self) -> range:
+        return range(self.frames[0], self.frames[-1] + 1)
+
+
+class PlaceKey(_KeyEdit, frozen=True, tag="key"):
+    """Put keypoints somewhere in one frame; the frames to the keyframes before and after follow.
+
+    What was detected in between keeps its motion, and is moved by as much as both keyframes are, in proportion. What
+    was not detected, or was marked bad, goes on the line.
+    """
+
+    xy: tuple[tuple[float, float], ...]
+    """Pixels in the frame `at`, for each of `joints`."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        xy = np.array(self.xy, dtype=float)
+        return keyed(now, detections, self._span, self.joints, placed=self.at, xy=xy)
+
+    def problem(self, length: int) -> str:
+        if len(self.xy) != len(self.joints):
+            return f"xy has not one position for each of {len(self.joints)} keypoints"
+        return _position_problem(value for point in self.xy for value in point) or super().problem(length)
+
+
+class RemoveKey(_KeyEdit, frozen=True, tag="remove_key"):
+    """Take a keyframe away: its frame follows those before and after it, or is again what it was without any."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        return keyed(now, detections, self._span, self.joints, removed=self.at)
+
+
+class MoveKey(_KeyEdit, frozen=True, tag="move_key"):
+    """Take a keyframe to another frame, moved there from the detection by as much as where it was."""
+
+    to: int
+    """The other frame, one of `frames`."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        xy = carried(now, self.joints, self.at, self.to)
+        return keyed(now, detections, self._span, self.joints, removed=self.at, placed=self.to, xy=xy)
+
+    def problem(self, length: int) -> str:
+        return super().problem(length) or ("" if self.to in self.frames else f"frame {self.to} is none of its frames")
+
+
+Edit = (
+    MoveKeypoint
+    | Nudge
+    | MarkBad
+    | Restore
+    | SwapSides
+    | CopyFrom
+    | Interpolate
+    | Reset
+    | SetConfidence
+    | SetDepth
+    | ClearDepth
+    | PlaceKey
+    | RemoveKey
+    | MoveKey
+    | Pin
+    | Lock
+    | Unlock
+)
 KINDS: dict[str, type[Edit]] = {kind.__struct_config__.tag: kind for kind in get_args(Edit)}
 """Every kind of edit by its name in the log; a new one is a class above and its name in Edit."""
 
@@ -212,27 +384,53 @@ def check(edit: Edit, length: int) -> None:
 def _choice_problem(chosen: tuple[int, ...], count: int, existing: str, noun: str) -> str:
     if not chosen:
         return f"it names no {noun}"
+    if min(chosen) >= 0 and max(chosen) < count and len(set(chosen)) == len(chosen):
+        return ""
     if outside := sorted(n for n in set(chosen) if not 0 <= n < count):
         return f"there is no {noun} {spans(outside)}; {existing}"
-    return "" if len(set(chosen)) == len(chosen) else f"it names a {noun} twice"
+    return f"it names a {noun} twice"
+
+
+def _position_problem(values: Iterable[float]) -> str:
+    near = all(abs(value) <= _MAX_POSITION for value in values)
+    return "" if near else f"a position is not a number between -{_MAX_POSITION:g} and {_MAX_POSITION:g} pixels"
 
 
 def _confidence_problem(confidence: float) -> str:
     return "" if 0 <= confidence <= 1 else f"the confidence is {confidence:g}; expected 0 to 1"
 
 
-def _placed(xy: np.ndarray, confidence: np.ndarray) -> Corrected:
-    """Keypoints that a person vouches for."""
-    return Corrected(
-        xy=xy, confidence=confidence, bad=np.zeros(confidence.shape, bool), edited=np.ones(confidence.shape, bool)
+def _depths_problem(depth: Sequence[Sequence[float]], frames: Sequence[int], joints: Sequence[int]) -> str:
+    if len(depth) != len(frames) or any(len(row) != len(joints) for row in depth):
+        return f"depth has not one value for each of {len(frames)} frames and {len(joints)} keypoints"
+    if not all(abs(value) <= MAX_DEPTH for row in depth for value in row):
+        return f"a depth is not a number between -{MAX_DEPTH:g} and {MAX_DEPTH:g} m from the pelvis"
+    return ""
+
+
+def _depth_problem(joints: tuple[int, ...]) -> str:
+    others = [NAMES[j] for j in joints if j >= len(BODY_25)]
+    return f"{others[0]} is none of the body's keypoints, which alone have a depth" if others else ""
+
+
+def _lock_problem(joints: tuple[int, ...]) -> str:
+    others = [NAMES[j] for j in joints if j not in LOCKABLE]
+    return f"{others[0]} is no joint that can be locked: only neck, head, arms and legs have such" if others else ""
+
+
+def _placed(here: Corrected, xy: np.ndarray, confidence: np.ndarray) -> Corrected:
+    """Keypoints that a person vouches for, and puts somewhere; what is told of depth and turns stays."""
+    nowhere = np.zeros(confidence.shape, bool)
+    return replace(
+        here, xy=xy, confidence=confidence, bad=nowhere, edited=~nowhere, key=nowhere, shift=np.zeros_like(xy)
     )
 
 
 def _chosen(where: np.ndarray, one: Corrected, other: Corrected) -> Corrected:
     """`one` where the mask is true, else `other`."""
     return Corrected(
-        xy=np.where(where[..., None], one.xy, other.xy),
-        confidence=np.where(where, one.confidence, other.confidence),
-        bad=np.where(where, one.bad, other.bad),
-        edited=np.where(where, one.edited, other.edited),
+        **{
+            name: np.where(where.reshape(where.shape + (1,) * (array.ndim - where.ndim)), array, getattr(other, name))
+            for name, array in vars(one).items()
+        }
     )

@@ -3,25 +3,30 @@
 import hashlib
 import logging
 import os
+import re
 import shutil
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from fitting_core.camera import Camera
+from fitting_core.camera import DEFAULT_FOCAL, Camera, default_focal
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing, sync
 from fitting_core.files.npz import read_npz
+from fitting_core.files.regular import regular_file
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.project.storage import database, media
+from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, text
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.durable import accessing, durable, sync
-from tcfit_app.project.storage.media import MediaLink
+from tcfit_app.project.storage.media import UNREADABLE, MediaLink
 from tcfit_app.project.storage.names import name_of_file
 
 DETECTIONS = "detections.npz"
@@ -29,6 +34,7 @@ _WIDTHS = {"xy": (COUNT, 2), "confidence": (COUNT,)}
 """Its arrays: floating point, and their shapes behind the number of frames."""
 _COMING = "detections.coming.npz"
 """Detections that take the place of those; the database's checksum says which of both files are the project's."""
+_RATE = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
 _log = logging.getLogger(__name__)
 
 
@@ -65,35 +71,68 @@ def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> No
         store.transaction() as connection,
     ):
         connection.execute("INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?)", values)
-    sync(draft)
 
 
 def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
-    """The clip with its detections and without a source, and the link to that.
+    """The clip with its detections and without a source, and the link to that. `store.damage` has what is damaged.
 
     Raises:
-        InputError: One of them is missing or damaged.
+        InputError: There is no clip, or its detections are missing or damaged.
     """
     rows = store.rows("SELECT * FROM clip")
     if not rows:
         raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
-    row = rows[0]
-    if not store.read_only:
-        _settle_detections(folder, row["detections_sha256"])
-    keypoints = _read_detections(folder, row["detections_sha256"])
-    try:
-        link = None if row["media"] is None else msgspec.json.decode(row["media"], type=MediaLink)
-        clip = Clip(
-            keypoints=keypoints,
-            camera=msgspec.json.decode(row["camera"], type=Camera),
-            frame_rate=row["frame_rate"],
-            name=row["name"],
-            first_frame=row["first_frame"],
-            notes=msgspec.json.decode(row["notes"], type=tuple[str, ...]),
-        )
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{store.path}: the clip in it cannot be read ({error}); it is damaged.") from error
-    return clip, link
+    row = Columns(rows[0], "the clip", store.damage)
+    checksum = row.read("detections_sha256", _checksum, None, f"whether {DETECTIONS} is whole cannot be told")
+    if checksum is not None and not store.read_only:
+        _settle_detections(folder, checksum)
+    keypoints = _read_detections(folder, checksum)
+    camera = row.read("camera", _camera, None, "one that sees all keypoints stands in for it")
+    clip = Clip(
+        keypoints=keypoints,
+        camera=camera or _camera_around(keypoints),
+        frame_rate=row.read("frame_rate", of(_RATE), 30.0, "30 frames per second stand in for it"),
+        name=row.read("name", line, name_of_file(folder.resolve().stem), "that of the folder stands in for it"),
+        first_frame=row.read("first_frame", of(Count), 0, "frames are counted from 0"),
+        notes=row.read("notes", json_of(tuple[str, ...]), (), "they are left out"),
+    )
+    return clip, _link(row)
+
+
+def _link(row: Columns) -> MediaLink | None:
+    return row.read("media", or_none(json_of(MediaLink)), UNREADABLE, "say where the video is")
+
+
+def stored_link(copied: sqlite3.Connection) -> MediaLink | None:
+    """The link to the video in a copy of a project's database."""
+    return _link(_row_of_copy(copied))
+
+
+def _row_of_copy(copied: sqlite3.Connection) -> Columns:
+    """Whose damage the project itself has told."""
+    return Columns(copied.execute("SELECT * FROM clip").fetchone(), "the clip", Damage())
+
+
+def _checksum(value: Any) -> str:
+    if not re.fullmatch("[0-9a-f]{64}", text(value)):
+        raise ValueError("it is no SHA-256")
+    return value
+
+
+def _camera(value: Any) -> Camera:
+    camera = json_of(Camera)(value)
+    numbers = (*camera.focal, *camera.center, *camera.size)
+    if not np.isfinite(numbers).all() or min(camera.focal) <= 0 or not 0 < min(camera.size) <= max(camera.size) < 1e5:
+        raise ValueError("it is no camera")
+    return camera
+
+
+def _camera_around(keypoints: Keypoints) -> Camera:
+    """Of a guessed focal length, for images that hold all that was detected."""
+    seen = keypoints.xy * (keypoints.confidence > 0)[..., None]
+    width, height = (max(1, int(np.ceil(farthest))) for farthest in seen.max((0, 1)))
+    focal = default_focal((width, height))
+    return Camera(focal=(focal, focal), center=(width / 2, height / 2), size=(width, height), source=DEFAULT_FOCAL)
 
 
 def same_detections(one: Keypoints, other: Keypoints) -> bool:
@@ -105,7 +144,7 @@ def creation_time(folder: Path) -> str:
     """When a project was made, which tells it from others of its name. Raises InputError if it cannot be read."""
     with closing(Database(folder / database.NAME, read_only=True)) as store:
         rows = store.rows("SELECT created FROM clip")
-    return rows[0]["created"] if rows else ""
+        return Columns(rows[0], "the clip", store.damage).read("created", text, "", "it is left out") if rows else ""
 
 
 def replace_detections(folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...]) -> None:
@@ -168,13 +207,13 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
     Raises:
         OSError: Something cannot be read or written.
     """
-    with closing(sqlite3.connect(copied)) as connection:
-        (expected,) = connection.execute("SELECT detections_sha256 FROM clip").fetchone()
+    with closing(database.copied(copied)) as connection:
+        expected = _row_of_copy(connection).read("detections_sha256", _checksum, None, "")
     for name in (_COMING, DETECTIONS):  # in this order: the first becomes the second
         if (folder / name).is_file():
             with suppress(FileNotFoundError):
                 shutil.copyfile(folder / name, target)
-                if _sha256(target) == expected:
+                if _sha256(target) == expected or (expected is None and name == DETECTIONS):
                     return True
     return False
 
@@ -185,16 +224,16 @@ def _write_detections(path: Path, keypoints: Keypoints) -> None:
         _check_detections(arrays)  # what could not be read back must not get there
     except ValueError as error:
         raise InputError(f"These keypoints cannot be stored: {error}.") from error
-    with durable(path) as file:
+    with replacing(path) as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
-def _read_detections(folder: Path, expected: str) -> Keypoints:
-    """The checksum tells damage; a project of somebody else's may say that it is the one of anything."""
+def _read_detections(folder: Path, expected: str | None) -> Keypoints:
+    """The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything."""
     path, advice = folder / DETECTIONS, "It must stay as it was made: take it from a backup"
     try:
-        path = _detections_file(folder, expected)
-        if _sha256(path) != expected:
+        path = path if expected is None else _detections_file(folder, expected)
+        if expected is not None and _sha256(path) != expected:
             raise InputError(f"{path}: was changed since the project was made. {advice}.")
         arrays = read_npz(path, _WIDTHS)
         _check_detections(arrays)
@@ -226,4 +265,4 @@ def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(regular_file(path).read_bytes()).hexdigest()

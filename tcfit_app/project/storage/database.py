@@ -1,6 +1,7 @@
 """project.sqlite: its tables, their versions, and transactions that are on the disk when they end."""
 
 import os
+import re
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from fitting_core.errors import InputError
+from tcfit_app.project.storage.columns import Damage
 
 NAME = "project.sqlite"
 _APPLICATION = int.from_bytes(b"tcft")
@@ -87,6 +89,8 @@ def is_project(path: Path) -> bool:
     return (path / NAME).is_file()
 
 
+_OF_A_VALUE = re.compile(r"(NULL|NUMERIC|TEXT|BLOB) value in |CHECK constraint failed in ")
+"""How quick_check tells of what is no damage of the file itself."""
 _DAMAGED = "is damaged ({}). Take it from a backup; the fits in runs and detections.npz can be read without it"
 _UNWRITABLE = "cannot be written ({}). Free space or allow writing there; what was stored before is still there"
 _REASONS = {
@@ -135,6 +139,7 @@ class Database:
             InputError: It cannot be opened, is damaged, none of tcfit's, or from a newer tcfit.
         """
         self.path, self.read_only = path, read_only
+        self.damage = Damage(path)
         with _explained(path):
             self._connection = _connect(path, "ro" if read_only else "rw")
         try:
@@ -176,7 +181,9 @@ class Database:
                 f"{self.path}: is of version {version}, and this tcfit knows versions up to {known}. A newer tcfit has "
                 "written it: update tcfit."
             )
-        if (problem := self._pragma("quick_check")) != "ok":
+        found = (row[0] for row in self._connection.execute("PRAGMA quick_check(1000000)"))
+        # Values are told when they are read, each by itself.
+        if problem := next((text for text in found if text != "ok" and not _OF_A_VALUE.match(text)), ""):
             raise InputError(f"{self.path}: {_DAMAGED.format(problem)}.")
 
     def _read_a_copy(self) -> None:
@@ -227,10 +234,24 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"]) -> sqlite3.Connection
     return connection
 
 
+def copied(path: Path) -> sqlite3.Connection:
+    """A copy of a project's database that nobody else knows, to be closed."""
+    return _prepared(sqlite3.connect(path))
+
+
 def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.row_factory = sqlite3.Row
+    connection.text_factory = _text
     connection.execute("PRAGMA trusted_schema = OFF")  # A project may come from somebody else.
     return connection
+
+
+def _text(content: bytes) -> str | bytes:
+    """What is no UTF-8 stays as it is, and is told as damaged where it is read."""
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        return content
 
 
 def _make_durable(connection: sqlite3.Connection) -> None:

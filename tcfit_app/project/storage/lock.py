@@ -1,11 +1,11 @@
 """One writer for a project: a lock that the system takes back when its process ends, however it ends."""
 
 import os
-import sys
 from contextlib import suppress
 from pathlib import Path
 
 from fitting_core.errors import InputError
+from fitting_core.files.locking import try_lock
 
 NAME = "project.lock"
 
@@ -22,19 +22,26 @@ class Lock:
 
         Raises:
             ProjectLocked: Somebody has it.
+            InputError: The file system knows no locks, as some network drives.
             OSError: The folder cannot be written.
         """
         path = folder / NAME
         # The file stays when the lock is released: a new one under the same name could be locked twice.
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            _lock(self._descriptor)
+            free = try_lock(self._descriptor)
         except OSError as error:
+            os.close(self._descriptor)
+            raise InputError(
+                f"{folder}: cannot be locked here ({error.strerror or error}), so that two could write at once. "
+                "Move it to a disk of this computer, or open it read-only."
+            ) from error
+        if not free:
             holder = _holder(self._descriptor)
             os.close(self._descriptor)
             raise ProjectLocked(
                 f"{folder}: is open in another tcfit{holder}. Close that one, or open the project read-only."
-            ) from error
+            )
         with suppress(OSError):  # On a full disk the message above names no process.
             os.ftruncate(self._descriptor, 0)
             os.write(self._descriptor, f"{os.getpid()}\n".encode())
@@ -42,22 +49,6 @@ class Lock:
     def release(self) -> None:
         """Let others write."""
         os.close(self._descriptor)
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(descriptor: int) -> None:
-        # A byte behind the number of the process, which must stay readable.
-        os.lseek(descriptor, 1 << 20, os.SEEK_SET)
-        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        os.lseek(descriptor, 0, os.SEEK_SET)
-
-else:
-    import fcntl
-
-    def _lock(descriptor: int) -> None:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _holder(descriptor: int) -> str:

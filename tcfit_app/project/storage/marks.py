@@ -1,19 +1,16 @@
 """What a reviewer has said about frames."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from typing import Literal, get_args
+from datetime import datetime
+from typing import get_args
 
-import msgspec
-
-from fitting_core.errors import InputError
+from tcfit_app.project.edits.edit_log import LogEntry, MarkFrames, MarkState
+from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.runs import LAST_MOMENT
 
-MarkState = Literal["checked", "flag"]
-"""Looks fine; or needs attention."""
-_ORDER = f"SELECT (SELECT coalesce(max(id), 0) FROM edits), {LAST_MOMENT}"
+_LEFT_OUT = "the mark is left out"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,54 +27,72 @@ class Mark:
 
 
 class Marks:
-    """At most one mark for each frame of a clip, frames counted from its first. Thread-safe."""
+    """At most one mark for each frame of a clip, frames counted from its first. Thread-safe.
 
-    def __init__(self, database: Database, length: int) -> None:
-        self._database, self._length = database, length
+    They are in the log of edits, so that undo takes them back. Earlier versions had a table of them, which stays below.
 
-    def set(self, frames: Iterable[int], state: MarkState, *, author: str = "") -> None:
-        """Mark frames, over what they were marked with before.
+    Args:
+        database: has that table, and the runs.
+        frames: how many the clip has.
+        done: the log's entries with marks that are not undone, in order.
+        append: adds to the log, for an author.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        frames: int,
+        done: Callable[[], list[LogEntry]],
+        append: Callable[[MarkFrames, str], LogEntry],
+    ) -> None:
+        self._database, self._frames, self._done, self._append = database, frames, done, append
+
+    def set(self, frames: Iterable[int], state: MarkState | None, *, author: str = "") -> LogEntry:
+        """Mark frames, over what they were marked with before; None takes their marks away.
 
         Raises:
             InputError: A frame lies outside the clip, or the project cannot be written.
         """
-        assert state in get_args(MarkState)
-        now = datetime.now(UTC).isoformat()
-        chosen = self._inside(frames)
-        with self._database.transaction() as connection:
-            order = connection.execute(_ORDER).fetchone()
-            # The empty text is the column `reason`, which nothing reads.
-            rows = [(frame, state, "", now, author, *order) for frame in chosen]
-            connection.executemany("INSERT OR REPLACE INTO marks VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
-
-    def clear(self, frames: Iterable[int]) -> None:
-        """Take the marks of frames away. Raises InputError as `set` does."""
-        rows = [(frame,) for frame in self._inside(frames)]
-        with self._database.transaction() as connection:
-            connection.executemany("DELETE FROM marks WHERE frame = ?", rows)
+        assert state is None or state in get_args(MarkState)
+        (row,) = self._database.rows(f"SELECT {LAST_MOMENT}")
+        return self._append(MarkFrames(frames=tuple(frames), state=state, moment=row[0]), author)
 
     def all(self) -> dict[int, Mark]:
         """Every mark by its frame, in order."""
+        found = self._of_the_table()
+        for entry in self._done():
+            said = entry.action
+            assert isinstance(said, MarkFrames)
+            for frame in said.frames:
+                found.pop(frame, None)
+                if said.state is not None:
+                    found[frame] = Mark(
+                        state=said.state,
+                        time=entry.time,
+                        author=entry.author,
+                        last_edit=entry.id,
+                        last_moment=said.moment,
+                    )
+        return dict(sorted(found.items()))
+
+    def _of_the_table(self) -> dict[int, Mark]:
         found = {}
-        for row in self._database.rows("SELECT * FROM marks ORDER BY frame"):
-            try:
-                time = datetime.fromisoformat(row["time"])
-                state = msgspec.convert(row["state"], MarkState)
-                last_edit, last_moment = int(row["last_edit"]), int(row["last_moment"])
-            except (ValueError, TypeError) as error:
-                problem = f"the mark of frame {row['frame']} cannot be read ({error}); it is damaged."
-                raise InputError(f"{self._database.path}: {problem}") from error
-            found[row["frame"]] = Mark(
+        for row in self._database.rows("SELECT * FROM marks"):
+            mark = Columns(row, f"the mark of frame {row['frame']}", self._database.damage)
+            frame = mark.read("frame", self._frame, None, _LEFT_OUT)
+            state = mark.read("state", of(MarkState), None, _LEFT_OUT)
+            if frame is None or state is None:
+                continue
+            found[frame] = Mark(
                 state=state,
-                time=time,
-                author=row["author"],
-                last_edit=last_edit,
-                last_moment=last_moment,
+                time=mark.read("time", time, UNKNOWN_TIME, "it counts as made long ago"),
+                author=mark.read("author", text, "", "nobody is named"),
+                last_edit=mark.read("last_edit", of(Count), 0, "it counts as made before all edits"),
+                last_moment=mark.read("last_moment", of(Count), 0, "it counts as made before all runs"),
             )
         return found
 
-    def _inside(self, frames: Iterable[int]) -> list[int]:
-        chosen = list(frames)
-        if outside := [frame for frame in chosen if not 0 <= frame < self._length]:
-            raise InputError(f"There is no frame {outside[0]}; the clip has frames 0 to {self._length - 1}.")
-        return chosen
+    def _frame(self, value: int) -> int:
+        if not 0 <= value < self._frames:
+            raise ValueError(f"the clip has frames 0 to {self._frames - 1}")
+        return value

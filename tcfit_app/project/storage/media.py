@@ -13,7 +13,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.video.frame_names import natural_key
 from fitting_core.video.frames import FrameSource, image_files
-from tcfit_app.project.storage.durable import accessing, sync
+from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.names import portable
 
 FOLDER = "media"
@@ -28,6 +28,10 @@ class MediaLink(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """From the project's folder, so that both can be moved together; empty if there is no such path."""
     absolute: str
     fingerprint: str
+
+
+UNREADABLE = MediaLink(relative="", absolute="", fingerprint="")
+"""Stands in for a link that is damaged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +95,8 @@ def copy(source: Path, project: Path) -> MediaLink:
             target.mkdir()
             for file in visible_files(source):
                 shutil.copyfile(file, target / file.name)
-                sync(target / file.name)
         else:
             shutil.copyfile(source, target)
-        sync(target)
-        sync(target.parent)
     relative = target.relative_to(project).as_posix()
     return MediaLink(relative=relative, absolute=str(source), fingerprint=fingerprint(target))
 
@@ -109,6 +110,8 @@ def find(link: MediaLink | None, project: Path) -> Media:
     """Look for what a link points at, first beside the project and then where it was."""
     if link is None:
         return Media(path=None, problem="The project was made without a video.")
+    if link == UNREADABLE:
+        return Media(path=None, problem="Where the video was is damaged in the project. Say where the video is now.")
     places = [project / link.relative] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
     same = [path for path in found if _fingerprint_or_none(path) == link.fingerprint]

@@ -5,9 +5,10 @@ No row in the database tells of it: the file is there as a whole or not at all, 
 
 from pathlib import Path
 
+from fitting_core.files.atomic import replacing, sync
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.reference import Reference, write_reference
-from tcfit_app.project.storage.durable import accessing, durable, sync
+from tcfit_app.project.storage.accessing import accessing
 
 NAME = "reference.npz"
 
@@ -30,5 +31,5 @@ def store_reference(folder: Path, reference: Reference | None) -> None:
             path.unlink(missing_ok=True)
             sync(folder)
             return
-        with durable(path) as draft:
+        with replacing(path) as draft:
             write_reference(draft, reference)

@@ -8,6 +8,7 @@
 | phase1_start, phase1_stopped | (T,) | where each frame's fit came from: numbers of `provenance.Start` and `Stopped`; \
 runs of earlier versions and imported motions have none |
 | observed | (T, 55) | as in FitResult |
+| gravity, ground, contacts, ... | | see fitting_core/ground/arrays.py; runs of earlier versions have none |
 | about | () | JSON: camera, phases, warnings, pose prior, format |
 
 It reads with np.load(allow_pickle=False).
@@ -25,10 +26,12 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.project.storage.durable import accessing, durable
+from fitting_core.ground.arrays import grounding_arrays, grounding_from
+from tcfit_app.project.storage.accessing import accessing
 
 FORMAT = "tcfit run 1"
 _NAMES = tuple(f.name for f in fields(BodyParams))
@@ -70,13 +73,14 @@ def write_run(path: Path, fit: FitResult) -> None:
         pose_prior=fit.pose_prior,
     )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
+    arrays |= grounding_arrays(fit.grounding)
     for p in fit.phases:
         prefix = f"phase{p.phase}_"
         arrays |= {prefix + name: getattr(p.params, name).detach().cpu().numpy() for name in _NAMES}
         arrays |= {f"{prefix}frame_cost": p.frame_cost, f"{prefix}objective": np.array([*p.objective.values()], float)}
         if p.provenance is not None:
             arrays |= {f"{prefix}start": p.provenance.start, f"{prefix}stopped": p.provenance.stopped}
-    with accessing(path), durable(path) as draft:
+    with accessing(path), replacing(path) as draft:
         np.savez(draft, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -96,7 +100,9 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         if about.format != FORMAT:
             raise ValueError(f"it is a {about.format!r}, expected {FORMAT!r}")
         phases = tuple(_phase(arrays, p) for p in about.phases)
-        observed = _shaped(arrays, "observed", (len(phases[0].params), 55)).astype(bool)
+        frames = len(phases[0].params)
+        observed = _shaped(arrays, "observed", (frames, 55)).astype(bool)
+        grounding = grounding_from(arrays, frames)
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; expected the result of a run. Fit again.") from error
     except (OSError, KeyError, IndexError, ValueError, TypeError) as error:
@@ -108,6 +114,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         observed=observed,
         warnings=about.warnings,
         pose_prior=about.pose_prior,
+        grounding=grounding,
     )
 
 

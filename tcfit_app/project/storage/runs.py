@@ -5,87 +5,57 @@ finished; when its process dies, the run becomes "interrupted" the next time the
 """
 
 import sqlite3
-import time
-from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from time import time_ns
+from typing import Annotated, Any
 
 import msgspec
 
-from fitting_core.config.schema import FitConfig
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import sweep, sync
 from fitting_core.fit.result import FitResult
+from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json_of, line, of, or_none, text, time
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.durable import accessing, sweep, sync
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
+from tcfit_app.project.storage.run_record import BodyRecord, Ended, Run, RunKind, RunState
 
 ENTRY = r"runs/\d{6,}\.npz"
 """What the paths of results in a project's folder look like, as a regular expression."""
 _FOLDER = "runs"
+_WHOLE = "it counts as one of all frames"
 _ORPHANS = "orphans"
 """In _FOLDER: files without a row, as an older copy of the database would leave them. They are never deleted."""
 
-LAST_MOMENT = "(SELECT coalesce(max(moment), 0) FROM runs)"
+
+def _largest(column: str, table: str) -> str:
+    """The largest of some moments that are none the worse for damage, 0 without any, in SQL."""
+    sound = f"typeof(m) = 'integer' AND m BETWEEN 0 AND {2**52}"
+    return f"(SELECT coalesce(max(m), 0) FROM (SELECT {column} AS m FROM {table}) WHERE {sound})"
+
+
+LAST_MOMENT = _largest("moment", "runs")
 """The largest `Run.moment`, 0 without any, in SQL."""
-_NEXT = f"1 + max({LAST_MOMENT}, (SELECT coalesce(max(last_moment), 0) FROM marks))"
+_SAID = "CASE WHEN typeof(action) = 'text' AND json_valid(action) THEN json_extract(action, '$.moment') END"
+_NEXT = f"1 + max({LAST_MOMENT}, {_largest(_SAID, 'edits')}, {_largest('last_moment', 'marks')})"
 """The next `Run.moment`; marks remember those of runs that have been purged."""
-
-Ended = Literal["cancelled", "failed"]
-RunState = Literal["running", "finished", "interrupted"] | Ended
-RunKind = Literal["fit", "frames", "shape", "corrections", "imported"]
-"""Everything; some frames again; the shape again; a run that grows with each keypoint that is dragged; a result of
-another program, only to compare with."""
-
-
-class BodyRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The body model of a run: which one is needed to show it."""
-
-    kind: str
-    gender: str
-    hash: str
-    source: str = ""
-    """The file's path, or empty."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """A fit, without what it found."""
-
-    id: int
-    name: str
-    kind: RunKind
-    state: RunState
-    config: FitConfig
-    body: BodyRecord
-    parent: int | None
-    """The run from which this one started."""
-    frames: range | None
-    """The frames that were fitted again, counted from the clip's first; None: all."""
-    edits_seen: int
-    """Id of the last log entry that had been made when it started; 0: none."""
-    started: datetime
-    ended: datetime | None
-    moment: int
-    """Ascending over all beginnings and ends of the project's runs: its own end, or its beginning until then."""
-    summary: dict[str, Any]
-    """Figures for lists and comparisons."""
-    message: str
-    """Why it failed."""
-    deleted: bool
-    """Can be brought back until `purge`."""
-    stored: bool
-    """Whether there is a file with at least one phase."""
 
 
 class Runs:
-    """All runs of a project. Thread-safe."""
+    """All runs of a project. Thread-safe.
 
-    def __init__(self, folder: Path, database: Database) -> None:
-        self._folder, self._database = folder / _FOLDER, database
+    Args:
+        folder: of the project.
+        database: its.
+        frames: how many the clip has.
+    """
+
+    def __init__(self, folder: Path, database: Database, frames: int) -> None:
+        self._folder, self._database, self._frames = folder / _FOLDER, database, frames
 
     def recover(self) -> None:
         """Tidy up after a process that died. Only for the one who holds the project's lock.
@@ -105,7 +75,7 @@ class Runs:
             for file in [f for f in self._folder.iterdir() if f.is_file() and f.name not in known]:
                 orphans = self._folder / _ORPHANS
                 orphans.mkdir(exist_ok=True)
-                file.rename(orphans / f"{time.time_ns()}-{file.name}")
+                file.rename(orphans / f"{time_ns()}-{file.name}")
 
     def start(
         self,
@@ -266,16 +236,16 @@ class Runs:
     def all(self, *, deleted: bool = False) -> list[Run]:
         """All runs, oldest first; or all deleted ones."""
         state = "NOT NULL" if deleted else "NULL"
-        return [
-            self._run(row) for row in self._database.rows(f"SELECT * FROM runs WHERE deleted IS {state} ORDER BY id")
-        ]
+        rows = self._database.rows(f"SELECT * FROM runs WHERE deleted IS {state} ORDER BY id")
+        return [run for row in rows if (run := self._run(row)) is not None]
 
     def get(self, run: int) -> Run:
         """A run by its number, deleted or not. Raises InputError if there is none."""
         rows = self._database.rows("SELECT * FROM runs WHERE id = ?", run)
-        if not rows:
+        found = self._run(rows[0]) if rows else None
+        if found is None:
             raise InputError(f"There is no run {run}; it may have been deleted. Choose one that is listed.")
-        return self._run(rows[0])
+        return found
 
     def load(self, run: int) -> FitResult:
         """What a run has found, with all phases that it finished.
@@ -293,51 +263,61 @@ class Runs:
     def _path(self, run: int) -> Path:
         return self._folder / _file_name(run)
 
-    def _run(self, row: sqlite3.Row) -> Run:
-        try:
-            return Run(
-                id=row["id"],
-                name=row["name"],
-                kind=msgspec.convert(row["kind"], RunKind),
-                state=msgspec.convert(row["state"], RunState),
-                # Settings that this version no longer has are left out: the run can still be shown.
-                config=msgspec.json.decode(row["config"], type=FitConfig),
-                body=msgspec.json.decode(row["body"], type=BodyRecord),
-                parent=row["parent"],
-                frames=None if row["first_frame"] is None else range(row["first_frame"], row["last_frame"] + 1),
-                edits_seen=row["edits_seen"],
-                started=datetime.fromisoformat(row["started"]),
-                ended=None if row["ended"] is None else datetime.fromisoformat(row["ended"]),
-                moment=int(row["moment"]),
-                summary={} if row["summary"] is None else msgspec.json.decode(row["summary"], type=dict[str, Any]),
-                message=row["message"],
-                deleted=row["deleted"] is not None,
-                stored=self._path(row["id"]).is_file(),
-            )
-        except (ValueError, TypeError) as error:  # msgspec's errors are ValueErrors
-            raise InputError(
-                f"{self._database.path}: run {row['id']} cannot be read ({error}); it is damaged."
-            ) from error
+    def _run(self, row: sqlite3.Row) -> Run | None:
+        of_run = Columns(row, f"run {row['id']}", self._database.damage)
+        number = of_run.read("id", of(Count), None, f"it is left out, and what it has found is in runs/{_ORPHANS}")
+        if number is None:
+            return None
+        unknown = BodyRecord(kind="smplx", gender="neutral", hash="")
+        return Run(
+            id=number,
+            name=of_run.read("name", line, f"Run {number}", "its number stands in for it"),
+            kind=of_run.read("kind", of(RunKind), "fit", "it counts as a fit of everything"),
+            state=of_run.read("state", of(RunState), "interrupted", "it counts as interrupted"),
+            # Settings that this version no longer has are left out: the run can still be shown.
+            config=of_run.read("config", json_of(FitConfig), PRESETS[DEFAULT_PRESET], "the default settings stand in"),
+            body=of_run.read("body", json_of(BodyRecord), unknown, "the neutral SMPL-X body stands in for it"),
+            parent=of_run.read("parent", or_none(of(_parent(number))), None, "it counts as started from nothing"),
+            frames=self._frames_of(of_run),
+            edits_seen=of_run.read("edits_seen", of(Count), 0, "it counts as older than all edits"),
+            started=of_run.read("started", time, UNKNOWN_TIME, "it counts as started long ago"),
+            ended=of_run.read("ended", or_none(time), None, "it is left out"),
+            moment=of_run.read("moment", of(Count), 0, "it counts as older than all others"),
+            summary=of_run.read("summary", or_none(_figures), None, "it is left out") or {},
+            message=of_run.read("message", text, "", "it is left out"),
+            deleted=row["deleted"] is not None,
+            stored=self._path(number).is_file(),
+        )
+
+    def _frames_of(self, run: Columns) -> range | None:
+        ends = [run.read(end, or_none(of(Count)), None, _WHOLE) for end in ("first_frame", "last_frame")]
+        first, last = ends
+        if first is None or last is None:
+            return None
+        return run.read("last_frame", lambda _: self._span(first, last), None, _WHOLE)
+
+    def _span(self, first: int, last: int) -> range:
+        if not first <= last < self._frames:
+            raise ValueError(f"frames {first} to {last} of {self._frames}")
+        return range(first, last + 1)
 
 
-def newest(runs: Sequence[Run]) -> Run:
-    """The one that counts where nobody chose: what was imported is to be compared with, and no fit of ours."""
-    own = [run for run in runs if run.kind != "imported"]
-    return (own or runs)[-1]
+def _parent(run: int) -> Any:
+    """A number of a run that began earlier."""
+    return Annotated[int, msgspec.Meta(ge=1, lt=run)]
 
 
-def named(runs: Sequence[Run], name: str) -> Run:
-    """The run that a user calls by its name, or by its number ("3" or "#3").
+class _Figures(msgspec.Struct):
+    """Those of a run's summary that are shown."""
 
-    Raises:
-        InputError: There is none, or there are several of this name.
-    """
-    found = [run for run in runs if name == run.name] or [run for run in runs if name.lstrip("#") == str(run.id)]
-    if len(found) == 1:
-        return found[0]
-    known = ", ".join(f"{run.name!r} (#{run.id})" for run in runs) or "none"
-    several = "several runs have this name; give the number of one" if found else "there is no such run"
-    raise InputError(f"Run {name!r}: {several}. Those with a result: {known}.")
+    seconds: dict[str, float] = {}
+    source: str = ""
+    format: str = ""
+
+
+def _figures(value: Any) -> dict[str, Any]:
+    json_of(_Figures)(value)
+    return json_of(dict[str, Any])(value)
 
 
 def entries(folder: Path, connection: sqlite3.Connection) -> list[str]:
@@ -345,15 +325,6 @@ def entries(folder: Path, connection: sqlite3.Connection) -> list[str]:
     numbers = [number for (number,) in connection.execute("SELECT id FROM runs ORDER BY id")]
     names = [f"{_FOLDER}/{_file_name(number)}" for number in numbers]
     return [name for name in names if (folder / name).is_file()]
-
-
-def newest_body(database: Database) -> str:
-    """Where the body model of the run that began last was read; empty if nothing is known of that."""
-    rows = database.rows("SELECT body FROM runs WHERE deleted IS NULL ORDER BY id DESC LIMIT 1")
-    try:
-        return msgspec.json.decode(rows[0]["body"], type=BodyRecord).source if rows else ""
-    except msgspec.DecodeError:
-        return ""
 
 
 def _file_name(run: int) -> str:

@@ -7,7 +7,6 @@ text field.
 """
 
 import hashlib
-import logging
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -18,32 +17,33 @@ import viser
 
 from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
 from tcfit_app.review.browser.page_states import STATES, PageState
+from tcfit_app.server.screen import Dropped
+from tcfit_app.server.uploads import UPLOAD_BYTES
 from tcfit_app.server.viser_bridge import field_id, run_javascript
 
 CALLS = ("connect", "receive", "dress", "setColorTable")
 """What the server calls in the page, in its order, also while the modules are still being loaded."""
 Receive = Callable[[PageEvent], None]
 
-_log = logging.getLogger(__name__)
-
 
 class Channel:
     """The script in one browser tab. To be made when the client connects; it is gone with the client."""
 
-    def __init__(self, client: viser.ClientHandle, receive: Receive) -> None:
+    def __init__(self, client: viser.ClientHandle, receive: Receive, *, timeline: bool = False) -> None:
         """Put the script into the client's page.
 
         Args:
             client: The tab.
             receive: Gets the page's events, in order, in viser's event loop: it must only pass them on.
+            timeline: There will be one, and the page keeps its room free from the start.
         """
         self._client = client
         self._receive = receive
-        self._last = 0
+        self._last, self._dropped = 0, Dropped()
         self._field = client.gui.add_text("", "", visible=False)
         self._field.on_update(self._take)  # pyright: ignore[reportArgumentType]
         run_javascript(client, loading())
-        run_javascript(client, page_call("connect", field_id(self._field)))
+        run_javascript(client, page_call("connect", field_id(self._field), timeline, UPLOAD_BYTES))
 
     def send(self, name: str, state: PageState | None) -> None:
         """Replace the page's state of that name, one of STATES; None takes it away.
@@ -58,14 +58,14 @@ class Channel:
         try:
             envelope = decode(event.target.value)
         except msgspec.DecodeError as error:
-            _log.warning("An event from the page is dropped: %s", error)
+            self._dropped.note(error)
             return
         if envelope.number <= self._last:
-            _log.warning("An event from the page is dropped: number %d after %d", envelope.number, self._last)
+            self._dropped.note(f"number {envelope.number} after {self._last}")
             return
         self._last = envelope.number
-        if isinstance(envelope.event, Stranger):
-            _log.error("%s", envelope.event)
+        if isinstance(envelope.event, Stranger):  # whose page has told its user
+            self._dropped.note(envelope.event)
             return
         self._receive(envelope.event)
 

@@ -30,6 +30,18 @@ class Hello(_Event, frozen=True, tag="hello"):
     width: Size
     """Of viser's canvas, in CSS pixels. The timeline lies below the canvas, not on it."""
     height: Size
+    browser: Text = ""
+    """Made up by the page; the same in all tabs of a browser, for ever."""
+    dark: bool = True
+    """As of `Theme`."""
+    hinted: bool = True
+    """The first steps have been read in this browser."""
+
+
+class Theme(_Event, frozen=True, tag="theme"):
+    """The system of the page has gone over to light or dark."""
+
+    dark: bool
 
 
 class Resized(_Event, frozen=True, tag="resized"):
@@ -60,6 +72,37 @@ class Range(_Event, frozen=True, tag="range"):
     last: Frame | None
 
 
+class OpenLink(_Event, frozen=True, tag="open_link"):
+    """The page was opened by a link to a frame, and to a fit; or such a link was followed in it."""
+
+    frame: Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
+    """The number that users see."""
+    run: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
+    phase: Annotated[int, msgspec.Meta(ge=1, le=3)] | None = None
+
+
+class Plot(_Event, frozen=True, tag="plot"):
+    """The user chose a row of the timeline, or closed one."""
+
+    name: Text
+    """One of the timeline's choices."""
+    shown: bool
+
+
+class MoveKey(_Event, frozen=True, tag="move_key"):
+    """The user dragged the tick of a keyframe to another frame."""
+
+    frame: Frame
+    to: Frame
+
+
+class LookAt(_Event, frozen=True, tag="look_at"):
+    """The user clicked on an entry of the review queue in the timeline; the page has gone to its frame already."""
+
+    frame: Frame
+    kind: Text
+
+
 class Select(_Event, frozen=True, tag="select"):
     """The user chose keypoints; the page has drawn it already."""
 
@@ -83,11 +126,38 @@ class Drag(_Event, frozen=True, tag="drag"):
     """The one whose keypoints are on the screen."""
 
 
+class DragDepth(_Event, frozen=True, tag="drag_depth"):
+    """A keypoint of the fit is being dragged along its line of sight in the side view; phases as of `Drag`."""
+
+    phase: Literal["start", "move", "end", "cancel"]
+    joint: Annotated[int, msgspec.Meta(ge=0, lt=25)]
+    metres: Annotated[float, msgspec.Meta(ge=-10, le=10)]
+    """Away from the camera, since the press."""
+    frame: Frame
+    """The one that is on the screen."""
+
+
+class Widen(_Event, frozen=True, tag="widen"):
+    """The side view's left border was dragged."""
+
+    width: Annotated[float, msgspec.Meta(gt=0, le=100)]
+    """Of its plate, in image heights."""
+
+
 class Press(_Event, frozen=True, tag="press"):
     """A button in the HTML of a panel was pressed."""
 
     command: Text
     value: Text
+
+
+class TooLarge(_Event, frozen=True, tag="too_large"):
+    """The user chose a file to upload that is larger than what `connect` allows; the page keeps it."""
+
+    name: Text
+    """Its end, if it is long."""
+    size: Annotated[int, msgspec.Meta(ge=0, le=1 << 53)]
+    """In bytes."""
 
 
 class Gesture(_Event, frozen=True, tag="gesture"):
@@ -112,7 +182,26 @@ class Stranger(_Event, frozen=True, tag="stranger"):
         return f"tcfit needs viser 1.1.x, found {self.viser}, whose page lacks: {', '.join(self.missing)}"
 
 
-PageEvent = Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn
+PageEvent = (
+    Hello
+    | Theme
+    | Resized
+    | Key
+    | Seek
+    | Range
+    | Plot
+    | MoveKey
+    | LookAt
+    | OpenLink
+    | Select
+    | Drag
+    | DragDepth
+    | Widen
+    | Press
+    | TooLarge
+    | Gesture
+    | Drawn
+)
 
 
 class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -16,34 +16,96 @@ from fitting_core.video.frame_names import runs
 Color = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
 Span = tuple[int, int]
 """First and last frame, both included."""
+Triple = tuple[float, float, float]
 
 
 class _State(msgspec.Struct, frozen=True, kw_only=True):
     """One state."""
 
 
-class Poster(_State, frozen=True, kw_only=True):
-    """A picture in the flat world."""
+Place = tuple[float, float, float, float]
+"""Left, top, right and bottom on the canvas, as shares of its width and height."""
 
-    x: float
-    """Of its centre, in viser's world."""
+
+class Poster(_State, frozen=True, kw_only=True):
+    """A picture in the flat world, or the side view's plate."""
+
+    node: str = "/posters/0"
+    """viser's node that holds it."""
+    bodies: tuple[str, ...] = ()
+    """The nodes of the bodies in it."""
+    window: Place = (0.0, 0.0, 1.0, 1.0)
+    """The part of the canvas in which it is drawn, and outside of which nothing of it is."""
+    width: float
+    """In image heights, as lengths in viser's world are."""
+    kind: Literal["picture", "side"] = "picture"
+    clipped: bool = False
+    """Bodies end where the picture ends."""
     label: str
-    """In its corner; empty for none."""
+    """In its window's corner; empty for none."""
     color: Color = "#cfd6df"
 
 
 class Layout(_State, frozen=True, kw_only=True):
     """What the canvas shows.
 
-    Posters: the pixel (u, v) of an image of W x H lies at ((u - W/2)/H + x, (v - H/2)/H, 0) in viser's world. The page
-    then handles the left button, and viser's camera only pans and zooms. In space viser's camera is as usual, and of
-    the posters there are only the labels.
+    Posters: the pixel (u, v) of a poster of W x H lies at ((u - W/2)/H, (v - H/2)/H, 0) in viser's world. All are H
+    high, and a picture's pixels are the image's. What viser's camera sees in the middle of the canvas each picture has
+    in the middle of its window. The page handles the left button, and the camera only pans and zooms. In space viser's
+    camera is as usual, and of the posters there are only the labels.
     """
 
     mode: Literal["poster", "space"]
     image: tuple[int, int] = (0, 0)
     """Width and height in pixels."""
     posters: tuple[Poster, ...] = ()
+    wipe: bool = False
+    """Two pictures share a window: the first is seen left of a divider, the other right of it."""
+
+
+class FitBody(_State, frozen=True, kw_only=True):
+    """A body's BODY_25 keypoints, as the fit has them."""
+
+    color: Color
+    points: tuple[Triple | None, ...]
+    """In camera space, metres; None where the body has no such keypoint."""
+
+
+class Bodies(_State, frozen=True, kw_only=True):
+    """The fits' keypoints in space."""
+
+    bodies: tuple[FitBody, ...]
+    """Of the fits on show, the one that is corrected last."""
+    down: Triple
+    """Where things fall: a unit vector in camera space."""
+    floor: float
+    """Metres along it from the camera."""
+
+
+class Side(_State, frozen=True, kw_only=True):
+    """How the side view's plate shows camera space, in pixels as in `Layout`."""
+
+    plate: tuple[Triple, Triple]
+    """A point goes to plate · point + the body's shift."""
+    shifts: tuple[tuple[float, float], ...]
+    """Of each of `Bodies`; the camera that filmed stands at the last one."""
+    metre: float
+    """Its length in pixels."""
+    zero: float
+    """u of one of the ticks on the floor."""
+    floor: float | None
+    """v of the floor; None where it is seen from above."""
+    sight: tuple[Triple, Triple]
+    """The line of sight of the picture's pixel (u, v) goes along sight · (u, v, 1) from the camera."""
+
+
+class Space(_State, frozen=True, kw_only=True):
+    """How 3D shows camera space."""
+
+    turn: tuple[Triple, Triple, Triple]
+    """A point goes to turn · point in viser's world."""
+    offsets: tuple[float, ...]
+    """By which each of `Bodies` is moved along its x."""
 
 
 class Group(_State, frozen=True, kw_only=True):
@@ -71,6 +133,10 @@ class Skeleton(_State, frozen=True, kw_only=True):
         for name, s in keypoints.GROUPS.items()
     )
     bones: tuple[tuple[int, int], ...] = tuple(keypoints.BONES)
+    hands: tuple[tuple[int, int, int], ...] = ()
+    """A wrist among the body's keypoints, and its hand's keypoints, start ... stop - 1, the first the same wrist."""
+    root: int = keypoints.INDEX["mid_hip"]
+    """Depths are told from there."""
 
 
 class Keypoints(_State, frozen=True, kw_only=True):
@@ -97,6 +163,32 @@ class Style(_State, frozen=True, kw_only=True):
     """Points of less confidence are left out, unless selected."""
     ghosts: bool = False
     """Draw where edited keypoints were detected."""
+    hand_along: bool = True
+    """A wrist that is dragged takes its hand along."""
+
+
+Path = tuple[tuple[float, float] | None, ...]
+"""Image pixels, one of each frame; None where there is nothing."""
+
+
+class Trail(_State, frozen=True, kw_only=True):
+    """Where the selected keypoints are in the frames around the one on show."""
+
+    now: int
+    """Which of the frames is on show."""
+    detected: tuple[Path, ...]
+    """Of each keypoint, with all corrections."""
+    fitted: tuple[tuple[Path, ...], ...]
+    """By picture, of each keypoint."""
+    colors: tuple[Color, ...]
+    """By picture: the fit's."""
+
+
+class Focus(_State, frozen=True, kw_only=True):
+    """The image's pixel that takes the place of its middle: what a close-up follows."""
+
+    x: float
+    y: float
 
 
 class Selection(_State, frozen=True, kw_only=True):
@@ -108,12 +200,72 @@ class Selection(_State, frozen=True, kw_only=True):
 
 
 class Curve(_State, frozen=True, kw_only=True):
-    """One line in the timeline."""
+    """One line in a row of the timeline."""
 
     label: str
+    """Whose it is: "A", "B", or empty where the row's title says all."""
     color: Color
     values: tuple[float | None, ...]
     """For each frame."""
+
+
+class Heat(_State, frozen=True, kw_only=True):
+    """Values by part of the body, drawn as colours."""
+
+    parts: tuple[str, ...]
+    """From top to bottom."""
+    values: tuple[tuple[float | None, ...], ...]
+    """For each part those of all frames."""
+    top: float
+    """Where colours end, which start at 0."""
+    worse: Literal["high", "low"]
+    """Which values are bright."""
+
+
+class Row(_State, frozen=True, kw_only=True):
+    """Curves of the timeline over one axis of values."""
+
+    name: str
+    """One of the choices."""
+    title: str
+    unit: str = ""
+    curves: tuple[Curve, ...] = ()
+    signed: bool = False
+    """Values lie on both sides of zero, as differences do."""
+    heat: Heat | None = None
+    """In place of curves."""
+    video: bool = False
+    """Thumbnails are in place of curves."""
+    height: float = 1.0
+    """Times that of a row of curves."""
+    empty: str = "Curves appear here once there is a fit."
+    """In place of curves while there are none."""
+
+
+class FitName(_State, frozen=True, kw_only=True):
+    """A fit whose curves are in the timeline."""
+
+    label: str
+    """As its curves have it."""
+    title: str
+    color: Color
+
+
+class Rows(_State, frozen=True, kw_only=True):
+    """The rows of the timeline, from top to bottom."""
+
+    rows: tuple[Row, ...] = ()
+    fits: tuple[FitName, ...] = ()
+
+
+class Choice(_State, frozen=True, kw_only=True):
+    """A row that the timeline can have."""
+
+    name: str
+    title: str
+    """With its unit."""
+    group: str = ""
+    """Those of one group stand together."""
 
 
 class Timeline(_State, frozen=True, kw_only=True):
@@ -124,12 +276,23 @@ class Timeline(_State, frozen=True, kw_only=True):
     frame_rate: float
     first_frame: int = 0
     """The number that users see for frame 0."""
-    title: str = ""
-    """What the curves show."""
-    unit: str = ""
-    curves: tuple[Curve, ...] = ()
-    empty: str = "Curves appear here once there is a fit."
-    """In their place while there are none."""
+    choices: tuple[Choice, ...] = ()
+
+
+class Thumbnails(_State, frozen=True, kw_only=True):
+    """Small pictures of some of the video's frames, for a row of the timeline."""
+
+    frames: tuple[int, ...]
+    images: tuple[str, ...]
+    """JPEGs in base64."""
+
+
+class WrittenNote(_State, frozen=True, kw_only=True):
+    """A note on frames."""
+
+    first: int
+    last: int
+    text: str
 
 
 class Marks(_State, frozen=True, kw_only=True):
@@ -141,6 +304,60 @@ class Marks(_State, frozen=True, kw_only=True):
     checked: tuple[Span, ...] = ()
     apart: tuple[Span, ...] = ()
     """Where A and B differ most."""
+    notes: tuple[WrittenNote, ...] = ()
+
+
+class MenuItem(_State, frozen=True, kw_only=True):
+    """A line of a menu that does one of the app's actions."""
+
+    label: str
+    action: str
+    """Comes back in `Key`."""
+    keys: str = ""
+    """That do the same, for the user."""
+    disabled: bool = False
+
+
+class FrameMenus(_State, frozen=True, kw_only=True):
+    """What can be done in the timeline, in groups: about the selected frames, and elsewhere."""
+
+    selected: tuple[tuple[MenuItem, ...], ...] = ()
+    elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
+
+
+class PictureMenus(_State, frozen=True, kw_only=True):
+    """What can be done in the picture, in groups: with the selected keypoints, and where there is none."""
+
+    keypoints: tuple[tuple[MenuItem, ...], ...] = ()
+    elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
+
+
+class Keyframes(_State, frozen=True, kw_only=True):
+    """The frames with keyframes of the selected keypoints, or of any while none are selected."""
+
+    frames: tuple[int, ...] = ()
+    subject: str = "a keypoint"
+    """Whose they are."""
+
+
+class Suspicion(_State, frozen=True, kw_only=True):
+    """An entry of the review queue."""
+
+    first: int
+    last: int
+    frame: int
+    """The worst of them."""
+    kind: str
+    """Which one of that frame."""
+    score: float
+    """From 1 on."""
+    reason: str
+
+
+class Suspicions(_State, frozen=True, kw_only=True):
+    """The review queue of the fit that corrections are made to, in the order of frames."""
+
+    found: tuple[Suspicion, ...] = ()
 
 
 class Origins(_State, frozen=True, kw_only=True):
@@ -166,7 +383,7 @@ class FitSpan(_State, frozen=True, kw_only=True):
     first: int
     last: int
     state: Literal["fitting", "phase1", "phase2", "done"]
-    """Being fitted; has the result of phase 1; of phase 2; is finished."""
+    """Being fitted; has a fit of phase 1; of phase 2; is finished."""
 
 
 class Fit(_State, frozen=True, kw_only=True):
@@ -199,6 +416,8 @@ class KeyBinding(_State, frozen=True, kw_only=True):
     shift: bool = False
     ctrl: bool = False
     """Control, or Command on a Mac."""
+    held: bool = False
+    """The page itself does what it does, while it is held: the pictures show the video alone."""
 
 
 class Keys(_State, frozen=True, kw_only=True):
@@ -239,6 +458,49 @@ class Beat(_State, frozen=True, kw_only=True):
     milliseconds: int
 
 
+class Saving(_State, frozen=True, kw_only=True):
+    """The page saves what its canvas shows, once for each of these."""
+
+    name: str
+    """Of the file."""
+    number: int
+    """Ascending: the same picture can be saved twice."""
+
+
+class Typing(_State, frozen=True, kw_only=True):
+    """The user wants to type into a field of a panel, once for each of these."""
+
+    panel: str
+    field: str
+    """Its label."""
+    number: int
+    """Ascending."""
+
+
+class Linking(_State, frozen=True, kw_only=True):
+    """The page copies a link to what it shows, once for each of these."""
+
+    frame: int
+    """The number that users see."""
+    run: int
+    phase: int
+    number: int
+    """Ascending."""
+
+
+class Hint(_State, frozen=True, kw_only=True):
+    """One of the first steps."""
+
+    text: str
+    keys: str = ""
+
+
+class Hints(_State, frozen=True, kw_only=True):
+    """What to do first: the page shows it until it is closed."""
+
+    steps: tuple[Hint, ...]
+
+
 class Legend(_State, frozen=True, kw_only=True):
     """A colour bar."""
 
@@ -252,12 +514,23 @@ class Legend(_State, frozen=True, kw_only=True):
 
 STATES: dict[str, type[_State]] = {
     "layout": Layout,
+    "bodies": Bodies,
+    "side": Side,
+    "space": Space,
     "skeleton": Skeleton,
     "keypoints": Keypoints,
     "style": Style,
     "selection": Selection,
+    "trail": Trail,
+    "focus": Focus,
     "timeline": Timeline,
+    "rows": Rows,
+    "thumbnails": Thumbnails,
     "marks": Marks,
+    "keyframes": Keyframes,
+    "frame_menus": FrameMenus,
+    "picture_menus": PictureMenus,
+    "suspicions": Suspicions,
     "fit": Fit,
     "provenance": Provenance,
     "range": ChosenRange,
@@ -267,12 +540,18 @@ STATES: dict[str, type[_State]] = {
     "chips": Chips,
     "legend": Legend,
     "beat": Beat,
+    "saving": Saving,
+    "typing": Typing,
+    "linking": Linking,
+    "hints": Hints,
 }
 """By the name under which each is sent; None in place of one takes it away."""
 
 PageState = (
-    Layout | Skeleton | Keypoints | Style | Selection | Timeline | Marks | Fit | ChosenRange | Cursor | Keys
-) | (Notice | Chips | Legend | Beat | Provenance)
+    (Layout | Side | Skeleton | Keypoints | Style | Selection | Trail | Focus | Bodies | Space | Legend)
+    | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
+    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Hints)
+)
 
 
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:
@@ -280,14 +559,25 @@ def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]
     return tuple((x, y) for x, y in np.round(np.asarray(xy, float), 2).tolist())
 
 
+def triple(values: Float[np.ndarray, "3"]) -> Triple:
+    """Three numbers as they are."""
+    x, y, z = np.asarray(values, float).tolist()
+    return x, y, z
+
+
+def points_in_space(points: Float[np.ndarray, "n 3"]) -> tuple[Triple | None, ...]:
+    """Points in metres, to a tenth of a millimetre; None where they are not finite."""
+    return tuple(triple(point) if np.isfinite(point).all() else None for point in np.round(points, 4))
+
+
 def shares(confidence: ArrayLike) -> tuple[float, ...]:
     """Confidences, to a thousandth."""
     return tuple(np.round(np.asarray(confidence, float), 3).tolist())
 
 
-def curve_values(values: Float[np.ndarray, " T"]) -> tuple[float | None, ...]:
-    """Values for a curve, to four digits; None where they are not finite."""
-    return tuple(float(f"{v:.4g}") if np.isfinite(v) else None for v in np.asarray(values, float).tolist())
+def curve_values(values: Float[np.ndarray, " T"], digits: int = 4) -> tuple[float | None, ...]:
+    """Values for a curve, to so many digits; None where they are not finite."""
+    return tuple(float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in np.asarray(values, float).tolist())
 
 
 def spans(frames: ArrayLike) -> tuple[Span, ...]:

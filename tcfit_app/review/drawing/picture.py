@@ -3,18 +3,23 @@
 from collections.abc import Hashable
 
 import numpy as np
-from jaxtyping import Float
 
-from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares
+from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares, triple
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
+from tcfit_app.review.browser.page_states import Space as SpaceState
+from tcfit_app.review.drawing.around import AroundPart
+from tcfit_app.review.drawing.joints import JointsPart
+from tcfit_app.review.drawing.side import SidePart
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
-from tcfit_app.review.scene.poster import PLATE, Poster, Posters, poster_places
-from tcfit_app.review.scene.space import Space, extent
-from tcfit_app.review.shared.desk import Drawn
+from tcfit_app.review.scene.poses import Window
+from tcfit_app.review.scene.poster import PICTURE_NODES, PLATE, SIDE_NODE, Poster, Posters, body_nodes
+from tcfit_app.review.scene.room import Room
+from tcfit_app.review.scene.side_view import direction_text
+from tcfit_app.review.scene.space import Space, offsets
+from tcfit_app.review.shared.drawing_data import Drawn
 from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
 from tcfit_app.review.tab.playback import coming
 from tcfit_app.review.tab.tab import Tab
@@ -24,8 +29,8 @@ _AHEAD = 24
 _LEGEND_COLORS = 9
 _LEGEND_HEIGHT = 34.0
 """CSS pixels that posters leave free for the colour bar below them."""
-_SAMPLED = 120
-"""Frames of a clip, at most, whose whole bodies the 3D camera is fitted to: 0.1 s."""
+_SIDE_COLOR = "#8a94a3"
+"""Of the side view's name."""
 _COLORS: dict[Side, RGB] = dict(zip(SIDES, RUN_COLORS, strict=True))
 _OTHER: dict[Side, Side] = {"a": "b", "b": "a"}
 
@@ -34,9 +39,12 @@ class Picture:
     """Draws one tab's picture; asked again and again, it sends what changed."""
 
     def __init__(self, tab: Tab) -> None:
-        self._tab, self._desk = tab, tab.desk
+        self._tab, self._data = tab, tab.data
         self._size = (0, 0)
         self._image: FrameImage | None = None
+        self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
+        self._room: Room | None = None
+        """Of the fit on show; while another one is made, the last."""
         self._layers: dict[Hashable, BodyLayer] = {}
         self._compared = False
         """Whether colours tell how far A and B lie apart."""
@@ -55,9 +63,10 @@ class Picture:
             return False
         self.problem = ""
         bodies = self._bodies(shown)
-        self._compared = any(body.values is not None for body in bodies.values())
+        self._compared = self._tab.state.bodies and any(body.values is not None for body in bodies.values())
         with tab.client.atomic():
             self._draw_scene(image, shown, bodies)
+            self._around.draw(shown)
             self._draw_keypoints()
         if tab.sent.differs("flushed", shown.frame, shown.revision):
             tab.client.flush()  # viser would wait 16 ms for more
@@ -67,7 +76,7 @@ class Picture:
 
     def _frame_image(self) -> FrameImage | None:
         """The video's frame, the last one while a paused one is still to come."""
-        tab, state, video = self._tab, self._tab.state, self._desk.video
+        tab, state, video = self._tab, self._tab.state, self._data.video
         if not state.video:
             return PLATE
         if state.playing:
@@ -85,21 +94,22 @@ class Picture:
     # --- bodies ---
 
     def _bodies(self, shown: OnShow) -> dict[Side, BodyLayer]:
-        """The bodies that are drawn."""
-        if self._desk.warming or not self._tab.state.bodies:
+        """The bodies on show; if they are hidden, those whose keypoints are on show in the side view or in 3D."""
+        state = self._tab.state
+        if self._data.warming or not (state.bodies or self._side.wanted(shown) or state.mode == "space"):
             return {}
         sides: list[Side] = [side for place in shown.places for side in place]
         try:
-            return {side: self._body(shown, side, fit) for side in sides if (fit := shown.fit(side)) is not None}
+            return {side: self._body(shown, side, fit) for side in sides if (fit := shown.with_body(side)) is not None}
         except InputError as error:
             self.problem = str(error)
             return {}
 
     def _body(self, shown: OnShow, side: Side, fit: Shown) -> BodyLayer:
-        state, desk = self._tab.state, self._desk
-        drawn = desk.body(fit, shown.frame, shown.live_of(side))
+        state, data = self._tab.state, self._data
+        drawn = data.body(fit, shown.frame, shown.live_of(side))
         compared = self._compared_with(shown, _OTHER[side], drawn) if state.difference else None
-        look = (_COLORS[side], state.opacity, state.wireframe, compared.version if compared else None)
+        look = (_COLORS[side], state.opacity, state.wireframe, state.outline, compared.version if compared else None)
         key = (drawn.version, fit.camera, *look)
         if key not in self._layers:
             values = None if compared is None else vertex_distances(drawn.vertices, compared.vertices) / 1e3
@@ -107,51 +117,70 @@ class Picture:
                 self._layers.clear()
             self._layers[key] = BodyLayer(
                 vertices=drawn.vertices,
-                faces=desk.meshes(fit).faces,
+                faces=data.meshes(fit).faces,
                 color=_COLORS[side],
                 camera=fit.camera,
                 opacity=state.opacity,
                 wireframe=state.wireframe,
+                outline=state.outline,
                 values=values,
             )
         return self._layers[key]
 
     def _compared_with(self, shown: OnShow, other: Side, drawn: Drawn) -> Drawn | None:
         """The other side's body, if it has the same vertices."""
-        fit = shown.fit(other)
-        found = None if fit is None else self._desk.body(fit, shown.frame, shown.live_of(other))
+        fit = shown.with_body(other)
+        found = None if fit is None else self._data.body(fit, shown.frame, shown.live_of(other))
         return found if found is not None and found.vertices.shape == drawn.vertices.shape else None
 
     # --- the scene ---
 
     def _draw_scene(self, image: FrameImage, shown: OnShow, bodies: dict[Side, BodyLayer]) -> None:
         tab, mode = self._tab, self._tab.state.mode
-        layers = [tuple(bodies[side] for side in place if side in bodies) for place in shown.places]
-        clip = tab.session.project.clip.camera
-        if mode == "space":
-            self._show(self._space(image, shown, layers[0]))
-        else:
-            self._show(Posters(camera=clip, posters=tuple(Poster(image=image, bodies=made) for made in layers)))
+        if bodies and shown.held is not None:  # without any the body model may be missing, as is told then
+            self._room = self._data.room(shown.held, shown.held) or self._room
+        self._joints.tell(shown, bodies, self._room)
+        drawn = bodies if tab.state.bodies else {}
+        layers = [tuple(drawn[side] for side in place if side in drawn) for place in shown.places]
         labels = tuple((self._label(shown, side), css(_COLORS[side])) for place in shown.places for side in place)
-        if tab.sent.differs("layout", mode, labels):
-            tab.channel.send("layout", _layout(clip, labels, flat=mode != "space"))
+        if mode == "space":
+            self._show(space := self._space(image, shown, layers[0]))
+            self._tell_space(space, bodies)
+            if tab.sent.differs("layout", mode, labels):
+                posters = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in labels)
+                tab.channel.send("layout", Layout(mode="space", posters=posters))
+            return
+        side = self._side.poster(shown, drawn, self._room) if self._side.wanted(shown) else None
+        posters = tuple(Poster(image=image, bodies=made) for made in layers)
+        snapshot = Posters(
+            camera=tab.session.project.clip.camera, posters=posters, side=side, arrangement=tab.arrangement
+        )
+        self._show(snapshot)
+        named = labels if side is None else (*labels, (direction_text(tab.state.side_from), _SIDE_COLOR))
+        layout = poster_layout(snapshot, named, tab.scene.cameras.window, clipped=tab.clipped)
+        if tab.sent.differs("layout", layout):
+            tab.channel.send("layout", layout)
+        if side is not None:
+            self._side.tell(shown, side.view, bodies if self._room is not None else {})
 
     def _space(self, image: FrameImage, shown: OnShow, layers: tuple[BodyLayer, ...]) -> Space:
-        there = [fit for fit in (shown.a, shown.b) if fit is not None]
+        there = [fit for side in SIDES if (fit := shown.with_body(side)) is not None] if layers else []
+        rooms = [self._data.room(fit, shown.held or fit) for fit in there]
         return Space(
             camera=shown.camera,
             bodies=layers,
-            extents=tuple(map(self._extent, there)) if layers else (),
+            extents=tuple(None if room is None else room.extent for room in rooms),
             image=image,
-            ground=None if shown.b is None else self._desk.ground(shown.b),
+            turn=np.eye(3) if self._room is None else self._room.turn,
+            ground=None if self._room is None else self._room.floor,
             apart=self._tab.state.apart,
         )
 
-    def _extent(self, fit: Shown) -> Float[np.ndarray, "2 3"] | None:
-        """Where a fit's body is in the clip; None while that is made."""
-        meshes, step = self._desk.meshes(fit), -(-len(fit.params) // _SAMPLED)
-        key = ("extent", fit.run.id, fit.phase, fit.revision)
-        return self._desk.tasks.get(key, lambda: extent(meshes.batch(fit.params[::step])))
+    def _tell_space(self, space: Space, bodies: dict[Side, BodyLayer]) -> None:
+        count = sum(body.problem is None for body in bodies.values())
+        if self._tab.sent.differs("space", self._room, space.apart, count):
+            x, y, z = (triple(row) for row in space.turn)
+            self._tab.channel.send("space", SpaceState(turn=(x, y, z), offsets=offsets(count, space.apart)))
 
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
@@ -163,7 +192,8 @@ class Picture:
     @staticmethod
     def _label(shown: OnShow, side: Side) -> str:
         fit = shown.fit(side)
-        return f"{side.upper()}   {'no fit yet' if fit is None else fit.title}"
+        title = "no fit yet" if fit is None else fit.title if fit.has(shown.frame) else f"{fit.title}: not here yet"
+        return f"{side.upper()}   {title}"
 
     def _draw_keypoints(self) -> None:
         tab, state = self._tab, self._tab.state
@@ -175,6 +205,7 @@ class Picture:
             bones=state.keypoints and state.bones,
             minimum=state.minimum,
             ghosts=state.detections,
+            hand_along=state.hand_along,
         )
         if tab.sent.differs("style", style):
             tab.channel.send("style", style)
@@ -194,11 +225,28 @@ class Picture:
         tab.channel.send("keypoints", keypoints)
 
 
-def _layout(clip: Camera, labels: tuple[tuple[str, str], ...], *, flat: bool) -> Layout:
-    """Where the posters are, or that there is a room, and what they are called."""
-    places = poster_places(len(labels), clip.size) if flat else (0.0,) * len(labels)
-    posters = tuple(PosterPlace(x=x, label=label, color=c) for x, (label, c) in zip(places, labels, strict=True))
-    return Layout(mode="poster", image=clip.size, posters=posters) if flat else Layout(mode="space", posters=posters)
+def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas: Window, *, clipped: bool) -> Layout:
+    """Where the posters are, and what they are called."""
+    division = snapshot.divide(canvas)
+    pictures = len(snapshot.posters)
+    nodes = (*PICTURE_NODES[:pictures], SIDE_NODE)
+    posters = tuple(
+        PosterPlace(
+            node=node,
+            bodies=body_nodes(node),
+            window=(left / canvas.width, top / canvas.height, right / canvas.width, bottom / canvas.height),
+            width=snapshot.width if snapshot.side is None or i < pictures else snapshot.side.view.width,
+            kind="picture" if i < pictures else "side",
+            clipped=clipped or i >= pictures,
+            label=label,
+            color=color,
+        )
+        for i, (node, (left, top, right, bottom), (label, color)) in enumerate(
+            zip(nodes, division.windows, named, strict=False)
+        )
+    )
+    wipe = pictures == 2 and division.arrangement == "wipe"
+    return Layout(mode="poster", image=snapshot.camera.size, posters=posters, wipe=wipe)
 
 
 _SHADES = color_table()[np.linspace(0, 255, _LEGEND_COLORS).astype(int)].tolist()

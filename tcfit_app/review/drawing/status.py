@@ -1,11 +1,11 @@
 """What one tab says over its picture: what is being fitted, what was saved, what is wrong."""
 
+from collections.abc import Sequence
+
+from tcfit_app.fitting.fits import TITLES
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
-
-PHASES = {1: "every frame", 2: "shape", 3: "over time"}
-"""Phases in few words."""
 
 
 class Status:
@@ -32,7 +32,7 @@ class Status:
             chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
-        if session.following.busy and not self._correcting.dragging:
+        if session.edit_follower.busy and not self._correcting.dragging:
             chips.append(Chip(text="The fit follows", kind="busy"))
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
@@ -40,8 +40,8 @@ class Status:
             chips.append(self._keypoint_chip())
         elif not session.jobs and not session.fits.showable():
             chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
-        media = session.project.media.problem or tab.desk.video.problem_of(tab.state.frame)
-        for text in (media, problem):
+        media = session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
+        for text in (damage_in_short(session.project.damage), media, problem):
             if text:
                 chips.append(Chip(text=text, kind="warning"))
         text, until = tab.message
@@ -66,13 +66,20 @@ class Status:
         return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 
 
+def damage_in_short(damage: Sequence[str]) -> str:
+    """What is damaged in a project, in one line; empty if nothing is."""
+    if len(damage) < 2:
+        return "".join(f"Damaged: {text}" for text in damage)
+    return f"Damaged: {damage[0]}, and {len(damage) - 1} more, which the panel Review lists"
+
+
 def progress_chip(job: RunningJob) -> Chip:
     """How far a running job is, in one line."""
     progress = job.progress
     if progress is None:
-        return Chip(text=f"{job.title}: begins", kind="busy")
+        return Chip(text=f"{job.title}: starting", kind="busy")
     left = "" if progress.remaining is None else f", {duration(progress.remaining)} left"
-    text = f"{job.title}: {PHASES[progress.phase]}, {progress.label}{left}"
+    text = f"{job.title}: {TITLES[progress.phase]}, {progress.label}{left}"
     return Chip(text=text, kind="busy", progress=round(progress.share, 2))
 
 

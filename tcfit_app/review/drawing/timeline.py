@@ -1,22 +1,25 @@
-"""The timeline of one tab: curves of the runs on show, marks, the running fit, selected frames and the cursor."""
+"""The timeline of one tab: its rows, marks, the running fit, selected frames and the cursor."""
+
+import textwrap
+from collections.abc import Iterable
 
 import numpy as np
 
 from fitting_core.fit.provenance import Provenance
-from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve, peaks
+from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.analysis.curves import peaks
+from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.review.browser import page_states as states
-from tcfit_app.review.browser.page_states import FitSpan, curve_values, spans
-from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.browser.page_states import FitSpan, spans
+from tcfit_app.review.drawing.menus import frame_menus, picture_menus
+from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot
+from tcfit_app.review.drawing.thumbnails import Thumbnails
 from tcfit_app.review.tab.tab import Tab
 
-PLOTTED: dict[str, tuple[str, str]] = {
-    **{name: (kind.title, kind.unit) for name, kind in CURVES.items()},
-    BETWEEN: ("Distance between A and B", "mm"),
-}
-"""Title and unit of everything that the timeline can plot, by the curve's name."""
-_BETWEEN_COLOR = "#c9a3ff"
+_NOTE_CHARACTERS = 160
+"""Of a note that are shown under the pointer."""
 
 
 class Timeline:
@@ -24,8 +27,13 @@ class Timeline:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._last: dict[str, Curve] = {}
-        """The curves on show, by "a" and "b": they stay until newer ones are there."""
+        self._rows, self._thumbnails = Rows(tab), Thumbnails(tab)
+        self._suspects: tuple[Suspect, ...] = ()
+        """Those of the last queue that was found."""
+
+    def plot(self, name: str, *, shown: bool) -> None:
+        """Add a row of PLOTS, or take one away. Raises InputError if there are too many."""
+        self._tab.set(plots=with_plot(self._tab.state.plots, name, shown=shown))
 
     def draw(self) -> None:
         """Send what changed."""
@@ -36,55 +44,23 @@ class Timeline:
             frames = state.frames
             chosen = None if frames is None else states.ChosenRange(first=frames[0], last=frames[-1])
             tab.channel.send("range", chosen)
-        self._draw_curves()
+        self._draw_strip()
+        self._rows.draw()
+        self._thumbnails.draw()
         self._draw_marks()
+        self._draw_keyframes()
+        self._draw_suspicions()
+        self._draw_menus()
         self._draw_provenance()
         self._draw_fit()
 
-    def _draw_curves(self) -> None:
-        tab, state = self._tab, self._tab.state
-        lines = self._between() if state.curve == BETWEEN else self._of_each()
-        clip = tab.session.project.clip
-        if tab.sent.differs("timeline", state.curve, *((title, id(found)) for title, _, found in lines)):
-            title, unit = PLOTTED[state.curve]
-            timeline = states.Timeline(
-                length=tab.length,
-                frame_rate=clip.frame_rate,
-                first_frame=clip.first_frame,
-                title=title,
-                unit=unit,
-                curves=tuple(
-                    states.Curve(label=label, color=color, values=curve_values(c.values)) for label, color, c in lines
-                ),
+    def _draw_strip(self) -> None:
+        tab, clip = self._tab, self._tab.session.project.clip
+        if tab.sent.differs("timeline"):
+            strip = states.Timeline(
+                length=tab.length, frame_rate=clip.frame_rate, first_frame=clip.first_frame, choices=CHOICES
             )
-            tab.channel.send("timeline", timeline)
-
-    def _of_each(self) -> list[tuple[str, str, Curve]]:
-        """Label, colour and curve of the runs on show."""
-        tab = self._tab
-        lines = []
-        for side, color in zip(SIDES, RUN_COLORS, strict=True):
-            shown = tab.shown.fit(side)
-            made = None if shown is None else tab.desk.curve(tab.state.curve, shown)
-            found = self._latest(side, made)
-            if shown is not None and found is not None:
-                lines.append((shown.title, css(color), found))
-        return lines
-
-    def _between(self) -> list[tuple[str, str, Curve]]:
-        tab = self._tab
-        a, b = tab.shown.a, tab.shown.b
-        if a is None or b is None:
-            return []
-        found = self._latest("b", tab.desk.between(a, b))
-        return [] if found is None else [(f"{a.title} to {b.title}", _BETWEEN_COLOR, found)]
-
-    def _latest(self, name: str, found: Curve | None) -> Curve | None:
-        """A curve, or the last one of its kind until a newer one is there."""
-        if found is not None:
-            self._last[name] = found
-        last = self._last.get(name)
-        return last if last is not None and last.name == self._tab.state.curve else None
+            tab.channel.send("timeline", strip)
 
     def _draw_marks(self) -> None:
         tab, apart = self._tab, self._apart()
@@ -93,11 +69,12 @@ class Timeline:
         corrected, marks = tab.session.project.corrected, tab.session.project.marks.all()
         by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
         found = states.Marks(
-            edited=spans(np.flatnonzero(corrected.edited.any(1))),
+            edited=spans(np.flatnonzero((corrected.edited | np.isfinite(corrected.depth) | corrected.locked).any(1))),
             bad=spans(np.flatnonzero(corrected.bad.any(1))),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
             apart=spans(sorted(apart)),
+            notes=tuple(map(written, tab.session.project.notes)),
         )
         tab.channel.send("marks", found)
 
@@ -107,8 +84,31 @@ class Timeline:
         a, b = tab.shown.a, tab.shown.b
         if a is None or b is None or a.result is None or b.result is None or a == b:
             return ()
-        found = tab.desk.distances(a, b)
+        found = tab.data.distances(a, b)
         return () if found is None else tuple(peaks(found.values))
+
+    def _draw_keyframes(self) -> None:
+        tab, joints = self._tab, self._tab.state.selection
+        if tab.sent.differs("keyframes", tab.session.edits, joints):
+            key = tab.session.project.corrected.key
+            chosen = key[:, list(joints)] if joints else key
+            tab.channel.send("keyframes", keyframes(np.flatnonzero(chosen.any(1)), joints))
+
+    def _draw_suspicions(self) -> None:
+        tab, shown = self._tab, self._tab.shown.b
+        found = () if shown is None else tab.data.suspects(shown)
+        if found is not None:
+            self._suspects = found
+        if tab.sent.differs("suspicions", id(self._suspects)):
+            tab.channel.send("suspicions", suspicions(self._suspects))
+
+    def _draw_menus(self) -> None:
+        menus = frame_menus(self._tab)
+        if self._tab.sent.differs("frame menus", menus):
+            self._tab.channel.send("frame_menus", menus)
+        in_picture = picture_menus(self._tab)
+        if self._tab.sent.differs("picture menus", in_picture):
+            self._tab.channel.send("picture_menus", in_picture)
 
     def _draw_provenance(self) -> None:
         tab = self._tab
@@ -137,12 +137,41 @@ def origins(label: str, provenance: Provenance) -> states.Origins:
     return states.Origins(label=label, texts=texts, which=tuple(which.tolist()))
 
 
+def written(note: Note) -> states.WrittenNote:
+    """A note as the timeline has it."""
+    text = textwrap.shorten(note.text, _NOTE_CHARACTERS, placeholder=" …")
+    return states.WrittenNote(first=note.frames[0], last=note.frames[-1], text=text)
+
+
+def keyframes(frames: Iterable[int], joints: tuple[int, ...]) -> states.Keyframes:
+    """Frames with keyframes of some keypoints, or of any."""
+    subject = "a keypoint" if not joints else f"one of {len(joints)} selected keypoints"
+    if len(joints) == 1:
+        subject = full_name(joints[0])
+    return states.Keyframes(frames=tuple(int(frame) for frame in frames), subject=subject)
+
+
+def suspicions(suspects: Iterable[Suspect]) -> states.Suspicions:
+    """The review queue as the timeline has it."""
+    found = (
+        states.Suspicion(
+            first=suspect.frames[0],
+            last=suspect.frames[-1],
+            frame=suspect.frame,
+            kind=suspect.kind,
+            score=round(suspect.score, 2),
+            reason=suspect.reason,
+        )
+        for suspect in sorted(suspects, key=lambda suspect: suspect.frame)
+    )
+    return states.Suspicions(found=tuple(found))
+
+
 def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:
     """How far a job is with each of its frames."""
-    if job.phase in (None, 1):
-        return [FitSpan(first=frames[0], last=frames[-1], state="fitting")]
     if job.phase == 2:
         return [FitSpan(first=frames[0], last=frames[-1], state="phase1")]
-    done = [FitSpan(first=w.start, last=w.stop - 1, state="done") for w in job.windows]
+    now, rest = ("done", "phase2") if job.phase == 3 else ("phase1", "fitting")
+    done = [FitSpan(first=w.start, last=w.stop - 1, state=now) for w in job.windows]
     start = max((w.stop for w in job.windows), default=frames.start)
-    return [*done, FitSpan(first=start, last=frames[-1], state="phase2")] if start < frames.stop else done
+    return [*done, FitSpan(first=start, last=frames[-1], state=rest)] if start < frames.stop else done

@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from jaxtyping import Float
-
-from fitting_core.errors import InputError
 from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
 from tcfit_app.review.gestures.fitting import Fitting
+from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
-from tcfit_app.review.tab.state import MODES
+from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
+from tcfit_app.review.scene.windows import ARRANGEMENTS
+from tcfit_app.review.tab.state import MODES, OPACITIES, SIDES_SEEN
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -21,6 +21,8 @@ class Gestures:
     def __init__(self, tab: Tab) -> None:
         self.tab = tab
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
+        self.depth = CorrectingDepth(tab, self.correcting)
+        self.noting = Noting(tab)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +45,8 @@ NAMES = {
     "ArrowUp": "↑",
     "ArrowDown": "↓",
     "Escape": "Esc",
+    "Comma": ",",
+    "Period": ".",
     "BracketLeft": "[",
     "BracketRight": "]",
     "Slash": "/",
@@ -62,6 +66,8 @@ class Action:
     """What it and its neighbours of the same family do together: they share a line in lists of keys."""
     repeats: bool = False
     """Whether it goes on while its key is held down."""
+    held: bool = False
+    """The page does it as long as its key is held down: it is nothing for the command palette."""
 
     @property
     def key_text(self) -> str | None:
@@ -75,6 +81,27 @@ def _keys(*codes: str, shift: bool = False, ctrl: bool = False) -> tuple[Key, ..
 
 def _toggle(name: str) -> Callable[[Gestures], None]:
     return lambda g: g.tab.set(**{name: not getattr(g.tab.state, name)})
+
+
+def _change_opacity(tab: Tab, more: float) -> None:
+    least, most = OPACITIES
+    tab.set(opacity=round(min(max(tab.state.opacity + more, least), most), 2))
+
+
+def _rearrange(gestures: Gestures) -> None:
+    """A and B beside each other, stacked, in one picture, and again from the start; elsewhere to A | B."""
+    tab, ways = gestures.tab, tuple(ARRANGEMENTS)
+    if tab.state.mode != "ab":
+        tab.set(mode="ab")
+        return
+    tab.set(arrangement=ways[(ways.index(tab.arrangement) + 1) % len(ways)])
+
+
+def _turn_side(gestures: Gestures) -> None:
+    """Left, right, top, and again from the start; one that is off is switched on."""
+    tab = gestures.tab
+    named = SIDES_SEEN.index(tab.state.side_from) if tab.state.side_from in SIDES_SEEN else -1
+    tab.set(side=True, side_from=SIDES_SEEN[(named + tab.state.side) % len(SIDES_SEEN)])
 
 
 def _escape(gestures: Gestures) -> None:
@@ -98,14 +125,14 @@ _PLAYING = {
             title=title,
             run=lambda g, frames=frames: g.tab.step(frames),
             keys=_keys(code, shift=abs(frames) > 1),
-            family="A frame back, on" if abs(frames) == 1 else f"{abs(frames)} frames back, on",
+            family="Previous, next frame" if abs(frames) == 1 else f"{abs(frames)} frames back, forward",
             repeats=True,
         )
         for name, title, frames, code in (
             ("previous", "Previous frame", -1, "ArrowLeft"),
             ("next", "Next frame", 1, "ArrowRight"),
             ("previous10", "10 frames back", -10, "ArrowLeft"),
-            ("next10", "10 frames on", 10, "ArrowRight"),
+            ("next10", "10 frames forward", 10, "ArrowRight"),
         )
     },
     "first": Action(
@@ -127,12 +154,35 @@ _VIEW = {
         for number, (mode, name) in enumerate(MODES.items(), 1)
     },
     "blink": Action(title="Blink: A in B's place", run=_toggle("blinked"), keys=_keys("KeyB")),
+    "arrangement": Action(title="A | B: side by side, stacked or wipe", run=_rearrange, keys=_keys("KeyW")),
     "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("KeyM")),
     "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("KeyK")),
+    "peek": Action(title="Video only, while held", run=lambda g: None, keys=_keys("KeyP"), held=True),
+    **{
+        name: Action(
+            title=f"{word} opacity",
+            run=lambda g, more=more: _change_opacity(g.tab, more),
+            keys=_keys(code),
+            family="Less, more opacity",
+            repeats=True,
+        )
+        for name, word, more, code in (("fainter", "Less", -0.1, "Comma"), ("denser", "More", 0.1, "Period"))
+    },
     "wireframe": Action(title="Wireframe on or off", run=_toggle("wireframe"), keys=_keys("KeyG")),
+    "outline": Action(title="Outline on or off", run=_toggle("outline"), keys=_keys("KeyU")),
     "difference": Action(title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD")),
-    "fit_view": Action(title="Whole picture", run=lambda g: g.tab.scene.cameras.reset(), keys=_keys("KeyF")),
+    "side": Action(title="Side view on or off", run=_toggle("side"), keys=_keys("KeyV")),
+    "turn_side": Action(title="Side view from the next side", run=_turn_side, keys=_keys("KeyV", shift=True)),
+    "fit_view": Action(title="Whole picture", run=lambda g: show_whole(g.tab), keys=_keys("KeyF")),
     "zoom": Action(title="Zoom to the selected keypoints", run=lambda g: zoom_to_selection(g.tab), keys=_keys("KeyZ")),
+    "close_up": Action(
+        title="Close-up that follows: right hand, left hand, face, off",
+        run=lambda g: next_close_up(g.tab),
+        keys=_keys("KeyE"),
+    ),
+    "trail": Action(title="Trail of the selected keypoints on or off", run=_toggle("trail"), keys=_keys("KeyJ")),
+    "save_picture": Action(title="Save the picture", run=lambda g: g.tab.save_picture()),
+    "first_steps": Action(title="Show the first steps", run=lambda g: g.tab.show_first_steps()),
     "help": Action(title="Show all keys", run=_toggle("keys"), keys=_keys("KeyH")),
 }
 _KEYPOINTS = {
@@ -144,12 +194,33 @@ _KEYPOINTS = {
         title="Copy from the previous frame", run=lambda g: g.correcting.copy_previous(), keys=_keys("KeyC")
     ),
     "interpolate": Action(title="Interpolate", run=lambda g: g.correcting.interpolate(), keys=_keys("KeyI")),
+    "keyframes": Action(title="Keyframes on or off", run=_toggle("keyframes"), keys=_keys("KeyA")),
+    "delete_key": Action(
+        title="Delete the keyframe",
+        run=lambda g: g.correcting.delete_key(),
+        keys=_keys("Backspace", "Delete", shift=True),
+    ),
+    "hand_along": Action(title="The hand goes with its wrist, or not", run=_toggle("hand_along")),
     "swap_body": Action(
         title="Swap left and right of the body", run=lambda g: g.correcting.swap_sides("body"), keys=_keys("KeyS")
     ),
     "swap_hands": Action(
         title="Swap the hands", run=lambda g: g.correcting.swap_sides("hands"), keys=_keys("KeyS", shift=True)
     ),
+    "mirror_depth": Action(
+        title="Mirror in depth", run=lambda g: g.depth.send("mirror"), keys=_keys("KeyM", shift=True)
+    ),
+    "in_front": Action(title="Put in front of shoulder or hip", run=lambda g: g.depth.send("front")),
+    "behind": Action(title="Put behind shoulder or hip", run=lambda g: g.depth.send("behind")),
+    "interpolate_depth": Action(title="Interpolate depth", run=lambda g: g.depth.interpolate_depth()),
+    "pin": Action(
+        title="Pin in space over the selected frames", run=lambda g: g.depth.pin(), keys=_keys("KeyP", shift=True)
+    ),
+    "lock": Action(
+        title="Lock the joint as it is turned", run=lambda g: g.depth.lock(), keys=_keys("KeyL", shift=True)
+    ),
+    "unlock": Action(title="Unlock the joint", run=lambda g: g.depth.unlock()),
+    "clear_depth": Action(title="Clear depth", run=lambda g: g.depth.clear_depth()),
     **{
         f"nudge_{name}": Action(
             title=f"Nudge {name} by 1 px",
@@ -204,6 +275,8 @@ _FRAMES = {
     ),
     "fine": Action(title="Looks fine, or not", run=lambda g: g.reviewing.dismiss(), keys=_keys("KeyO")),
     "flag": Action(title="Flag, or not", run=lambda g: g.reviewing.flag(), keys=_keys("KeyT")),
+    "note": Action(title="Write a note", run=lambda g: g.noting.begin(), keys=_keys("KeyY")),
+    "copy_link": Action(title="Copy a link to this frame and fit", run=lambda g: g.noting.copy_link()),
 }
 _FIT = {
     "rerun": Action(title="Re-run the selected frames", run=lambda g: g.fitting.frames(), keys=_keys("KeyR")),
@@ -229,32 +302,7 @@ ACTIONS: dict[str, Action] = {
 def bindings() -> tuple[KeyBinding, ...]:
     """All keys, as the page wants them."""
     return tuple(
-        KeyBinding(key=key.code, action=name, shift=key.shift, ctrl=key.ctrl)
+        KeyBinding(key=key.code, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
         for name, action in ACTIONS.items()
         for key in action.keys
     )
-
-
-_LEAST_MARGIN, _MARGIN = 1 / 12, 1 / 4
-"""Around keypoints that are zoomed to: of the image's diagonal at least, and of their own extent."""
-
-
-def zoom_to_selection(tab: Tab) -> None:
-    """Zoom to the selected keypoints. Raises InputError without any that are in the picture."""
-    if not tab.state.selection or tab.state.mode == "space":
-        raise InputError("Select keypoints in Edit or A | B first: the view then zooms to them.")
-    chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))
-    # Undetected ones lie at (0, 0), and so do copies of them.
-    xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
-    if not len(xy):
-        raise InputError("None of the selected keypoints was detected in this frame: there is nothing to zoom to.")
-    low, high = surroundings(xy, tab.session.project.clip.camera.size)
-    tab.scene.zoom_to((*low.tolist(), *high.tolist()))
-
-
-def surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[np.ndarray, "2 2"]:
-    """A rectangle around points, with a margin as far as the image goes: first its least, then its largest corner."""
-    low, high = xy.min(0), xy.max(0)
-    margin = max(_LEAST_MARGIN * float(np.hypot(*size)), _MARGIN * float((high - low).max()))
-    inside = np.array([np.maximum(low - margin, 0), np.minimum(high + margin, size)])
-    return np.array([np.minimum(inside[0], low), np.maximum(inside[1], high)])

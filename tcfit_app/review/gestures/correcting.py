@@ -1,15 +1,20 @@
 """Correcting keypoints in one tab: what its gestures and keys mean for the log of edits."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.body.model import JOINT
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, GROUPS
-from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.fitting.fits import Shown
+from tcfit_app.fitting.live import Target
 from tcfit_app.fitting.worker import Drag
-from tcfit_app.project.edits.edit_log import LogEntry, Redo, Undo
+from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Undo
 from tcfit_app.project.edits.kinds import (
+    MAX_DEPTH,
     SIDES,
     CopyFrom,
     Edit,
@@ -17,6 +22,7 @@ from tcfit_app.project.edits.kinds import (
     MarkBad,
     MoveKeypoint,
     Nudge,
+    PlaceKey,
     Reset,
     Restore,
     SetConfidence,
@@ -24,20 +30,26 @@ from tcfit_app.project.edits.kinds import (
 )
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_events import Drag as DragEvent
+from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
+from tcfit_app.review.gestures.edit_words import FEW, describe
+from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
 from tcfit_app.review.tab.tab import Tab
 
-_FEW = 3
-"""Keypoints that are named one by one."""
 
-
+@dataclass(kw_only=True, eq=False)
 class _Dragging:
     """Keypoints under the pointer."""
 
-    def __init__(self, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"], shown: Shown | None) -> None:
-        self.frame, self.joints, self.start, self.shown = frame, joints, xy, shown
-        self.xy = xy
-        self.follower: Drag | None = None
-        """What the fit follows; None: there is no fit that could."""
+    frame: int
+    joints: tuple[int, ...]
+    start: Target
+    """Where they were at the press."""
+    target: Target
+    """Where they are now."""
+    in_depth: bool = False
+    shown: Shown | None
+    drag: Drag | None = None
+    """What the fit follows; None: there is no fit that could."""
 
 
 class Correcting:
@@ -52,142 +64,203 @@ class Correcting:
         """Whether keypoints are under this tab's pointer."""
         return self._dragging is not None
 
-    def take(self, event: DragEvent) -> None:
+    def take(self, event: DragEvent | DragDepthEvent) -> None:
         """A drag in the page begins, goes on or ends."""
         if event.phase == "start":
             self._begin(event)
-        dragging = self._dragging
-        if dragging is None:
+        dragging, in_depth = self._dragging, isinstance(event, DragDepthEvent)
+        if dragging is None or dragging.in_depth != in_depth:
             return
-        dragging.xy = dragging.start + np.array([event.dx, event.dy])
+        by = np.array([event.metres]) if isinstance(event, DragDepthEvent) else np.array([event.dx, event.dy])
+        dragging.target = dragging.start + by
+        if in_depth:
+            dragging.target = np.clip(dragging.target, -MAX_DEPTH, MAX_DEPTH)
         if event.phase == "cancel":
             self.abandon()
         elif event.phase == "end":
             self._release(dragging)
-        elif dragging.follower is not None:
-            dragging.follower.move(dragging.xy)
+        elif dragging.drag is not None:
+            dragging.drag.move(dragging.target)
 
-    def _begin(self, event: DragEvent) -> None:
+    def _begin(self, event: DragEvent | DragDepthEvent) -> None:
         self.abandon()
         tab = self._tab
-        if not event.joints or event.frame >= tab.length:
+        if event.frame >= tab.length:
             return
         tab.refuse_read_only()
         tab.session.refuse_without_keypoints()
+        tab.pause()
+        if isinstance(event, DragDepthEvent):
+            self._begin_in_depth(event)
+        elif event.joints:
+            self._begin_in_image(event)
+
+    def _begin_in_depth(self, event: DragDepthEvent) -> None:
+        tab = self._tab
+        frame, joints, on_show = event.frame, (event.joint,), tab.look()
+        seen = on_show.b if any("b" in place for place in on_show.places) else on_show.a
+        if seen is None or not seen.has(frame):
+            return
+        self.refuse_bad((frame,), joints)
+        body, params = tab.session.bodies.of(seen.run.body), seen.params[[frame]]
+        depth = keypoints_in_space(body, params)[0][0, list(joints), 2]
+        start = depth - joints_in_space(body, params)[0, JOINT["pelvis"], 2]
+        self._dragging = _Dragging(
+            frame=frame, joints=joints, start=start, target=start, in_depth=True, shown=on_show.b
+        )
+        if on_show.b is not None:
+            follower = tab.session.edit_follower
+            self._dragging.drag = follower.begin_drag(on_show.b, frame, joints, start, in_depth=True)
+
+    def _begin_in_image(self, event: DragEvent) -> None:
+        tab = self._tab
         corrected = tab.session.project.corrected
         there = [j for j in event.joints if corrected.confidence[event.frame, j] > 0]
         joints = tuple(there or event.joints)
-        tab.pause()
         xy = corrected.xy[event.frame, list(joints)] + np.array([event.dx, event.dy])
         shown = tab.look().b
         start = corrected.xy[event.frame, list(joints)]
-        self._dragging = _Dragging(event.frame, joints, start, shown)
+        self._dragging = _Dragging(frame=event.frame, joints=joints, start=start, target=xy, shown=shown)
         if shown is not None:
-            self._dragging.follower = tab.session.following.begin_drag(shown, event.frame, joints, xy)
+            self._dragging.drag = tab.session.edit_follower.begin_drag(shown, event.frame, joints, xy)
 
     def _release(self, dragging: _Dragging) -> None:
         self._dragging = None
-        edit = MoveKeypoint(
-            frames=(dragging.frame,), joints=dragging.joints, xy=(tuple((float(x), float(y)) for x, y in dragging.xy),)
-        )
-        tab = self._tab
-        if dragging.follower is not None:
-            dragging.follower.move(dragging.xy)  # its last move may be a tick before the place that is saved
-        tab.session.release(dragging.follower, edit, author=tab.author, shown=dragging.shown)
+        tab, frame, joints = self._tab, dragging.frame, dragging.joints
+        if dragging.in_depth:
+            frames, depths = (frame,), dragging.target[None]
+            if tab.state.keyframes:
+                frames, depths = filled(tab.session.project.corrected.told_depth[:, list(joints)], frames, depths)
+            edit = depth_edit(frames, joints, depths)
+        else:
+            edit = self._placed(frame, joints, dragging.target)
+        if dragging.drag is not None:
+            dragging.drag.move(dragging.target)  # its last move may be a tick before the place that is saved
+        tab.session.release(dragging.drag, edit, author=tab.author, shown=dragging.shown)
         self._saved(edit, dragging.shown)
+
+    def _placed(self, frame: int, joints: tuple[int, ...], xy: Float[np.ndarray, "n 2"]) -> MoveKeypoint | PlaceKey:
+        corrected = self._tab.session.project.corrected
+        return placed(corrected, frame, joints, xy, keyframes=self._tab.state.keyframes)
 
     def abandon(self) -> None:
         """End a drag without an edit: the user cancelled it, or the page is gone."""
-        if self._dragging is not None and self._dragging.follower is not None:
-            self._dragging.follower.abandon()
+        if self._dragging is not None and self._dragging.drag is not None:
+            self._dragging.drag.abandon()
         self._dragging = None
 
     def select_all(self) -> None:
-        """Select the keypoints on show: of the groups and confidences that are, in any of the chosen frames."""
+        """Select the keypoints on show: of the groups and confidences that are, in the frame or any of those selected.
+
+        Frames that are selected elsewhere do not count.
+        """
         state = self._tab.state
-        if state.mode == "space":
-            raise InputError("In 3D no keypoints are on show: go to Edit or A | B first (1 or 2).")
+        frames = [state.frame] if self._tab.hits_unseen else list(self._tab.chosen_frames)
         if not state.keypoints:
             raise InputError("Keypoints are hidden: show them first (K).")
-        confidence = self._tab.session.project.corrected.confidence[list(self._tab.chosen_frames)].max(0)
+        confidence = self._tab.session.project.corrected.confidence[frames].max(0)
         there = (confidence > 0) & (confidence >= state.minimum)
         chosen = (j for name, part in GROUPS.items() if name in state.groups for j in range(COUNT)[part] if there[j])
         self._tab.set(selection=tuple(chosen))
 
     def toggle_bad(self) -> None:
         """Mark the selected keypoints as bad, or restore them if all of them are."""
-        joints, frames = self._selected(), self._tab.chosen_frames
+        joints, frames = self.selected(), self._tab.frames_to_change
         corrected = self._tab.session.project.corrected
         bad = corrected.bad[np.ix_(frames, joints)].all()
-        self._make(Restore(frames=frames, joints=joints) if bad else MarkBad(frames=frames, joints=joints))
+        self.make(Restore(frames=frames, joints=joints) if bad else MarkBad(frames=frames, joints=joints))
 
     def mark_group_bad(self, group: str) -> None:
         """Mark a whole group (`keypoints.GROUPS`) as bad."""
         part = GROUPS[group]
-        self._make(MarkBad(frames=self._tab.chosen_frames, joints=tuple(range(part.start, part.stop))))
+        self.make(MarkBad(frames=self._tab.frames_to_change, joints=tuple(range(part.start, part.stop))))
 
     def restore_group(self, group: str) -> None:
         """Restore a whole group."""
         part = GROUPS[group]
-        self._make(Restore(frames=self._tab.chosen_frames, joints=tuple(range(part.start, part.stop))))
+        self.make(Restore(frames=self._tab.frames_to_change, joints=tuple(range(part.start, part.stop))))
 
     def swap_sides(self, name: str) -> None:
         """Exchange left and right of a part of SIDES."""
-        self._make(SwapSides(frames=self._tab.chosen_frames, joints=SIDES[name]))
+        self.make(SwapSides(frames=self._tab.frames_to_change, joints=SIDES[name]))
 
     def copy_previous(self) -> None:
         """Take the selected keypoints from the frame before this one, or before the selected ones."""
-        frames, joints = self._tab.chosen_frames, self._selected()
+        frames, joints = self._tab.frames_to_change, self.selected()
         source = frames[0] - 1
         if source < 0:
             raise InputError("There is no frame before the first one to copy from.")
         self._refuse_missing((source,), joints, "copied")
-        self._make(CopyFrom(frames=frames, joints=joints, source=source))
+        self.make(CopyFrom(frames=frames, joints=joints, source=source))
 
     def interpolate(self) -> None:
         """Put the selected keypoints on a line: inside the selected frames, or between the corrected ones around."""
-        joints = self._selected()
+        joints = self.selected()
         first, last = self._ends(joints)
         if last - first < 2:
             raise InputError("There is no frame in between. Select a longer range, or correct frames further apart.")
-        self._make(Interpolate.between(first, last, joints))
+        self.make(Interpolate.between(first, last, joints))
 
     def _ends(self, joints: tuple[int, ...]) -> tuple[int, int]:
         state = self._tab.state
         if state.frames is not None:
-            return state.frames[0], state.frames[-1]
+            frames = self._tab.frames_to_change
+            return frames[0], frames[-1]
         edited = np.flatnonzero(self._tab.session.project.corrected.edited[:, list(joints)].all(1))
         before, after = edited[edited < state.frame], edited[edited > state.frame]
+        if state.frame in edited and len(before):  # one corrects the first frame, goes to the last, and corrects it
+            after = edited[edited == state.frame]
+        elif state.frame in edited:
+            before = edited[edited == state.frame]
         if not len(before) or not len(after):
             raise InputError(
-                "Interpolating needs a frame before and a frame after this one in which the selected keypoints were "
-                "corrected, or a selected range of frames."
+                "Interpolating needs two frames in which the selected keypoints were corrected, this one or those "
+                "around it, or a selected range of frames."
             )
         return int(before[-1]), int(after[0])
 
     def nudge(self, dx: float, dy: float) -> None:
         """Move the selected keypoints by some pixels in this frame."""
-        self._refuse_missing((self._tab.state.frame,), self._selected(), "moved")
-        self._make(Nudge(frames=(self._tab.state.frame,), joints=self._selected(), by=(dx, dy)))
+        frame, state, joints = self._tab.state.frame, self._tab.state, self.selected()
+        self._refuse_missing((frame,), joints, "moved")
+        corrected = self._tab.session.project.corrected
+        if state.hand_along:
+            joints = with_hands(joints, corrected, frame)
+        if not state.keyframes:
+            return self.make(Nudge(frames=(frame,), joints=joints, by=(dx, dy)))
+        there = tuple(joint for joint in joints if corrected.present[frame, joint])
+        if not there:
+            raise InputError("The selected keypoints are marked bad: restore them first (X).")
+        self.make(self._placed(frame, there, corrected.xy[frame, list(there)] + np.array([dx, dy])))
+
+    def delete_key(self) -> None:
+        """Delete the keyframe of the selected keypoints in this frame; it then follows those around it."""
+        frame, corrected = self._tab.state.frame, self._tab.session.project.corrected
+        self.make(removed(corrected, frame, keys_in(corrected, self.selected(), frame)))
+
+    def move_key(self, frame: int, to: int) -> None:
+        """Take the keyframe of the selected keypoints, or of all without any, from one frame to another."""
+        corrected, joints = self._tab.session.project.corrected, self._tab.state.selection or tuple(range(COUNT))
+        self.make(moved(corrected, frame, to, keys_in(corrected, joints, frame)))
 
     def reset(self) -> None:
         """Back to what was detected."""
-        self._make(Reset(frames=self._tab.chosen_frames, joints=self._selected()))
+        self.make(Reset(frames=self._tab.frames_to_change, joints=self.selected()))
 
     def set_confidence(self, confidence: float) -> None:
         """Say how sure the selected keypoints are."""
-        self._refuse_missing(self._tab.chosen_frames, self._selected(), "given a confidence")
-        self._make(SetConfidence(frames=self._tab.chosen_frames, joints=self._selected(), confidence=confidence))
+        self._refuse_missing(self._tab.frames_to_change, self.selected(), "given a confidence")
+        self.make(SetConfidence(frames=self._tab.frames_to_change, joints=self.selected(), confidence=confidence))
 
     def undo(self) -> None:
-        """Take back the project's last edit, and show where it was."""
+        """Take back the project's last edit or mark, and show where it was."""
         self._refuse_while_dragging()
         tab = self._tab
         entry = tab.session.undo(author=tab.author, shown=tab.look().b)
         self._went_back(entry, "Undone", "There is nothing to undo.")
 
     def redo(self) -> None:
-        """Bring back the edit that was undone last, and show where it is."""
+        """Bring back the edit or mark that was undone last, and show where it is."""
         self._refuse_while_dragging()
         tab = self._tab
         entry = tab.session.redo(author=tab.author, shown=tab.look().b)
@@ -201,11 +274,13 @@ class Correcting:
         tab.pause()
         if tab.state.frame not in edit.frames:
             tab.seek(edit.frames[0])
-        tab.set(selection=edit.joints if len(edit.joints) <= _FEW else tab.state.selection)
-        whose = "" if entry.author == tab.author else " (made in another tab)"
+        if not isinstance(edit, Remark) and len(edit.joints) <= FEW:
+            tab.set(selection=edit.joints)
+        whose = "" if entry.author == tab.author else " (made in another browser)"
         tab.say(f"{verb}: {describe(edit, tab.first_frame)}{whose}")
 
-    def _selected(self) -> tuple[int, ...]:
+    def selected(self) -> tuple[int, ...]:
+        """The selected keypoints. Raises InputError if there are none."""
         if not self._tab.state.selection:
             raise InputError("Select keypoints first: click one, or draw a rectangle with Shift.")
         return self._tab.state.selection
@@ -216,12 +291,18 @@ class Correcting:
         where = in_words(frames, self._tab.first_frame)
         raise InputError(f"Nothing to be {what}: none of the selected keypoints is anywhere in {where}.")
 
+    def refuse_bad(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> None:
+        """Raise InputError where nothing can be said of depth: all of them are marked bad."""
+        if self._tab.session.project.corrected.bad[np.ix_(frames, joints)].all():
+            raise InputError("The depth of keypoints that are marked bad does not count: restore them first (X).")
+
     def _refuse_while_dragging(self) -> None:
         """The end of the drag would undo what is done to its keypoints meanwhile."""
         if self.dragging:
             raise InputError("A keypoint is being dragged: let go of it first, or give it up with Esc.")
 
-    def _make(self, edit: Edit) -> None:
+    def make(self, edit: Edit) -> None:
+        """Make an edit, say so, and let the fit follow. Raises InputError if it cannot be made."""
         self._refuse_while_dragging()
         tab = self._tab
         tab.refuse_read_only()
@@ -232,27 +313,7 @@ class Correcting:
 
     def _saved(self, edit: Edit, shown: Shown | None) -> None:
         """An edit is on the disk, and the fit that was on show follows it."""
-        self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}")
+        obstacle = self._tab.session.edit_follower.obstacle(shown)
+        unfollowed = f". The fit does not follow: {obstacle}" if obstacle else ""
+        self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}{unfollowed}")
         self._tab.corrected = None if shown is None else shown.run.id
-
-
-VERBS: dict[type[Edit], str] = {
-    MoveKeypoint: "moved",
-    Nudge: "nudged",
-    MarkBad: "marked bad",
-    Restore: "restored",
-    SwapSides: "left and right swapped:",
-    CopyFrom: "copied",
-    Interpolate: "interpolated",
-    Reset: "reset to the detection",
-    SetConfidence: "confidence set",
-}
-
-
-def describe(edit: Edit, first_frame: int = 0) -> str:
-    """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
-    names = [full_name(j) for j in edit.joints]
-    what = ", ".join(names) if len(names) <= _FEW else f"{len(names)} keypoints"
-    verb = VERBS[type(edit)]
-    where = in_words(edit.frames, first_frame)
-    return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"

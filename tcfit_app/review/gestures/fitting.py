@@ -6,7 +6,7 @@ from dataclasses import replace
 from fitting_core.camera import Camera
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import Shown
+from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import around
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
@@ -26,8 +26,10 @@ class Fitting:
         settings = self._checked()
         session = self._tab.session
         camera = camera_of(settings, session.project.clip.camera)
+        before = self._tab.look().b
         session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender, camera=camera)
-        self._tab.say("Fit everything: begun")
+        self._show_beside(before, FitChoice())  # the newest of which there is something to see
+        self._tab.say("Fit everything: started")
 
     def frames(self) -> None:
         """Fit the selected frames of B again. Raises InputError as `everything`, and if none are selected."""
@@ -48,8 +50,10 @@ class Fitting:
 
     def shape(self) -> None:
         """Find B's shape again, and fit consistency under it. Raises InputError as `everything`."""
-        self._tab.session.rerun_shape(self._base(), self._checked().config)
-        self._tab.say("Re-run shape: begun")
+        before = self._base()
+        run = self._tab.session.rerun_shape(before, self._checked().config)
+        self._show_beside(before, FitChoice(run=run.id))
+        self._tab.say("Re-run shape: started")
 
     def edited_windows(self, shown: Shown) -> tuple[range, ...]:
         """The frames that `edited` fits again."""
@@ -58,8 +62,20 @@ class Fitting:
         return around(flagged | session.frames_edited_since(shown.run), reach, self._tab.length)
 
     def _rerun(self, windows: tuple[range, ...]) -> None:
-        self._tab.session.rerun_frames(self._base(), self._checked().config, windows)
-        self._tab.say("Re-run: begun")
+        before = self._base()
+        run = self._tab.session.rerun_frames(before, self._checked().config, windows)
+        self._show_beside(before, FitChoice(run=run.id))
+        self._tab.say("Re-run: started")
+
+    def _show_beside(self, before: Shown | None, b: FitChoice) -> None:
+        """The new run becomes B, and what was B stays on show as A: so one sees what changes."""
+        tab = self._tab
+        other = None if tab.state.a.run is None else tab.session.fits.run(tab.state.a.run)
+        # One that was imported is what everything is compared with.
+        if before is None or (other is not None and other.kind == "imported"):
+            tab.set(b=b)
+        else:
+            tab.set(a=replace(tab.state.b, run=before.run.id), b=b)
 
     def _base(self) -> Shown:
         shown = self._tab.look().b

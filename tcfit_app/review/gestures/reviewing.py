@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.suspicion import Suspect
-from tcfit_app.project.storage.marks import MarkState
+from tcfit_app.project.edits.edit_log import MarkState
+from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -21,7 +22,7 @@ class Reviewing:
     def suspects(self) -> tuple[Suspect, ...] | None:
         """Suspicious frames, the worst first; None while they are looked for, or without a fit."""
         shown = self._tab.look().b
-        return None if shown is None else self._tab.desk.suspects(shown)
+        return None if shown is None else self._tab.data.suspects(shown)
 
     def go(self, step: int) -> None:
         """To the next (1) or previous (-1) entry of the queue. Raises InputError if there is none."""
@@ -68,21 +69,23 @@ class Reviewing:
 
     def flag(self) -> None:
         """The selected frames, or the one on show, need attention; or no longer, if they all did."""
-        tab, frames = self._tab, self._tab.chosen_frames
+        tab, frames = self._tab, self._tab.frames_to_change
         tab.refuse_read_only()
         flagged = self.are("flag", frames)
         tab.session.mark(frames, None if flagged else "flag", author=tab.author)
-        tab.say("Flag taken away" if flagged else "Flagged")
+        where = in_words(frames, tab.first_frame)
+        tab.say(f"Flag taken away: {where}" if flagged else f"Flagged: {where}. T there takes it away")
 
     def dismiss(self) -> None:
         """The frames of the entry on show, or those selected, look fine, and on to the next entry; or that is taken
         back, if it was said of them all. Of several frames those that somebody has flagged stay so."""
         tab = self._tab
         tab.refuse_read_only()
-        shown, frames = self._on_show, self.dismissed
+        shown = self._on_show
+        frames = self.dismissed if shown is not None else tab.frames_to_change
         if self.are("checked", frames):
             tab.session.mark(frames, None, author=tab.author)
-            tab.say("No longer marked as looking fine")
+            tab.say(f"No longer marked as looking fine: {in_words(frames, tab.first_frame)}")
             return
         marks = tab.session.project.marks.all()
         fine = [f for f in frames if len(frames) == 1 or f not in marks or marks[f].state != "flag"]
@@ -92,7 +95,8 @@ class Reviewing:
         # Before the mark: after it, the queue is made anew.
         queue = self.suspects or ()
         tab.session.mark(fine, "checked", author=tab.author)
-        tab.say(f"Looks fine, but for {flagged} flagged" if flagged else "Looks fine")
+        but = f", but for {flagged} flagged" if flagged else ""
+        tab.say(f"Looks fine{but}: {in_words(fine, tab.first_frame)}. O there takes it back")
         if shown is None:
             return
         at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)

@@ -16,11 +16,13 @@ from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.results import kept_as
+from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.names import name_of_file
+from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import frame_number, only_read
+from tcfit_app.review.panels.elements.field import frame_number, take_uploads
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -35,13 +37,14 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
+from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.tab import Tab
 
 SETTLING = 1.0
 """Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
-_MEASURING = "Being measured …"
+_MEASURING = "Measuring …"
 _NO_FIT = "Two fits are compared here. There is none yet: see the panel Fit."
 _SAME = "They are the same: choose another A or B, in the panel View or Runs."
 _COSTS = "Mean of a frame. Runs with other weights or keypoints cannot be compared by these."
@@ -56,28 +59,33 @@ class ComparePanel:
     def __init__(self, gestures: Gestures) -> None:
         self._tab = tab = gestures.tab
         self._settled, self._waiting = 0.0, False
-        self._head, self._peaks, self._against, self._figures = (Board(tab) for _ in range(4))
+        self._head, self._peaks, self._against = (Board(tab) for _ in range(3))
+        self._selected = SelectedFigures(tab)
+        self._figures = Board(tab)
         self._reference = ReferenceField(tab)
         with tab.client.gui.add_folder("Costs", expand_by_default=False):
             self._costs = Board(tab)
         tab.buttons.on("compare.frame", tab.seek, int)
+        tab.buttons.on("compare.parent", lambda _: show_beside_parent(tab, _shown_as_b(tab)))
 
     def draw(self) -> None:
         """See `Panel.draw`."""
-        tab, desk = self._tab, self._tab.desk
+        tab, data = self._tab, self._tab.data
         a, b = tab.shown.a, tab.shown.b
         if a is None or b is None:
             if tab.sent.differs("compare", None):
                 self._head.show(paragraph(_NO_FIT, "dim"))
                 for board in (self._peaks, self._against, self._figures, self._costs):
                     board.show()
+            self._selected.draw(None, None)
             self._reference.draw()
             return
+        self._selected.draw(a, b)
         self._reference.draw()
         titles = (a.title, b.title)
-        if tab.sent.differs("compare", desk.key(a), desk.key(b), *titles, tab.session.referenced):
+        if tab.sent.differs("compare", data.key(a), data.key(b), *titles, tab.session.referenced):
             self._settled, self._waiting = time.monotonic() + SETTLING, True
-            self._head.show(*_heads(a, b))
+            self._head.show(*_heads(a, b, parent=parent_of(tab, b.run)))
             self._figures.show(paragraph(self._reason(a, b), "dim"))
             self._costs.show()
         if self._waiting and time.monotonic() >= self._settled:
@@ -85,9 +93,9 @@ class ComparePanel:
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """What is there of the figures, once keypoints and fits have come to rest."""
-        desk = self._tab.desk
-        one, other, apart = desk.metrics(a), desk.metrics(b), desk.distances(a, b)
-        against = desk.reference_metrics(a), desk.reference_metrics(b)
+        data = self._tab.data
+        one, other, apart = data.metrics(a), data.metrics(b), data.distances(a, b)
+        against = data.reference_metrics(a), data.reference_metrics(b)
         self._waiting = any(found is None for found in (one, other, apart, *against))
         self._draw_against(a, b, *against)
         self._peaks.show(*([] if apart is None or a == b else self._peak_buttons(apart.values)))
@@ -96,7 +104,7 @@ class ComparePanel:
             return
         rows = compare(one, other)
         self._figures.show(
-            heading("Figures", "better in green"), _table(r for r in rows if not r.name.startswith(COST))
+            heading("Whole clip", "better in green"), _table(r for r in rows if not r.name.startswith(COST))
         )
         self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
 
@@ -110,7 +118,7 @@ class ComparePanel:
             return
         head = heading("Against the reference", reference.name)
         if one is None or other is None:
-            problem = self._tab.desk.problem("reference", a) or self._tab.desk.problem("reference", b)
+            problem = self._tab.data.problem("reference", a) or self._tab.data.problem("reference", b)
             self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
             self._waiting = self._waiting and not problem
             return
@@ -121,7 +129,7 @@ class ComparePanel:
         running = [fit.run.name for fit in (a, b) if fit.result is None]
         if running:
             return f"{running[0]} is still being fitted: it is measured when it is done."
-        return self._tab.desk.problem("metrics", a) or self._tab.desk.problem("metrics", b) or _MEASURING
+        return self._tab.data.problem("metrics", a) or self._tab.data.problem("metrics", b) or _MEASURING
 
     def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
         first, frames = self._tab.first_frame, peaks(values)
@@ -136,11 +144,49 @@ class ComparePanel:
         return [heading("Frames that differ most"), row(*buttons), paragraph(mean, "dim")]
 
 
-def _heads(a: Shown, b: Shown) -> list[Html]:
+def _shown_as_b(tab: Tab) -> Run:
+    shown = tab.look().b
+    if shown is None:
+        raise InputError("There is no fit yet: fit everything first.")
+    return shown.run
+
+
+class SelectedFigures:
+    """Figures of the frames that are selected in the timeline: a part of the panel, while there are any.
+
+    What a re-run of a few frames changes is lost in the means of a whole clip.
+    """
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._board = tab, Board(tab)
+        self._settled, self._waiting = 0.0, False
+
+    def draw(self, a: Shown | None, b: Shown | None) -> None:
+        """Bring it to the selection and the fits on show."""
+        data, frames = self._tab.data, self._tab.state.frames
+        if frames is None or a is None or b is None:
+            self._board.show()
+            self._tab.sent.differs("compare selected", None)
+            return
+        head = heading(f"Selected {in_words(frames, self._tab.first_frame)}", "better in green")
+        if self._tab.sent.differs("compare selected", frames, data.key(a), data.key(b)):
+            self._settled, self._waiting = time.monotonic() + SETTLING, True
+            self._board.show(head, paragraph(_MEASURING, "dim"))
+        if not self._waiting or time.monotonic() < self._settled:
+            return
+        one, other = data.metrics(a, frames), data.metrics(b, frames)
+        if one is not None and other is not None:
+            self._waiting = False
+            self._board.show(head, _table(compare(one, other)))
+
+
+def _heads(a: Shown, b: Shown, *, parent: Run | None) -> list[Html]:
     named = zip("AB", RUN_COLORS, (a, b), strict=True)
     rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
     same = (a.run.id, a.phase) == (b.run.id, b.phase)
-    return [heading("Fits on show", first=True), *rows, *([paragraph(_SAME, "dim")] if same else [])]
+    beside = parent is not None and a.run.id != parent.id
+    more = [row(button("Compare B with its parent", "compare.parent", hint=parent.name))] if beside and parent else []
+    return [heading("Fits on show", first=True), *rows, *([paragraph(_SAME, "dim")] if same else []), *more]
 
 
 def _table(rows: Iterable[Comparison]) -> Html:
@@ -189,19 +235,19 @@ class ReferenceField:
         gui = tab.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(tab)
-            self._path = only_read(gui.add_text("File", "", hint=_HINT))
-            self._camera = only_read(gui.add_text("Camera", "", hint=_CAMERA_HINT))
-            self._first = only_read(gui.add_text("Begins at frame", "", hint=_FIRST_HINT))
+            self._path = gui.add_text("File", "", hint=_HINT)
+            self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
+            self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
             self._buttons = Board(tab)
             self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
-        self._upload.on_upload(self._upload_came)
+        take_uploads(tab, self._upload, self._uploaded)
         tab.buttons.on("compare.reference", lambda _: self._from_path())
         tab.buttons.on("compare.forget", lambda _: self._forget())
 
     def draw(self) -> None:
         """Bring it to the project's state."""
         session = self._tab.session
-        reading = self._reading is not None and self._reading.state == "running"
+        reading = self._busy
         if self._tab.sent.differs("reference field", session.referenced, reading):
             reference = session.project.reference
             self._told.show(paragraph(_READING if reading else _described(reference), "dim"))
@@ -218,10 +264,6 @@ class ReferenceField:
         path = self._tab.files.path(self._path.value)
         camera, placed = self._camera_given(), self._start_given()
         self._read(lambda: placed(read_reference(path, camera=camera)))
-
-    async def _upload_came(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
-        file = event.target.value  # now: another upload may take its place
-        self._tab.do(lambda: self._uploaded(file))
 
     def _uploaded(self, file: viser.UploadedFile) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
@@ -246,6 +288,8 @@ class ReferenceField:
     def _read(self, read: Callable[[], Reference]) -> None:
         """Read it: a body's joints over a clip take seconds."""
         session = self._tab.session
+        if self._busy:
+            raise InputError("Another reference is still being read: wait for it.")
 
         def work(report: Step) -> Reference:
             reference = read()
@@ -255,6 +299,10 @@ class ReferenceField:
             return reference
 
         self._reading = self._tab.begin("Reading the reference", work, self._take)
+
+    @property
+    def _busy(self) -> bool:
+        return self._reading is not None and self._reading.state == "running"
 
     def _take(self, reference: Reference) -> None:
         self._tab.session.referenced += 1

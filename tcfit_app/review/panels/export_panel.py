@@ -10,7 +10,7 @@ from fitting_core.io.motion.fitted_motion import AXES
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
-from tcfit_app.fitting.fits import TITLES, Shown
+from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import (
@@ -125,7 +125,7 @@ class ExportPanel:
 
     def _exported(self, shown: Shown) -> ExportedFit:
         tab = self._tab
-        return ExportedFit(shown=shown, fit=tab.session.fits.fit(shown.run), meshes=tab.desk.meshes(shown))
+        return ExportedFit(shown=shown, fit=tab.session.fits.fit(shown.run), meshes=tab.data.meshes(shown))
 
     @property
     def _frames(self) -> range | None:
@@ -220,7 +220,7 @@ def _named(side: Side, title: str) -> list[Html]:
 def _short(shown: Shown) -> str:
     """A run and phase in a file's name: "run2-temporal"."""
     run = f"run{shown.run.id}"
-    return run if shown.run.kind == "imported" else f"{run}-{TITLES[shown.phase].replace(' ', '-')}"
+    return run if shown.run.kind == "imported" else f"{run}-{phase_title(shown.run, shown.phase).replace(' ', '-')}"
 
 
 def _axes_hint(name: str) -> str:

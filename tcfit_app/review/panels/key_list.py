@@ -4,7 +4,7 @@ from itertools import groupby
 from typing import Any
 
 from tcfit_app.review.gestures.actions import ACTIONS, Action, Key
-from tcfit_app.review.panels.elements.html import Board, Html, button, heading, joined, line, table, tag
+from tcfit_app.review.panels.elements.html import Board, Html, button, heading, joined, line, row, table, tag
 from tcfit_app.review.tab.tab import Tab
 
 GESTURES = {
@@ -13,17 +13,27 @@ GESTURES = {
         ("Drag", "Move the selected keypoints; the fit follows"),
         ("Shift+click", "Add a keypoint to the selection, or take it out"),
         ("Shift+drag", "Select the keypoints in a rectangle"),
+        ("Right click", "What can be done with the selected keypoints, or with the picture"),
         ("Wheel, right drag", "Zoom, pan"),
+    ),
+    "In the side view": (
+        ("Click", "Select a keypoint of the fit"),
+        ("Drag a keypoint", "Move it in depth, along its line of sight; the fit follows"),
+        ("Drag the left border", "Make it wider"),
     ),
     "In 3D": (
         ("Drag", "Turn the view"),
         ("Wheel, right drag", "Zoom, pan"),
     ),
     "In the timeline": (
-        ("Click, drag", "Go to a frame"),
-        ("Shift+drag", "Select frames"),
+        ("Click, drag", "Go to a frame; on a mark, to what it is about"),
+        ("Drag in the ruler, or Shift+drag", "Select frames; their ends can be dragged"),
         ("Double click", "Select no frames"),
+        ("Right click", "What can be done with the frames"),
+        ("Drag a keyframe", "Move it to another frame"),
         ("Wheel", "Zoom; with Shift, or sideways, scroll"),
+        ("Drag the bar at the bottom", "Scroll; its ends zoom"),
+        ("Drag the upper border", "Make it higher; so do ↑ ↓ once Tab has reached it"),
     ),
 }
 """What the pointer does (`browser/js/`), by place: the gesture, and its effect."""
@@ -81,7 +91,9 @@ class KeyWindow:
 def keys_html() -> Html:
     """The content of the window of keys, with the button that closes it."""
     blocks = [_block(title, tuple(rows)) for title, rows in {**key_groups(), **GESTURES}.items()]
-    return joined(tag("div", joined(*blocks), class_="tcfit-keys"), button("Close", "action", "help", kind="close"))
+    steps = row(button("First steps", "action", "first_steps"))
+    close = button("Close", "action", "help", kind="close")
+    return joined(steps, tag("div", joined(*blocks), class_="tcfit-keys"), close)
 
 
 def _block(title: str, rows: tuple[tuple[str, str], ...]) -> Html:

@@ -1,7 +1,7 @@
 """The panel that corrects keypoints, and lists what was done to them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
@@ -12,13 +12,14 @@ import viser
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.edit_log import LogEntry, Redo, Undo
-from tcfit_app.project.edits.kinds import SIDES, Edit
+from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
+from tcfit_app.project.edits.keyframes import REACH
+from tcfit_app.project.edits.kinds import SIDES
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.gestures.correcting import describe
-from tcfit_app.review.panels.elements.field import Dropdown, only_read
+from tcfit_app.review.gestures.edit_words import depth_words, describe
+from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -28,16 +29,19 @@ from tcfit_app.review.panels.elements.html import (
     heading,
     joined,
     line,
+    opener,
     paragraph,
     row,
     table,
     tag,
     text,
 )
+from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
 from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tab.tab import BROWSER, Tab
 
 _NOTHING = "Select by name"
+_KEYFRAMES = f"Between two frames in which a keypoint is moved, at most {REACH} apart, the others follow"
 _SWAPPED = ("arms", "legs")
 """What can be swapped and has no key."""
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
@@ -60,8 +64,8 @@ class KeypointsPanel:
         self._name = Dropdown(tab, names, self._select)
         self._buttons = Board(tab)
         by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
-        self._by = only_read(by)
-        self._confidence = only_read(gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0))
+        self._by = by
+        self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
         self._exactly = Board(tab)
         self._groups = Board(tab)
         self._history = Board(tab)
@@ -78,6 +82,7 @@ class KeypointsPanel:
         tab.buttons.on("keypoints.group", self._select_group, one_of(GROUPS))
         tab.buttons.on("keypoints.follow", lambda _: self._follow_or_not())
         tab.buttons.on("keypoints.visit", self._visit, self._edit_of)
+        listen(tab)
 
     def _select(self, name: str) -> None:
         if name in _JOINTS:
@@ -89,20 +94,21 @@ class KeypointsPanel:
 
     def _follow_or_not(self) -> None:
         session = self._tab.session
-        session.following.after_edits = not session.following.after_edits
+        session.edit_follower.after_edits = not session.edit_follower.after_edits
 
-    def _edit_of(self, number: str) -> Edit:
+    def _edit_of(self, number: str) -> Said:
         """The edit with this number in the log; raises ValueError if there is none."""
         found = [entry.action for entry in self._tab.session.project.log if entry.id == int(number)]
         if not found or isinstance(found[0], Undo | Redo):
             raise ValueError(number)
         return found[0]
 
-    def _visit(self, edit: Edit) -> None:
+    def _visit(self, edit: Said) -> None:
         tab = self._tab
         tab.pause()
         tab.seek(edit.frames[0])
-        tab.set(selection=edit.joints)
+        if not isinstance(edit, Remark):
+            tab.set(selection=edit.joints)
 
     def draw(self) -> None:
         """Bring it to the tab's state."""
@@ -110,12 +116,13 @@ class KeypointsPanel:
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         if tab.sent.differs("selected", state.selection, state.frame if state.selection else 0, session.edits):
             self._selected.show(*selection_table(tab))
-        where, bad = self._where(), self._bad()
-        if tab.sent.differs("keypoint buttons", where, bad, not state.selection):
-            self._draw_buttons(where, bad)
+        where, bad, key = self._where(), self._bad(), self._key()
+        switches = state.keyframes, state.hand_along
+        if tab.sent.differs("keypoint buttons", where, bad, key, switches, not state.selection, tab.hits_unseen):
+            self._draw_buttons(where, bad, key)
         if tab.sent.differs("groups", where):
             self._groups.show(heading("Whole groups", where), self._group_table())
-        if tab.sent.differs("history", session.edits, session.following.after_edits, tab.author):
+        if tab.sent.differs("history", session.edits, session.marked, session.edit_follower.after_edits, tab.author):
             self._draw_history()
 
     def _where(self) -> str:
@@ -134,27 +141,57 @@ class KeypointsPanel:
             self._all_bad = bool(bad[np.ix_(tab.chosen_frames, state.selection)].all())
         return self._all_bad
 
-    def _draw_buttons(self, where: str, bad: bool) -> None:
+    def _key(self) -> bool:
+        """Whether any of what is selected has a keyframe in the frame on show."""
+        state = self._tab.state
+        if not state.selection or state.playing:
+            return False
+        return bool(self._tab.session.project.corrected.key[state.frame, list(state.selection)].any())
+
+    def _draw_buttons(self, where: str, bad: bool, key: bool) -> None:
         tab, state = self._tab, self._tab.state
         off = tab.session.project.read_only
         none = off or not state.selection
         edit = partial(action, disabled=none)
         self._buttons.show(
             heading("Correct", where),
-            row(edit("bad", "Restore" if bad else "Mark bad"), edit("reset", "Reset")),
-            row(edit("copy", "Copy previous"), edit("interpolate", "Interpolate")),
+            *unseen(tab),
+            *self._corrections(edit, bad),
             row(
                 action("swap_body", "Swap body", disabled=off),
                 *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
                 action("swap_hands", "Hands", disabled=off),
             ),
+            heading("Keyframes", "in the frame on show"),
+            row(
+                action("keyframes", "Keyframes", pressed=state.keyframes, hint=_KEYFRAMES),
+                action("delete_key", "Delete keyframe", disabled=off or not key),
+            ),
+            row(action("hand_along", "Hand goes with its wrist", pressed=state.hand_along)),
+            heading("Depth", named("of arms and legs", tab)),
+            row(edit("mirror_depth", "Mirror in depth"), edit("in_front", "In front"), edit("behind", "Behind")),
+            row(edit("interpolate_depth", "Interpolate depth"), edit("clear_depth", "Clear depth")),
+            row(edit("pin", "Pin in space"), edit("lock", "Lock the turn"), edit("unlock", "Unlock")),
         )
         self._exactly.show(
             row(
                 button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
-                button("Set confidence", "keypoints.confidence", disabled=none),
+                button(named("Set confidence", tab), "keypoints.confidence", disabled=none),
             ),
         )
+
+    def _corrections(self, edit: Callable[[str, str], Html], bad: bool) -> list[Html]:
+        """Two beside each other, unless they have to name the frames that they change."""
+        labels = {
+            "bad": "Restore" if bad else "Mark bad",
+            "reset": "Reset",
+            "copy": "Copy previous",
+            "interpolate": "Interpolate",
+        }
+        made = [edit(name, named(label, self._tab)) for name, label in labels.items()]
+        if self._tab.state.frames is not None:
+            return [row(one) for one in made]
+        return [row(*made[:2]), row(*made[2:])]
 
     def _group_table(self) -> Html:
         off = self._tab.session.project.read_only
@@ -176,7 +213,7 @@ class KeypointsPanel:
 
     def _draw_history(self) -> None:
         tab, project = self._tab, self._tab.session.project
-        follow = tab.session.following.after_edits
+        follow = tab.session.edit_follower.after_edits
         hint = "After an edit, the fit of its frame and the frames around is made again"
         self._history.show(
             heading("Corrections"),
@@ -207,7 +244,7 @@ def history_table(log: Sequence[LogEntry], *, me: str, first_frame: int) -> list
         first_frame: the number that users see for frame 0.
     """
     undone: set[int] = set()
-    edits: list[tuple[LogEntry, Edit]] = []
+    edits: list[tuple[LogEntry, Said]] = []
     for entry in log:
         if isinstance(entry.action, Undo):
             undone.add(entry.action.edit)
@@ -221,8 +258,8 @@ def history_table(log: Sequence[LogEntry], *, me: str, first_frame: int) -> list
     rows = [
         line(
             _when(entry.time, now),
-            "you" if entry.author == me else "another tab" if entry.author.startswith("tab ") else entry.author,
-            describe(edit, first_frame),
+            _whose(entry.author, me),
+            opener(describe(edit, first_frame), "keypoints.visit", str(entry.id)),
             whole=(0, 1),
             kind="off" if entry.id in undone else "",
             command="keypoints.visit",
@@ -232,6 +269,12 @@ def history_table(log: Sequence[LogEntry], *, me: str, first_frame: int) -> list
         for entry, edit in reversed(edits[-SHOWN:])
     ]
     return [table(rows)]
+
+
+def _whose(author: str, me: str) -> str:
+    if author == me:
+        return "you"
+    return "another browser" if author.startswith((BROWSER, "tab ")) else author
 
 
 def _when(time: datetime, now: datetime) -> str:
@@ -277,10 +320,11 @@ def _line(tab: Tab, joint: int) -> Html:
     frame, corrected = tab.state.frame, tab.session.project.corrected
     name, state = full_name(joint), state_of(corrected, frame, joint)
     shown = tag("span", state, class_=f"tcfit-{state}")
+    depth = joined(_depth(corrected, frame, joint), _lock(corrected, frame, joint))
     if state == "missing":
-        return line(name, shown, "–", "–", numbers=(2, 3), whole=(1,))
+        return line(name, shown, "–", joined(tag("span", "–"), depth), numbers=(2, 3), whole=(1,))
     confidence = f"{corrected.confidence[frame, joint]:.2f}"
-    return line(name, shown, confidence, _place(tab, joint), numbers=(2, 3), whole=(1,))
+    return line(name, shown, confidence, joined(_place(tab, joint), depth), numbers=(2, 3), whole=(1,))
 
 
 def _place(tab: Tab, joint: int) -> Html:
@@ -293,3 +337,14 @@ def _place(tab: Tab, joint: int) -> Html:
         return here
     hint = f"Moved by {x - u:+.1f}, {y - v:+.1f} pixels from where it was detected"
     return joined(here, tag("div", f"was {u:.1f}, {v:.1f}", class_="tcfit-dim", title=hint))
+
+
+def _lock(corrected: Corrected, frame: int, joint: int) -> Html:
+    return tag("div", "turn locked", class_="tcfit-dim") if corrected.locked[frame, joint] else Html()
+
+
+def _depth(corrected: Corrected, frame: int, joint: int) -> Html:
+    """What was said of a keypoint's depth, if anything was."""
+    if not np.isfinite(depth := corrected.depth[frame, joint]):
+        return Html()
+    return tag("div", depth_words(*[round(100 * depth)] * 2), class_="tcfit-dim")

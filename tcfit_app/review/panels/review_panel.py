@@ -8,13 +8,29 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.video.frame_names import runs
-from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import only_read
-from tcfit_app.review.panels.elements.html import Board, Html, action, button, heading, line, paragraph, row, table
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    action,
+    button,
+    heading,
+    joined,
+    line,
+    opener,
+    paragraph,
+    progress_bar,
+    row,
+    table,
+    text,
+)
+from tcfit_app.review.panels.elements.selected_frames import unseen
+from tcfit_app.review.panels.notes import Notes
+from tcfit_app.review.panels.queue_pictures import QueuePictures
 
 _MOST = 40
 """Entries that are listed; one that is checked makes room for the next."""
@@ -33,8 +49,8 @@ class ReviewPanel:
     def __init__(self, gestures: Gestures) -> None:
         self._gestures = gestures
         self._tab = tab = gestures.tab
-        self._suspects: tuple[Suspect, ...] | None = None
-        """The last that were found; None until then."""
+        self._found: ReviewQueue | None = None
+        """The last that was found; None until then."""
         self._looking = False
         """Newer ones are being looked for."""
         self._next = 0.0
@@ -42,21 +58,37 @@ class ReviewPanel:
         self._problem = ""
         self._flagged: list[int] = []
         self._checked: set[int] = set()
+        self._damage = Board(tab)
         self._media = Board(tab)
         path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
-        self._path = only_read(path)
+        self._path = path
         self._relink = Board(tab)
         self._head = Board(tab)
+        self._notes = Notes(gestures)
+        self._pictures = QueuePictures(tab)
         self._queue = Board(tab)
         tab.buttons.on("review.go", self._go, _entry)
+        tab.buttons.on("review.mirror", self._mirror, _entry)
         tab.buttons.on("review.frame", self._visit, int)
         tab.buttons.on("review.relink", lambda _: self._find_video())
 
-    def _go(self, entry: tuple[int, str]) -> None:
-        found = [s for s in self._suspects or () if (s.frame, s.kind) == entry]
+    @property
+    def _suspects(self) -> tuple[Suspect, ...]:
+        return () if self._found is None else self._found.left
+
+    def _entry(self, entry: tuple[int, str]) -> Suspect:
+        found = [s for s in self._suspects if (s.frame, s.kind) == entry]
         if not found:
             raise InputError("This entry is gone from the queue: its frames were checked or fitted again.")
-        self._gestures.reviewing.show(found[0])
+        return found[0]
+
+    def _go(self, entry: tuple[int, str]) -> None:
+        self._gestures.reviewing.show(self._entry(entry))
+
+    def _mirror(self, entry: tuple[int, str]) -> None:
+        suspect = self._entry(entry)
+        self._gestures.reviewing.show(suspect)
+        self._gestures.depth.send_limbs("mirror", tuple(suspect.frames), suspect.joints)
 
     def _visit(self, frame: int) -> None:
         self._tab.pause()
@@ -72,7 +104,7 @@ class ReviewPanel:
 
     def _found_video(self) -> None:
         tab = self._tab
-        tab.desk.reopen_video()
+        tab.data.reopen_video()
         media = tab.session.project.media
         if media.problem:
             tab.notify(Notice(title="Linked, but look at it", text=media.problem))
@@ -84,6 +116,7 @@ class ReviewPanel:
     def draw(self) -> None:
         """Bring it to the tab's state."""
         tab, session = self._tab, self._tab.session
+        self._draw_damage()
         self._draw_media()
         shown = tab.shown.b
         self._look(shown)
@@ -95,42 +128,50 @@ class ReviewPanel:
         fine = self._checked.issuperset(self._gestures.reviewing.dismissed)
         flagged = set(tab.chosen_frames) <= set(self._flagged)
         if tab.sent.differs(
-            "review head", id(self._suspects), self._path.visible, session.marked, where, fine, flagged
+            "review head",
+            *(id(self._found), self._path.visible, session.marked, where, fine, flagged, tab.hits_unseen),
         ):
             self._draw_head(where, fine=fine, flagged=flagged)
-        if tab.sent.differs("queue", id(self._suspects), self._looking, self._problem, shown is None, here):
+        self._notes.draw()
+        self._pictures.draw(self._suspects[:_MOST])
+        if tab.sent.differs("queue", id(self._found), self._looking, self._problem, shown is None, here):
             self._queue.show(*self._entries(here, fitted=shown is not None))
 
     def _look(self, shown: Shown | None) -> None:
         """Take up the queue if it is another one; the last one stays meanwhile."""
         tab = self._tab
-        key = None if shown is None else tab.desk.key(shown)
+        key = None if shown is None else tab.data.key(shown)
         changed = tab.sent.differs("suspects of", key, tab.session.marked)
         if not changed and not (self._looking and time.monotonic() > self._next):
             return
         self._next = time.monotonic() + _PATIENCE
         if shown is None:
-            self._suspects, self._looking, self._problem = None, False, ""
+            self._found, self._looking, self._problem = None, False, ""
             return
-        found = tab.desk.suspects(shown)
-        self._problem = tab.desk.problem("suspects", shown) if found is None else ""
+        found = tab.data.queue(shown)
+        self._problem = tab.data.problem("suspects", shown) if found is None else ""
         self._looking = found is None and not self._problem
         if not self._looking:
-            self._suspects = found
+            self._found = found
 
     def _here(self) -> int | None:
         """The place of the entry on show in the queue."""
         frame = self._tab.state.frame
-        places = [i for i, suspect in enumerate(self._suspects or ()) if frame in suspect.frames]
-        exact = [i for i in places if (self._suspects or ())[i].frame == frame]
+        places = [i for i, suspect in enumerate(self._suspects) if frame in suspect.frames]
+        exact = [i for i in places if self._suspects[i].frame == frame]
         return next(iter(exact + places), None)
 
     def _draw_head(self, where: str, *, fine: bool, flagged: bool) -> None:
-        found = [] if self._suspects is None else [f"{len(self._suspects)} left"]
-        counts = ", ".join([*found, f"{len(self._flagged)} flagged", f"{len(self._checked)} checked"])
+        found, bar = self._found, []
+        if found is not None and (total := found.looked_at + len(found.left)):
+            bar = [
+                progress_bar(found.looked_at / total),
+                paragraph(f"{found.looked_at} of {total} looked at; flagged frames: {len(self._flagged)}", "dim"),
+            ]
         off = self._tab.session.project.read_only
         self._head.show(
-            heading("Suspicious frames", counts, first=not self._path.visible),
+            heading("Suspicious frames", first=not self._path.visible),
+            *bar,
             row(
                 action("previous_suspect", "Previous", disabled=not self._suspects),
                 action("next_suspect", "Next", disabled=not self._suspects, kind="main"),
@@ -140,6 +181,7 @@ class ReviewPanel:
                 action("flag", "Take flag away" if flagged else "Flag", disabled=off),
             ),
             paragraph(where, "dim"),
+            *unseen(self._tab),
             *self._flags(self._flagged),
         )
 
@@ -171,18 +213,19 @@ class ReviewPanel:
             return [paragraph("There is no fit yet: suspicious frames are looked for once there is one.", "dim")]
         if self._problem:
             return [paragraph(f"Suspicious frames cannot be looked for: {self._problem}", "warn")]
-        if self._suspects is None:
+        if self._found is None:
             return [paragraph("Looking for suspicious frames …", "dim")]
         if not self._suspects:
             again = " Looking again …" if self._looking else ""
             return [paragraph(f"Nothing suspicious.{again}", "dim")]
         first = self._tab.first_frame
+        off = self._tab.session.project.read_only
         rows = [
             line(
-                i + 1,
-                numbers(suspect.frames, first),
-                suspect.reason,
-                numbers=(0, 1),
+                self._pictures.of(suspect),
+                opener(numbers(suspect.frames, first), "review.go", f"{suspect.frame} {suspect.kind}"),
+                self._said(suspect, off=off),
+                numbers=(1,),
                 kind="here" if i == here else "",
                 command="review.go",
                 value=f"{suspect.frame} {suspect.kind}",
@@ -192,7 +235,7 @@ class ReviewPanel:
         ]
         parts = [
             heading("Queue", "the worst first"),
-            table(rows, ("", "frame", "what, where it is worst"), numbers=(0, 1)),
+            table(rows, ("", "frame", "what, where it is worst"), numbers=(1,)),
         ]
         if (more := len(self._suspects) - _MOST) > 0:
             parts.append(paragraph(f"and {more} more, less suspicious", "dim"))
@@ -200,9 +243,26 @@ class ReviewPanel:
             parts.append(paragraph("Looking again …", "dim"))
         return parts
 
+    def _said(self, suspect: Suspect, *, off: bool) -> Html:
+        """What an entry is about, and what can be done about it at once."""
+        if suspect.kind != "depth":
+            return text(suspect.reason)
+        hint = "Send these limbs to the other side of shoulder or hip, in the frames of this entry"
+        value = f"{suspect.frame} {suspect.kind}"
+        mirror = button("Mirror", "review.mirror", value, kind="mini", disabled=off, hint=hint)
+        return joined(text(f"{suspect.reason} "), mirror)
+
+    def _draw_damage(self) -> None:
+        damage = self._tab.session.project.damage
+        if not self._tab.sent.differs("damage", damage):
+            return
+        listed = [paragraph(text, "warn") for text in damage[:_MOST]]
+        more = [paragraph(f"and {len(damage) - _MOST} more", "dim")] if len(damage) > _MOST else []
+        self._damage.show(*([heading("Damaged in the project", first=True), *listed, *more] if damage else []))
+
     def _draw_media(self) -> None:
         tab = self._tab
-        problem = tab.session.project.media.problem or tab.desk.video.problem_of(tab.state.frame)
+        problem = tab.session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
         if not tab.sent.differs("media problem", problem):
             return
         self._path.visible = bool(problem)

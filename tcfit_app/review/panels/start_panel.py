@@ -7,7 +7,7 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_jobs import Download, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown, only_read
+from tcfit_app.review.panels.elements.field import Dropdown, take_uploads
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -61,15 +61,14 @@ class StartPanel:
     def _add_import(self) -> None:
         tab, gui = self._tab, self._tab.client.gui
         hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
-        self._path = only_read(gui.add_text("Path", "", hint=hint))
+        self._path = gui.add_text("Path", "", hint=hint)
         self._import = Board(tab)
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
         upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
+        take_uploads(tab, upload, self._import_upload)
 
-        @upload.on_upload
-        async def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
-            file = event.target.value
-            tab.do(lambda: tab.session.source.begin(ImportUpload(name=file.name, content=file.content)))
+    def _import_upload(self, file: viser.UploadedFile) -> None:
+        self._tab.session.source.begin(ImportUpload(name=file.name, content=file.content))
 
     def _import_path(self) -> None:
         if not self._path.value.strip():
@@ -81,7 +80,7 @@ class StartPanel:
     def _add_model(self, finds: str, label: str, hint: str) -> tuple["_ModelChoice", viser.GuiInputHandle[str]]:
         gui = self._tab.client.gui
         choice = _ModelChoice(self._tab, finds, label, hint)
-        file = only_read(gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit"))
+        file = gui.add_text(f"{label} file", "", hint="Path on the computer that runs tcfit")
         return choice, file
 
     def _detect(self) -> None:
@@ -176,7 +175,7 @@ def _introduction(tab: Tab) -> list[Html]:
     else:
         text = "This project has a video and nothing to fit. Import keypoints that you have, or detect them here."
     begun = session.source.begun and not session.source.busy
-    goes_on = "A detection was begun and stopped: with the same models it goes on where it was."
+    goes_on = "A detection was started and stopped: with the same models it goes on where it stopped."
     return [
         heading("No keypoints yet", first=True),
         paragraph(text),

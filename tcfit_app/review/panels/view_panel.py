@@ -1,6 +1,6 @@
-"""The panel that says what is seen: mode, playing, which runs are A and B, layers, timeline."""
+"""The panel that says what is seen: mode, playing, which runs are A and B, layers."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -8,28 +8,51 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
-from tcfit_app.fitting.fits import TITLES, FitChoice
-from tcfit_app.project.storage.runs import Run, newest
+from tcfit_app.fitting.fits import TITLES, FitChoice, Shown, phase_title
+from tcfit_app.project.storage.run_record import Run, newest
 from tcfit_app.review.browser.page_states import GROUP_COLORS
-from tcfit_app.review.drawing.timeline import PLOTTED
-from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures
+from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.field import Dropdown, Field
-from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    action,
+    button,
+    choice,
+    dot,
+    heading,
+    joined,
+    row,
+    text,
+)
 from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.scene.poses import SPACE_FROM
+from tcfit_app.review.scene.side_view import angle_of
+from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SIDES
-from tcfit_app.review.tab.state import MODES, SPEEDS
+from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
 from tcfit_app.review.tab.tab import Tab
 
-_CURVES = {f"{title} ({unit})" if unit else title: name for name, (title, unit) in PLOTTED.items()}
-"""Curves by what they are called in the dropdown."""
 _SWITCHES = {"video", "bones", "detections"}
 """What can be switched here and has no key."""
 _COLORS_BY = ("group", "confidence")
 _SPEEDS = {f"{speed:g}": speed for speed in SPEEDS}
 """By the value of their button."""
+_WIDER = {"−": 1 / 1.25, "+": 1.25}
+"""By the value of their button: by how much the side view becomes wider."""
+_SPACE_FROM = (*SPACE_FROM, "camera")
+_CLOSE_UP = "The view follows it from frame to frame; once more: the whole picture"
+_ARRANGE = f"How A and B lie ({ACTIONS['arrangement'].key_text}: the next)"
 _APART = 1.2
 """Metres: two bodies with their arms stretched do not touch."""
+
+
+def _look(tab: Tab) -> tuple[Hashable, ...]:
+    """What the buttons for bodies depend on."""
+    state = tab.state
+    return state.bodies, state.wireframe, state.outline, state.difference, state.mode, state.apart, tab.clipped
 
 
 class ViewPanel:
@@ -48,15 +71,18 @@ class ViewPanel:
         self._speed = Board(tab)
         self._runs = RunsShown(tab)
         self._layers = Board(tab)
-        opacity = gui.add_slider("Opacity", 0.1, 1.0, 0.05, tab.state.opacity)
+        opacity = gui.add_slider("Opacity", *OPACITIES, 0.05, tab.state.opacity, hint="Of bodies; keys , and .")
         self._opacity = Field(tab, opacity, lambda value: tab.set(opacity=value))
+        self._side = Board(tab)
+        self._turn_slider = gui.add_slider(
+            "Turn", -180, 180, 5, 90, hint="Degrees about up: 0 is the camera's own view"
+        )
+        self._turn = Field(tab, self._turn_slider, lambda value: tab.set(side_from=float(value)))
         self._keypoints = Board(tab)
         minimum = gui.add_slider(
             "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of less confidence are left out, unless selected"
         )
         self._minimum = Field(tab, minimum, lambda value: tab.set(minimum=value))
-        curve = gui.add_dropdown("Timeline", tuple(_CURVES))
-        self._curve = Dropdown(tab, curve, lambda title: tab.set(curve=_CURVES[title]))
         Board(tab).show(row(action("help", "All keys and gestures")))
         self._listen()
 
@@ -66,14 +92,26 @@ class ViewPanel:
         tab.buttons.on("view.group", self._switch_group, one_of(GROUPS))
         tab.buttons.on("view.color", lambda by: tab.set(color_by=by), one_of(_COLORS_BY))
         tab.buttons.on("view.speed", tab.set_speed, _SPEEDS.__getitem__)
+        tab.buttons.on("view.side", lambda name: tab.set(side=True, side_from=name), one_of(SIDES_SEEN))
+        tab.buttons.on("view.widen", self._widen, _WIDER.__getitem__)
+        tab.buttons.on("view.from", tab.scene.look_from, one_of(_SPACE_FROM))
+        tab.buttons.on("view.close_up", self._switch_close_up, one_of(CLOSE_UPS))
+        tab.buttons.on("view.clip", lambda _: tab.set(clipped=not tab.clipped))
+        tab.buttons.on("view.arrange", lambda way: tab.set(arrangement=way), one_of(ARRANGEMENTS))
         tab.buttons.on("view.apart", lambda _: tab.set(apart=0.0 if tab.state.apart else _APART))
 
     def _jump(self, number: int) -> None:
         self._tab.pause()
         self._tab.seek(int(number) - self._tab.first_frame)
 
+    def _widen(self, factor: float) -> None:
+        self._tab.set_side_width(factor * self._tab.side_width)
+
     def _switch(self, name: str) -> None:
         self._tab.set(**{name: not getattr(self._tab.state, name)})
+
+    def _switch_close_up(self, part: Part) -> None:
+        show_close_up(self._tab, None if part == self._tab.state.close_up else part)
 
     def _switch_group(self, name: str) -> None:
         self._tab.set(groups=self._tab.state.groups ^ {name})
@@ -85,23 +123,41 @@ class ViewPanel:
         self._runs.draw()
         self._opacity.show(state.opacity)
         self._minimum.show(state.minimum)
-        self._curve.show(next(title for title, name in _CURVES.items() if name == state.curve))
-        if tab.sent.differs("view panel", state.bodies, state.wireframe, state.difference, state.mode, state.apart):
+        if tab.sent.differs("view panel", *_look(tab)):
             self._draw_bodies()
+        held = tab.shown.held
+        version = None if held is None else (held.run.id, held.revision)
+        if tab.sent.differs("side panel", state.mode, state.side, state.side_from, version):
+            self._draw_side(held)
+        if (angle := angle_of(state.side_from)) is not None:
+            self._turn.show(angle)
         if tab.sent.differs(
             "keypoint layers",
-            *(state.video, state.keypoints, state.bones, state.detections, state.groups, state.color_by),
+            *(state.close_up, state.trail),
+            *(
+                state.video,
+                state.keypoints,
+                state.bones,
+                state.detections,
+                state.groups,
+                state.color_by,
+            ),
         ):
             self._draw_keypoints()
 
     def _draw_playing(self) -> None:
         tab, state = self._tab, self._tab.state
         self._frame.show(state.frame + tab.first_frame)
-        if not tab.sent.differs("playing", state.mode, state.playing, state.speed, state.loop, state.frames):
+        now = tab.arrangement if state.mode == "ab" else None
+        if not tab.sent.differs("playing", state.mode, state.playing, state.speed, state.loop, state.frames, now):
             return
         modes = (action(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
+        ways = (
+            button(name, "view.arrange", way, pressed=now == way, hint=_ARRANGE) for way, name in ARRANGEMENTS.items()
+        )
         self._top.show(
             row(choice(*modes)),
+            *([row(choice(*ways))] if now else []),
             row(
                 choice(
                     action("previous10", "−10"),
@@ -126,13 +182,39 @@ class ViewPanel:
             row(
                 action("bodies", "Bodies", pressed=state.bodies),
                 action("wireframe", "Wire", pressed=state.wireframe),
-                action("difference", "A to B distance", pressed=state.difference),
+                action("outline", "Outline", pressed=state.outline, disabled=state.mode == "space"),
             ),
         ]
-        if state.mode == "space":
+        difference = action("difference", "A-B difference", pressed=state.difference)
+        if state.mode != "space":
+            hint = "Bodies end where the picture ends; else they are seen beyond it"
+            clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, hint=hint)
+            rows += [row(clip, difference), row(action("peek", "Video only, while held"))]
+        else:
+            rows.append(row(difference))
+            looks = (button(name.title(), "view.from", name) for name in _SPACE_FROM)
+            rows.append(row(choice(*looks), label="Seen from"))
             hint = "Draws A and B beside each other instead of where they are"
             rows.append(row(button("A and B side by side", "view.apart", pressed=bool(state.apart), hint=hint)))
         self._layers.show(*rows)
+
+    def _draw_side(self, held: Shown | None) -> None:
+        state = self._tab.state
+        flat = state.mode != "space"
+        self._turn_slider.visible = flat and state.side
+        if not flat:
+            self._side.show()
+            return
+        seen = (button(name.title(), "view.side", name, pressed=state.side_from == name) for name in SIDES_SEEN)
+        wider = (
+            button(sign, "view.widen", sign, hint=f"{what} side view; its left border can be dragged")
+            for sign, what in zip(_WIDER, ("A narrower", "A wider"), strict=True)
+        )
+        known = held is None or self._tab.data.level(held) is not None
+        self._side.show(
+            heading("Side view", "" if known else "gravity not known"),
+            row(action("side", "Show", pressed=state.side), choice(*seen), choice(*wider)),
+        )
 
     def _draw_keypoints(self) -> None:
         state = self._tab.state
@@ -149,6 +231,16 @@ class ViewPanel:
         self._keypoints.show(
             heading("Picture and keypoints"),
             row(action("fit_view", "Whole picture"), action("zoom", "Zoom to selected")),
+            row(action("save_picture", "Save picture")),
+            row(
+                choice(
+                    *(
+                        button(name, "view.close_up", part, pressed=state.close_up == part, hint=_CLOSE_UP)
+                        for part, name in CLOSE_UPS.items()
+                    )
+                ),
+                label=f"Close-up {ACTIONS['close_up'].key_text}",
+            ),
             row(
                 button("Video", "view.switch", "video", pressed=state.video),
                 action("bones", "Keypoints", pressed=state.keypoints),
@@ -160,6 +252,8 @@ class ViewPanel:
                     pressed=state.detections,
                     hint="Lines from corrected keypoints to where they were detected",
                 ),
+                action("trail", "Trail", pressed=state.trail),
+                wrap=True,
             ),
             row(*groups),
             row(choice(*colors), label="Colour by"),
@@ -173,7 +267,8 @@ _LONGEST, _END = 28, 11
 """Characters of a run's name that are shown, and those of its end among them: more are wider than the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
-_PHASES: dict[int | None, str] = {**TITLES, None: "last"}
+_PHASES: tuple[int | None, ...] = (*TITLES, None)
+"""What can be chosen of a run; None: the last that it has."""
 _PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in SIDES for phase in _PHASES}
 """By the value of their button."""
 
@@ -213,7 +308,8 @@ class RunsShown:
         tab, state = self._tab, self._tab.state
         fits = tab.session.fits
         runs = fits.showable()
-        there = {side: self._phases_of(self._run(side, runs)) for side in SIDES}
+        shown = {side: self._run(side, runs) for side in SIDES}
+        there = {side: self._phases_of(shown[side]) for side in SIDES}
         if not tab.sent.differs("runs shown", state.a, state.b, state.blinked, fits.changes, *there.values()):
             return
         self._head.show(
@@ -226,7 +322,7 @@ class RunsShown:
         names = run_names(runs)
         self._numbers = {NEWEST: None, **{name: run.id for run, name in zip(runs, names, strict=True)}}
         for side in SIDES:
-            self._draw_side(side, runs, there[side])
+            self._draw_side(side, runs, shown[side], there[side])
 
     def _run(self, side: str, runs: list[Run]) -> Run | None:
         number = self._choice(side).run
@@ -240,25 +336,26 @@ class RunsShown:
         except InputError:  # the status line says what is wrong with its file
             return ()
 
-    def _draw_side(self, side: str, runs: list[Run], there: tuple[int, ...]) -> None:
+    def _draw_side(self, side: str, runs: list[Run], shown: Run | None, there: tuple[int, ...]) -> None:
         now = self._choice(side)
         names = {number: name for name, number in self._numbers.items()}
         options = [NEWEST, *(names[run.id] for run in reversed(runs))]
         if now.run not in names:
             options.append(_GONE)
         self._runs[side].offer(options, names.get(now.run, _GONE))
-        self._phases[side].show(row(choice(*self._phase_buttons(side, now, there))))
+        phased = shown is None or shown.kind != "imported"  # a result of another program has no phases
+        self._phases[side].show(*([row(choice(*self._phase_buttons(side, now, shown, there)))] if phased else []))
 
-    def _phase_buttons(self, side: str, now: FitChoice, there: tuple[int, ...]) -> list[Html]:
+    def _phase_buttons(self, side: str, now: FitChoice, run: Run | None, there: tuple[int, ...]) -> list[Html]:
         return [
             button(
-                name,
+                "last" if phase is None else TITLES[phase] if run is None else phase_title(run, phase),
                 "runs.phase",
                 f"{side} {phase or ''}",
                 pressed=now.phase == phase,
                 disabled=phase is not None and phase not in there,
             )
-            for phase, name in _PHASES.items()
+            for phase in _PHASES
         ]
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import cv2
 import numpy as np
@@ -15,7 +15,8 @@ RGB = tuple[int, int, int]
 
 RUN_COLORS: tuple[RGB, RGB] = (90, 160, 255), (255, 150, 60)
 """Of run A and run B: blue and orange, apart for every kind of colour vision."""
-OPACITY = 0.85
+OPACITY = 0.6
+"""Of bodies at first: fingers and seams of clothes in the video are seen through it, and shading on it."""
 DISTANCE_LIMIT = 0.1
 """Metres at the top end of the colours; larger values look the same."""
 
@@ -34,11 +35,14 @@ class BodyLayer:
     color: RGB = RUN_COLORS[0]
     opacity: float = OPACITY
     wireframe: bool = False
+    outline: bool = False
+    """On a poster: as lines where it turns from the viewer, with the video between them."""
     values: Float[np.ndarray, "V"] | None = None
     """Metres at each vertex, such as the distance to another run. They are drawn as colours, instead of `color`."""
     camera: Camera | None = None
     """What it was fitted with; None: the poster's own."""
 
+    @cached_property
     def problem(self) -> str | None:
         """Why this body cannot be drawn, for the user; None if it can."""
         if not np.isfinite(self.vertices).all():
@@ -94,6 +98,6 @@ def color_index(values: Float[np.ndarray, "V"]) -> UInt8[np.ndarray, "V"]:
 
 def drawable(bodies: Sequence[BodyLayer]) -> tuple[list[BodyLayer | None], list[str]]:
     """The bodies with None for those that cannot be drawn, and why."""
-    problems = [body.problem() for body in bodies]
+    problems = [body.problem for body in bodies]
     shown = [None if problem else body for body, problem in zip(bodies, problems, strict=True)]
     return shown, [problem for problem in problems if problem]

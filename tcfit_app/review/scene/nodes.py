@@ -11,10 +11,15 @@ from jaxtyping import Float, UInt8
 
 from tcfit_app.review.browser.channel import page_call
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, color_index, color_table
+from tcfit_app.review.scene.outlines import outline
 from tcfit_app.server.viser_bridge import run_javascript, show_jpeg
 
 _OPAQUE = 0.995
 """From here on a body is drawn as opaque: without blending, and so without a seam where it lies over itself."""
+_LINE = 2.0
+"""CSS pixels: the width of an outline."""
+_ABOVE = 0.003
+"""How far an outline lies before its body, in image heights, so that the body does not hide it."""
 _WHITE: RGB = (255, 255, 255)
 
 
@@ -43,6 +48,14 @@ class MeshDressing:
     def show_front_only(self, name: str, front: bool) -> None:
         """Whether the node's mesh hides its own far side although it is transparent, or a wireframe."""
         self._dress(name, front=front)
+
+    def show_nothing(self, name: str, nothing: bool) -> None:
+        """Whether the node's mesh is not drawn, but hides what is behind it."""
+        self._dress(name, nothing=nothing)
+
+    def draw_last(self, name: str) -> None:
+        """Draws a node's lines after the bodies, which may hide them."""
+        self._dress(name, last=True)
 
     def keep_dark(self, name: str) -> None:
         """Draws an image node dark, and not white, until the browser has decoded its first image."""
@@ -74,6 +87,9 @@ class BodyNode:
     ) -> None:
         self._client, self._name, self._dressing, self._position = client, name, dressing, position
         self._node: viser.MeshHandle | None = None
+        self._lines: viser.LineSegmentsHandle | None = None
+        self._outlined: np.ndarray | None = None
+        """The vertices that the lines are of."""
         self._vertices = self._faces = self._values = None
         self._front = False
 
@@ -84,6 +100,7 @@ class BodyNode:
         position: tuple[float, float, float] | None = None,
         *,
         solid: bool = False,
+        lines: bool = False,
     ) -> None:
         """Shows the layer with these vertices in place of its own (which are in camera space).
 
@@ -92,6 +109,7 @@ class BodyNode:
             vertices: World units, compared by identity.
             position: Of the node; None leaves it.
             solid: Opaque, whatever the layer's opacity is.
+            lines: It may be drawn as an outline: it is looked at along z.
         """
         self._position = position or self._position
         if self._node is None or layer.faces is not self._faces:
@@ -101,13 +119,15 @@ class BodyNode:
         assert self._node is not None
         self._vertices = vertices
         self._node.color = layer.color if layer.values is None else _WHITE
-        transparent = layer.opacity < _OPAQUE and not solid
+        outlined = layer.outline and lines
+        transparent = layer.opacity < _OPAQUE and not solid and not outlined
         self._node.opacity = layer.opacity if transparent else None
-        self._node.wireframe = layer.wireframe
+        self._node.wireframe = layer.wireframe and not outlined
         self._node.position = self._position
         self._node.visible = True
         self._paint(layer)
-        self._show_front_only(transparent or layer.wireframe)
+        self._show_front_only(transparent or self._node.wireframe)
+        self._outline(layer if outlined else None, vertices)
 
     def hide(self) -> None:
         """Draws nothing, and keeps what was there for the next time."""
@@ -127,6 +147,30 @@ class BodyNode:
             receive_shadow=False,
         )
         self._faces, self._values, self._front = layer.faces, None, False
+        self._lines = self._outlined = None  # they went with the node before
+
+    def _outline(self, layer: BodyLayer | None, vertices: Float[np.ndarray, "V 3"]) -> None:
+        """Lines in place of the body, which then only hides the lines behind it; None: no lines."""
+        if layer is None:
+            if self._lines is not None and self._lines.visible:
+                self._lines.visible = False
+                self._dressing.show_nothing(self._name, False)
+            return
+        if self._lines is None or vertices is not self._outlined:
+            points = outline(vertices, layer.faces) - np.array([0.0, 0.0, _ABOVE], np.float32)
+            if self._lines is None:
+                self._lines = self._client.scene.add_line_segments(
+                    f"{self._name}/outline", points, layer.color, thickness=_LINE, thickness_units="screen"
+                )
+                self._lines.visible = False
+                self._dressing.draw_last(f"{self._name}/outline")
+            else:
+                self._lines.points = points
+            self._outlined = vertices
+        self._lines.colors = np.array(layer.color, np.uint8)
+        if not self._lines.visible:
+            self._lines.visible = True
+            self._dressing.show_nothing(self._name, True)
 
     def _paint(self, layer: BodyLayer) -> None:
         """Colours at the vertices, if they changed."""

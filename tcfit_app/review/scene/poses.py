@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.camera import Camera
+
 Vector = tuple[float, float, float]
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom."""
@@ -23,8 +25,14 @@ _MARGIN = 1.03
 _BODY_FROM = np.array([0.62, -0.28, -0.73])
 """From the body towards the viewer in 3D: the video camera's side, from the right and a little from above."""
 _OVERVIEW_FROM = np.array([0.74, -0.38, -0.6])
+SPACE_FROM = {"front": (0.0, -0.05, -1.0), "side": (1.0, -0.05, 0.0), "top": (0.0, -1.0, -0.002)}
+"""From the body towards the viewer, by what that is called. From right above there would be no up on the screen."""
 _BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
 """Of the viewer, in diagonals of what is looked at."""
+
+
+_LEAST_SIZE, _CLOSE = 0.15, 1.3
+"""Of what is zoomed to in 3D: metres at least, and how much more than it is seen."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,26 +76,24 @@ class Window:
     width: float
     height: float
     covered: float = 0.0
-    """Of the height, at the bottom: the timeline's strip."""
+    """Of the height, at the bottom: what lies over it."""
 
 
-def poster_pose(rectangle: Rectangle, whole: Rectangle, window: Window) -> Pose:
-    """Looks straight at a rectangle of the poster world, which fills the window's free part.
+def poster_pose(middle: tuple[float, float], scale: float, *, whole: float, canvas: Window) -> Pose:
+    """Looks straight at a place of the poster world.
 
     Args:
-        rectangle: What to see.
-        whole: All posters: sets how far the user may zoom.
-        window: The canvas.
+        middle: What is in the middle of each window.
+        scale: Pixels of the canvas per image height.
+        whole: The scale with which the whole picture is seen: sets how far the user may zoom.
+        canvas: All of it.
     """
-    scale = _scale(rectangle, window)
-    x = (rectangle[0] + rectangle[2]) / 2
-    y = (rectangle[1] + rectangle[3]) / 2 + scale * window.covered / 2
-    furthest = _distance(_scale(whole, window), window)
+    furthest = _distance(whole, canvas)
     least, most = furthest / _MOST_ZOOM, furthest / _LEAST_ZOOM
-    distance = min(max(_distance(scale, window), least), most)
+    distance = min(max(_distance(scale, canvas), least), most)
     return Pose(
-        position=(x, y, -distance),
-        look_at=(x, y, _TARGET_DEPTH),
+        position=(*middle, -distance),
+        look_at=(*middle, _TARGET_DEPTH),
         fov=POSTER_FOV,
         near=least / 2,
         far=most * 1.1,
@@ -96,15 +102,8 @@ def poster_pose(rectangle: Rectangle, whole: Rectangle, window: Window) -> Pose:
     )
 
 
-def _scale(rectangle: Rectangle, window: Window) -> float:
-    """World units in one unit of the window when the rectangle fills its free part."""
-    left, top, right, bottom = rectangle
-    free = max(window.height - window.covered, 0.1 * window.height)
-    return _MARGIN * max((right - left) / window.width, (bottom - top) / free)
-
-
-def _distance(scale: float, window: Window) -> float:
-    return scale * window.height / 2 / math.tan(POSTER_FOV / 2)
+def _distance(scale: float, canvas: Window) -> float:
+    return canvas.height / scale / 2 / math.tan(POSTER_FOV / 2)
 
 
 def straightened(pose: Pose) -> Pose:
@@ -116,6 +115,47 @@ def straightened(pose: Pose) -> Pose:
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
     """Looks at bodies in a box (least and greatest coordinates), half from the side."""
     return _space_pose(bounds, window, _BODY_FROM, _BODY_DISTANCE)
+
+
+def named_pose(name: str, bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
+    """Looks at bodies in a box from one of SPACE_FROM."""
+    return _space_pose(bounds, window, np.array(SPACE_FROM[name]), _BODY_DISTANCE)
+
+
+def filming_pose(
+    camera: Camera, turn: Float[np.ndarray, "3 3"], bounds: Float[np.ndarray, "2 3"], window: Window, *, near: float
+) -> Pose:
+    """Looks at bodies in a box from the video camera, the way that it looks; its whole picture is in the window.
+
+    Args:
+        camera: Of the video; its picture's middle is taken for that of the view.
+        turn: From camera space to the world.
+        bounds: Least and greatest coordinates, in the world.
+        window: The canvas.
+        near: Metres within which nothing is drawn.
+    """
+    free = max(window.height - window.covered, 0.1 * window.height)
+    scale = _MARGIN * max(camera.size[0] / window.width, camera.size[1] / free)
+    ahead = turn @ np.array([0.0, 0.0, 1.0])
+    return Pose(
+        position=(0.0, 0.0, 0.0),
+        look_at=_vector(ahead * max(float(bounds.mean(0) @ ahead), 2 * near)),
+        up=_vector(turn @ np.array([0.0, -1.0, 0.0])),
+        fov=2 * math.atan(scale * window.height / 2 / camera.focal[1]),
+        near=near,
+        far=300.0,
+        least_distance=0.1,
+        most_distance=60.0,
+    )
+
+
+def nearer_pose(pose: Pose, bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
+    """Looks at a box (least and greatest coordinates), which fills the window, from the side of another pose."""
+    away = np.subtract(pose.position, pose.look_at) / pose.distance
+    middle, size = bounds.mean(0), max(math.dist(bounds[0], bounds[1]), _LEAST_SIZE)
+    narrow = max(1.0, window.height / window.width)
+    distance = max(_CLOSE * narrow * size / 2 / math.tan(pose.fov / 2), pose.least_distance)
+    return replace(pose, position=_vector(middle + distance * away), look_at=_vector(middle))
 
 
 def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:

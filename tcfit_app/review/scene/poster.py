@@ -1,12 +1,14 @@
 """The flat world of the 2D modes: video frames as posters, and bodies as reliefs that lie on them exactly.
 
-Pixel (u, v) of a clip of W x H pixels lies at world ((u - W/2)/H + x, (v - H/2)/H, 0), where x is the poster's. Pixels
-are counted from the image's corner: the middle of the first one is (0.5, 0.5). The viewer looks along +z from far away
-(`cameras.py`), so that z shifts nothing on the screen, and a body is projected here, with the clip's own intrinsics.
+Pixel (u, v) of a clip of W x H pixels lies at world ((u - W/2)/H, (v - H/2)/H, 0), on every poster: the page draws each
+in a window of its own (`windows.py`). Pixels are counted from the image's corner: the middle of the first one is
+(0.5, 0.5). The viewer looks along +z from far away (`poses.py`), so that z shifts nothing on the screen, and a body is
+projected here, with the clip's own intrinsics.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import viser
@@ -15,18 +17,28 @@ from jaxtyping import Float
 from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import NEAREST, BodyLayer, FrameImage, drawable
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
-from tcfit_app.review.scene.poses import Rectangle
+from tcfit_app.review.scene.poses import Window
+from tcfit_app.review.scene.side_view import SideView
+from tcfit_app.review.scene.windows import Arrangement, Division, divide
 
-GAP = 0.03
-"""Between two posters, in image heights."""
 PLATE = FrameImage.uniform((38, 40, 44))
 """In place of a frame that is not there yet, or of a video that is switched off."""
 _FAR_OUT = 8.0
 """How far from the middle, in image heights, a vertex is drawn: beyond, float32 and the browser's clipping lose it."""
 _CLEARANCE = 0.01
 """Between the image and the furthest vertex, in image heights."""
+SIDE_PLATE = FrameImage.uniform((27, 29, 33))
+"""Of the side view, which has no video: darker than a picture that is missing."""
 _SLOTS = 2
 _ROOT = "/posters"
+PICTURE_NODES = tuple(f"{_ROOT}/{i}" for i in range(_SLOTS))
+"""viser's nodes that hold the pictures, and the side view."""
+SIDE_NODE = f"{_ROOT}/side"
+
+
+def body_nodes(poster: str) -> tuple[str, ...]:
+    """viser's nodes of the bodies on a poster, given its own."""
+    return tuple(f"{poster}/body{i}" for i in range(_SLOTS))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,46 +52,50 @@ class Poster:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SidePoster:
+    """The plate beside the pictures, with the same bodies as they are seen from aside."""
+
+    view: SideView
+    """Compared by identity."""
+    bodies: tuple[BodyLayer, ...] = ()
+    """At most two."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Posters:
-    """What the 2D modes show: one poster, or two side by side."""
+    """What the 2D modes show: one picture or two, and at their right the side view."""
 
     camera: Camera
-    """The clip's. Its size is the size of the posters, whatever that of the encoded images is."""
+    """The clip's. Its size is the size of the pictures, whatever that of the encoded images is."""
     posters: tuple[Poster, ...]
+    side: SidePoster | None = None
+    arrangement: Arrangement | None = None
+    """Of two pictures; None: whichever makes them larger."""
 
     def __post_init__(self) -> None:
         assert 1 <= len(self.posters) <= _SLOTS
-        assert all(len(poster.bodies) <= _SLOTS for poster in self.posters)
+        assert all(len(poster.bodies) <= _SLOTS for poster in (*self.posters, *([self.side] if self.side else [])))
 
     @property
-    def places(self) -> tuple[float, ...]:
-        """World x of the posters' middles."""
-        return poster_places(len(self.posters), self.camera.size)
+    def width(self) -> float:
+        """Of a picture, in image heights."""
+        return self.camera.size[0] / self.camera.size[1]
 
-    @property
-    def bounds(self) -> Rectangle:
-        """Of all posters, in the world."""
-        half = self.camera.size[0] / self.camera.size[1] / 2
-        return self.places[0] - half, -0.5, self.places[-1] + half, 0.5
-
-
-def poster_places(count: int, size: tuple[int, int]) -> tuple[float, ...]:
-    """World x of the middles of so many posters of that many pixels (width, height)."""
-    step = size[0] / size[1] + GAP
-    return tuple(step * (i - (count - 1) / 2) for i in range(count))
+    def divide(self, canvas: Window) -> Division:
+        """Windows for all posters."""
+        side = None if self.side is None else self.side.view.width
+        return divide(canvas, pictures=len(self.posters), width=self.width, side=side, arrangement=self.arrangement)
 
 
-def world_of_pixels(
-    pixels: Float[np.ndarray, "*n 2"], size: tuple[int, int], x: float = 0.0
-) -> Float[np.ndarray, "*n 2"]:
-    """World x and y of pixels on a poster whose middle is at x."""
-    return (pixels - np.array(size) / 2) / size[1] + np.array([x, 0.0])
+def world_of_pixels(pixels: Float[np.ndarray, "*n 2"], size: tuple[int, int]) -> Float[np.ndarray, "*n 2"]:
+    """World x and y of pixels."""
+    return (pixels - np.array(size) / 2) / size[1]
 
 
 def relief(
     bodies: Sequence[Float[np.ndarray, "V 3"]], camera: Camera, own: Sequence[Camera | None] = ()
 ) -> list[Float[np.ndarray, "V 3"]]:
-    """Vertices on a poster at x = 0, of bodies that hide each other by their depth.
+    """Vertices on a poster, of bodies that hide each other by their depth.
 
     Depth is drawn as f/H log(z / furthest z): it keeps the order and stretches z as the projection stretches x and y,
     at every z, so that a body is shaded as it is shaped.
@@ -108,17 +124,26 @@ class PosterNodes:
 
     def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
-        self._slots = [_Slot(client, f"{_ROOT}/{i}", dressing) for i in range(_SLOTS)]
+        self._slots = [_Slot(client, name, dressing, PLATE) for name in PICTURE_NODES]
+        self._side = _Slot(client, SIDE_NODE, dressing, SIDE_PLATE)
 
     def draw(self, snapshot: Posters) -> list[str]:
         """Sends what changed; returns what cannot be shown, and why."""
-        places = snapshot.places
-        problems = []
+        camera, problems = snapshot.camera, []
         for i, slot in enumerate(self._slots):
-            if i < len(places):
-                problems += slot.draw(snapshot.posters[i], snapshot.camera, places[i])
+            if i < len(snapshot.posters):
+                poster = snapshot.posters[i]
+                slot.show(poster.image or PLATE, snapshot.width)
+                problems += slot.draw(poster.bodies, camera, partial(_on_picture, camera))
             else:
                 slot.hide()
+        side = snapshot.side
+        if side is None:
+            self._side.hide()
+        else:
+            self._side.show(SIDE_PLATE, side.view.width)
+            # There is no video to be seen through them.
+            self._side.draw(side.bodies, side.view, partial(_on_side, side.view), solid=True)
         return problems
 
     def set_visible(self, visible: bool) -> None:
@@ -126,39 +151,58 @@ class PosterNodes:
         self._root.visible = visible
 
 
+Project = Callable[[list[BodyLayer]], list[Float[np.ndarray, "V 3"]]]
+"""From bodies to their vertices on a poster."""
+
+
+def _on_picture(camera: Camera, bodies: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
+    return relief([body.vertices for body in bodies], camera, [body.camera for body in bodies])
+
+
+def _on_side(view: SideView, bodies: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
+    vertices = [body.vertices for body in bodies]
+    return view.relief(vertices, view.shifts(vertices))
+
+
 class _Slot:
     """One poster's nodes, made once, so that frames replace each other without a gap."""
 
-    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing) -> None:
+    def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, plate: FrameImage) -> None:
         self._frame = client.scene.add_frame(name, show_axes=False, visible=False)
-        self._image = ImageNode(client, f"{name}/video", dressing, PLATE)
+        self._image = ImageNode(client, f"{name}/video", dressing, plate)
         # Transparent things are drawn from far to near by their nodes' places: the bodies' lie in front of the image's.
         front = (0.0, 0.0, -_CLEARANCE)
-        self._bodies = [BodyNode(client, f"{name}/body{i}", dressing, front) for i in range(_SLOTS)]
+        self._bodies = [BodyNode(client, body, dressing, front) for body in body_nodes(name)]
         self._source: tuple[object, ...] = ()
         self._reliefs: list[np.ndarray] = []
 
-    def draw(self, poster: Poster, camera: Camera, x: float) -> list[str]:
-        self._image.draw(poster.image or PLATE, (camera.size[0] / camera.size[1], 1.0))
-        problems = self._draw_bodies(poster.bodies, camera)
-        self._frame.position = (x, 0.0, 0.0)
+    def show(self, image: FrameImage, width: float) -> None:
+        """Shows it. Its frame stays where it is: the page moves that into the poster's window."""
+        self._image.draw(image, (width, 1.0))
         self._frame.visible = True
-        return problems
 
     def hide(self) -> None:
         self._frame.visible = False
 
-    def _draw_bodies(self, bodies: tuple[BodyLayer, ...], camera: Camera) -> list[str]:
+    def draw(self, bodies: tuple[BodyLayer, ...], how: object, project: Project, *, solid: bool = False) -> list[str]:
+        """Draws bodies on it; returns what cannot be shown, and why.
+
+        Args:
+            bodies: What to draw.
+            how: Stands for `project`, by identity.
+            project: How they are drawn.
+            solid: Opaque, whatever their layers' opacity is.
+        """
         shown, problems = drawable(bodies)
-        own = [body.camera for body in shown if body]
-        source = camera, *own, *(body.vertices for body in shown if body)
+        there = [body for body in shown if body]
+        source = how, *(body.camera for body in there), *(body.vertices for body in there)
         if not _same(source, self._source):
-            self._reliefs = relief([body.vertices for body in shown if body], camera, own)
+            self._reliefs = project(there)
             self._source = source
         reliefs = iter(self._reliefs)
         for i, node in enumerate(self._bodies):
             body = shown[i] if i < len(shown) else None
-            node.draw(body, next(reliefs)) if body else node.hide()
+            node.draw(body, next(reliefs), solid=solid, lines=not solid) if body else node.hide()
         return problems
 
 

@@ -1,6 +1,7 @@
 """All that viser's scene shows in one browser tab: the 2D and the 3D mode, and the viewer's camera in them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,14 +11,28 @@ from jaxtyping import Float
 
 from tcfit_app.review.scene.layers import RGB
 from tcfit_app.review.scene.nodes import MeshDressing
-from tcfit_app.review.scene.poses import Pose, Rectangle, Window, overview_pose, poster_pose, space_pose, straightened
+from tcfit_app.review.scene.poses import (
+    Pose,
+    Rectangle,
+    Window,
+    filming_pose,
+    named_pose,
+    nearer_pose,
+    overview_pose,
+    poster_pose,
+    space_pose,
+    straightened,
+)
 from tcfit_app.review.scene.poster import PosterNodes, Posters, world_of_pixels
-from tcfit_app.review.scene.space import Space, SpaceNodes
+from tcfit_app.review.scene.space import FRUSTUM_DEPTH, Space, SpaceNodes
+from tcfit_app.review.scene.windows import Division
 from tcfit_app.server.viser_bridge import place_camera
 
-Scene = Rectangle | Literal["space"]
-"""What there is to look at: posters, told by their extent in the world, or the 3D scene."""
+Scene = Literal["posters", "space"]
+"""What there is to look at."""
 
+_BEYOND_IMAGE = 1.05 * FRUSTUM_DEPTH
+"""Metres from the video camera from where on nothing is hidden by its picture."""
 _SLACK = 0.1
 """Of the camera's distance: so far from where it should be it stays in 3D, rather than move with every frame."""
 
@@ -47,9 +62,10 @@ class Cameras:
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
         self._canvas: tuple[float, float] | None = None
         self._window = self._current_window()
+        self._division: Division | None = None
 
-    def enter(self, scene: Scene) -> None:
-        """To a scene: where the user was in it, or where all of it is seen. For 3D see `show_space`."""
+    def _enter(self, scene: Scene) -> None:
+        """To a scene: where the user was in it, or where all of it is seen."""
         if scene == self._scene:
             return
         if self._scene is not None:
@@ -59,12 +75,19 @@ class Cameras:
         moved = place is not None and place.moved
         self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
 
+    def show_posters(self, division: Division) -> None:
+        """To posters in such windows: where the user was, or where all of the picture is seen."""
+        self._division = division
+        self._enter("posters")
+        if not self.moved and self.pose != (fitted := self._fitted("posters")):
+            self._go(fitted)
+
     def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
         """To 3D, with bodies in that box: where the user was, or where they are seen well, also when the box becomes
         quite another one.
         """
         self._bounds = self._bounds if bounds is None else bounds
-        self.enter("space")
+        self._enter("space")
         fitted = self._fitted("space")
         if not self.moved and math.dist(self.pose.position, fitted.position) > _SLACK * fitted.distance:
             self._go(fitted)
@@ -80,9 +103,29 @@ class Cameras:
         self._go(overview_pose(self._bounds, self._window) if overview else fitted, moved=overview)
 
     def zoom_to(self, rectangle: Rectangle) -> None:
-        """In 2D: a part of the poster world fills the window."""
-        if self._scene is not None and self._scene != "space":
-            self._go(poster_pose(rectangle, self._scene, self._window), moved=True)
+        """In 2D: a part of the picture, in the poster world, fills its window."""
+        if self._scene == "posters" and self._division is not None:
+            left, top, right, bottom = rectangle
+            scale = self._division.scale_of(right - left, bottom - top)
+            self._go(self._flat((left + right) / 2, (top + bottom) / 2, scale), moved=True)
+
+    def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"]) -> None:
+        """In 3D: a box (least and greatest coordinates) fills the window, seen from where the user looks."""
+        if self._scene == "space":
+            self._go(nearer_pose(self.pose, bounds, self._window), moved=True)
+
+    def look_from(self, name: str) -> None:
+        """In 3D: from one of SPACE_FROM. The video's picture is left out where it would be in the way."""
+        if self._scene == "space":
+            pose = named_pose(name, self._bounds, self._window)
+            near = _BEYOND_IMAGE - pose.position[2] if name == "front" else pose.near
+            self._go(replace(pose, near=max(pose.near, near)), moved=True)
+
+    def look_as_filmed(self, space: Space) -> None:
+        """In 3D: from where the video camera is. Its picture hangs before it: all that is nearer is left out."""
+        if self._scene == "space":
+            pose = filming_pose(space.camera, space.turn, self._bounds, self._window, near=_BEYOND_IMAGE)
+            self._go(pose, moved=True)
 
     def touched(self) -> None:
         """The user moves the camera."""
@@ -90,7 +133,7 @@ class Cameras:
             self._places[self._scene].moved = self._places[self._scene].by_hand = True
 
     def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
-        """Refits the scene to a new window unless the user has moved the camera.
+        """Refits the 3D scene to a new window unless the user has moved the camera; posters get windows of their own.
 
         Args:
             canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
@@ -100,8 +143,13 @@ class Cameras:
         self._canvas = canvas or self._canvas
         self._covered = self._covered if covered is None else covered
         before, self._window = self._window, self._current_window()
-        if self._scene is not None and self._window != before and not self.moved:
-            self._go(self._fitted(self._scene))
+        if self._scene == "space" and self._window != before and not self.moved:
+            self._go(self._fitted("space"))
+
+    @property
+    def window(self) -> Window:
+        """The canvas, as far as it is known."""
+        return self._window
 
     @property
     def moved(self) -> bool:
@@ -135,7 +183,12 @@ class Cameras:
     def _fitted(self, scene: Scene) -> Pose:
         if scene == "space":
             return space_pose(self._bounds, self._window)
-        return poster_pose(scene, scene, self._window)
+        assert self._division is not None
+        return self._flat(0.0, 0.0, self._division.scale)
+
+    def _flat(self, x: float, y: float, scale: float) -> Pose:
+        assert self._division is not None
+        return poster_pose((x, y), scale, whole=self._division.scale, canvas=self._window)
 
     def _go(self, pose: Pose, *, moved: bool = False) -> None:
         assert self._scene is not None
@@ -155,7 +208,7 @@ class Cameras:
 
 Snapshot = Posters | Space
 
-# Directions towards the lights in camera space (x right, y down, z away from the camera), colours, intensities: a key
+# Directions towards the lights (x right, y down, z away from the camera), colours, intensities: a key
 # light from the upper left of the camera, a weak fill from its right, and a rim from behind.
 _LIGHTS: tuple[tuple[str, tuple[float, float, float], RGB, float], ...] = (
     ("key", (-0.5, -0.7, -0.9), (255, 250, 242), 2.5),
@@ -185,7 +238,7 @@ class SceneView:
         with self._client.atomic():
             if isinstance(snapshot, Posters):
                 problems = self._posters.draw(snapshot)
-                self.cameras.enter(snapshot.bounds)
+                self.cameras.show_posters(snapshot.divide(self.cameras.window))
             else:
                 problems = self._space.draw(snapshot)
                 self.cameras.show_space(snapshot.bounds())
@@ -194,13 +247,38 @@ class SceneView:
         self._last = snapshot
         return tuple(problems)
 
+    def look_from(self, name: str) -> None:
+        """In 3D: from one of SPACE_FROM, or as the video's "camera" looks."""
+        if not isinstance(self._last, Space):
+            return
+        if name == "camera":
+            self.cameras.look_as_filmed(self._last)
+        else:
+            self.cameras.look_from(name)
+
     def zoom_to(self, pixels: Rectangle) -> None:
-        """In 2D: a rectangle of image pixels (left, top, right, bottom) of the first poster fills the window."""
+        """In 2D: a rectangle of image pixels (left, top, right, bottom) fills each picture's window."""
         if not isinstance(self._last, Posters):
             return
         corners = np.array(pixels, float).reshape(2, 2)
-        world = world_of_pixels(corners, self._last.camera.size, self._last.places[0])
+        world = world_of_pixels(corners, self._last.camera.size)
         self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
+
+    def zoom_about_middle(self, pixels: float) -> None:
+        """In 2D: so much of the picture's height and width, around its middle, fills each picture's window."""
+        height, half = (self._last.camera.size[1], pixels / 2) if self._last else (1, 0.5)
+        self.cameras.zoom_to((-half / height, -half / height, half / height, half / height))
+
+    def zoom_in_space(self, points: Sequence[Float[np.ndarray, "n 3"]]) -> None:
+        """In 3D: points of the bodies on show, in camera space, fill the window; NaN are left out."""
+        if not isinstance(self._last, Space):
+            return
+        moved = [
+            found @ self._last.turn.T + [x, 0.0, 0.0] for found, x in zip(points, self._last.offsets, strict=False)
+        ]
+        there = np.concatenate(moved)
+        there = there[np.isfinite(there).all(-1)]
+        self.cameras.zoom_in_space(np.stack([there.min(0), there.max(0)]))
 
 
 def _light(client: viser.ClientHandle) -> None:

@@ -1,22 +1,27 @@
-"""The 3D mode: bodies in true metres, the ground they stand on, and the camera that filmed them with its image."""
+"""The 3D mode: bodies in true metres, the ground they stand on, and the camera that filmed them with its image.
 
-from dataclasses import dataclass
+Its world is level space (room.py): bodies are sent as the camera has them, in a frame that turns them upright.
+"""
+
+from dataclasses import dataclass, field
 
 import numpy as np
 import viser
 from jaxtyping import Float
+from viser.transforms import SO3
 
 from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, drawable
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
+from tcfit_app.review.scene.room import extent
 
 FRUSTUM_DEPTH = 0.9
 """Metres from the video camera to its image."""
 _SLOTS = 2
-_STRAY = 2.0
-"""Percent of the frames that need not be in view."""
 _ROOT = "/space"
+_FILMED = f"{_ROOT}/filmed"
+"""What is in camera space."""
 _CELL_COLOR: RGB = (62, 66, 74)
 _SECTION_COLOR: RGB = (104, 110, 122)
 _FRUSTUM_COLOR: RGB = (190, 196, 206)
@@ -32,11 +37,13 @@ class Space:
     """At most two. They are drawn opaque: one sees through to the video in 2D, and to a body's own far side here."""
     image: FrameImage | None = None
     """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
+    turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    """From camera space to the world, which is upright."""
     ground: float | None = None
-    """Height of the ground grid: y in camera space, downwards, metres. None: no grid."""
+    """Height of the ground grid: y in the world, downwards, metres. None: no grid."""
     extents: tuple[Float[np.ndarray, "2 3"] | None, ...] = ()
-    """Of each body, where it is in the whole clip (see `extent`), so that the viewer's camera can stay where it is.
-    None or none at all: not known yet."""
+    """Of each body, where it is in the world in the whole clip (see `extent`), so that the viewer's camera can stay
+    where it is. None or none at all: not known yet."""
     apart: float = 0.0
     """Metres between two bodies along x that are drawn side by side; 0 leaves both in place."""
 
@@ -46,8 +53,8 @@ class Space:
 
     @property
     def offsets(self) -> tuple[float, ...]:
-        """By how much each body is moved along x."""
-        return tuple(self.apart * (i - (len(self.bodies) - 1) / 2) for i in range(len(self.bodies)))
+        """By how much each body is moved along x of the world."""
+        return offsets(len(self.bodies), self.apart)
 
     def bounds(self) -> Float[np.ndarray, "2 3"] | None:
         """Least and greatest coordinates of the bodies as drawn, over the clip as far as that is known; None without
@@ -55,21 +62,16 @@ class Space:
         """
         extents = self.extents or (None,) * len(self.bodies)
         corners = [
-            (extent(body.vertices[None]) if known is None else known) + np.array([x, 0.0, 0.0])
+            (extent((body.vertices @ self.turn.T)[None]) if known is None else known) + np.array([x, 0.0, 0.0])
             for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
-            if body.problem() is None
+            if body.problem is None
         ]
         return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
 
 
-def extent(vertices: Float[np.ndarray, "T V 3"]) -> Float[np.ndarray, "2 3"]:
-    """Least and greatest coordinates of a body's frames, but for the few in which a fit throws it far away."""
-    least, most = vertices.min(1), vertices.max(1)
-    usual = np.isfinite(least + most).all(1)
-    least, most = least[usual], most[usual]
-    if not len(least):
-        return np.zeros((2, 3))
-    return np.stack([np.percentile(least, _STRAY, axis=0), np.percentile(most, 100 - _STRAY, axis=0)])
+def offsets(count: int, apart: float) -> tuple[float, ...]:
+    """By how much each of so many bodies is moved along x, metres, to stand so far apart."""
+    return tuple(apart * (i - (count - 1) / 2) for i in range(count))
 
 
 class SpaceNodes:
@@ -78,18 +80,21 @@ class SpaceNodes:
     def __init__(self, client: viser.ClientHandle, dressing: MeshDressing) -> None:
         self._client = client
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
-        self._bodies = [BodyNode(client, f"{_ROOT}/body{i}", dressing) for i in range(_SLOTS)]
-        self._image = ImageNode(client, f"{_ROOT}/image", dressing, PLATE)
+        self._filmed = client.scene.add_frame(_FILMED, show_axes=False)
+        self._bodies = [BodyNode(client, f"{_FILMED}/body{i}", dressing) for i in range(_SLOTS)]
+        self._image = ImageNode(client, f"{_FILMED}/image", dressing, PLATE)
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 
     def draw(self, snapshot: Space) -> list[str]:
         """Sends what changed; returns what cannot be shown, and why."""
         shown, problems = drawable(snapshot.bodies)
+        self._filmed.wxyz = SO3.from_matrix(snapshot.turn).wxyz
         for i, node in enumerate(self._bodies):
             body = shown[i] if i < len(shown) else None
             if body:
-                node.draw(body, body.vertices, (snapshot.offsets[i], 0.0, 0.0), solid=True)
+                x, y, z = snapshot.offsets[i] * snapshot.turn[0]
+                node.draw(body, body.vertices, (float(x), float(y), float(z)), solid=True)
             else:
                 node.hide()
         self._draw_camera(snapshot.camera)
@@ -110,7 +115,7 @@ class SpaceNodes:
         corners = frustum(camera)
         edges = [(np.zeros(3), corner) for corner in corners] + list(zip(corners, np.roll(corners, -1, 0), strict=True))
         self._client.scene.add_line_segments(
-            f"{_ROOT}/frustum", np.array(edges, np.float32), _FRUSTUM_COLOR, thickness=1.5, thickness_units="screen"
+            f"{_FILMED}/frustum", np.array(edges, np.float32), _FRUSTUM_COLOR, thickness=1.5, thickness_units="screen"
         )
 
     def _draw_ground(self, ground: float | None) -> None:

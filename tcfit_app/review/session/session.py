@@ -11,22 +11,22 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import PhaseStarted, WindowFinished
+from fitting_core.fit.events import FramesFitted, PhaseStarted
 from fitting_core.fit.result import FitResult
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
+from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown
-from tcfit_app.fitting.following import Following
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
-from tcfit_app.fitting.outbox import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
+from tcfit_app.fitting.reports import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.results import ImportChoices, import_run, upload
-from tcfit_app.project.edits.edit_log import LogEntry, edits_since
-from tcfit_app.project.edits.kinds import Edit, MoveKeypoint
+from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, edits_since
+from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
-from tcfit_app.project.storage.runs import Run, RunKind
+from tcfit_app.project.storage.run_record import Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
@@ -48,7 +48,7 @@ class Session:
         self.project, self.bodies = project, bodies
         self.fits = Fits(project)
         self.worker = Worker(self.fits)
-        self.following = Following(project, bodies, self.fits, self.worker)
+        self.edit_follower = EditFollower(project, bodies, self.fits, self.worker)
         """Lets the fit follow drags and edits."""
         self.tasks = Tasks()
         """Whatever else is slow."""
@@ -105,7 +105,7 @@ class Session:
         return entry
 
     def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
-        """Take back the last edit of the project, whoever made it; None if there is none. Raises as `edit`."""
+        """Take back the project's last edit or remark, whoever made it; None if there is none. Raises as `edit`."""
         entry = self.project.undo(author=author)
         return self._edited(entry, shown)
 
@@ -117,18 +117,32 @@ class Session:
     def _edited(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
         if entry is None:
             return None
+        if isinstance(entry.action, Remark):
+            self.marked += 1
+            return entry
         self.edits += 1
         if shown is not None:
-            self.following.edited(entry, shown)
+            self.edit_follower.edited(entry, shown)
         return entry
 
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
         """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
-        if state is None:
-            self.project.marks.clear(frames)
-        else:
-            self.project.marks.set(frames, state, author=author)
-        self.marked += 1
+        self._edited(self.project.marks.set(frames, state, author=author), None)
+
+    def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
+        """Keep a note on frames that follow each other.
+
+        Args:
+            frames: which.
+            text: what it says; empty takes the note away that it replaces.
+            author: who says it.
+            replaces: the `Note.id` of the one whose place it takes.
+
+        Raises:
+            InputError: It makes no sense, or the project cannot be written.
+        """
+        note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
+        self._edited(self.project.append(note, author=author), None)
 
     # --- fits ---
 
@@ -279,7 +293,9 @@ class Session:
 
     # --- live correction ---
 
-    def release(self, drag: Drag | None, edit: MoveKeypoint, *, author: str, shown: Shown | None) -> None:
+    def release(
+        self, drag: Drag | None, edit: MoveKeypoint | PlaceKey | SetDepth, *, author: str, shown: Shown | None
+    ) -> None:
         """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
         followed = drag is not None and not drag.failed
         try:
@@ -290,25 +306,28 @@ class Session:
             raise
         if drag:
             drag.release()
+        others = [frame for frame in edit.frames if drag is not None and frame != drag.correction.frame]
+        if followed and shown is not None and others and self.edit_follower.after_edits:
+            self.edit_follower.follow(shown.run, others)
 
     # --- news from the worker ---
 
     def take_news(self) -> None:
         """Take up what the worker has done since the last call."""
-        news = self.worker.outbox.empty()
+        news = self.worker.reports.take()
         for report in news.reports:
             self._take_whatever_comes(report)
         if news.progress is not None and (job := self.jobs.get(news.progress.job)):
             job.take(news.progress)
             self.changes += 1
         for moved in news.moved:
-            self.following.take_move(moved)
+            self.edit_follower.take_move(moved)
         self.tasks.take()
         self._end_late(time.monotonic())
         while not self.fits.overtaken.empty():
-            self.following.follow(*self.fits.overtaken.get())
+            self.edit_follower.follow(*self.fits.overtaken.get())
         under_way = {job.follows for job in self.jobs.values()}
-        correction = self.following.due(self.tell, under_way)
+        correction = self.edit_follower.due(self.tell, under_way)
         if correction is not None:
             self._enqueue(correction, None, follows=correction.origin)
 
@@ -333,7 +352,7 @@ class Session:
     def _take(self, report: Report) -> None:
         self.changes += 1
         if isinstance(report, DragEnded):
-            self.following.take_end(report)
+            self.edit_follower.take_end(report)
             if report.how == "failed":
                 self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
             return
@@ -346,7 +365,7 @@ class Session:
             if isinstance(report.event, PhaseStarted):
                 job.phase = report.event.phase
                 job.windows.clear()
-            elif isinstance(report.event, WindowFinished):
+            elif isinstance(report.event, FramesFitted):
                 job.windows.append(report.event.frames)
         else:
             self._take_end(job, report)
@@ -362,7 +381,7 @@ class Session:
         if report.how == "failed":
             self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
         elif report.how == "cancelled" and job.follows is not None:
-            self.following.forget(job.follows)
+            self.edit_follower.forget(job.follows)
 
     def _end_run(self, job: RunningJob) -> None:
         """Keep that a run was cancelled or has failed; what cannot be written now is tried again."""

@@ -83,8 +83,18 @@ class Task(Generic[Value]):
         except Exception as error:  # whatever it was: the user is told
             if not isinstance(error, InputError):
                 _log.exception("%s failed", self.title)
-            self.reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+            self.reason = reason_of(error)
             self._error, self.state = error, "failed"
+
+
+def reason_of(error: Exception) -> str:
+    """What went wrong, for the user: of an error that nobody foresaw only its kind; the log has the rest."""
+    if isinstance(error, InputError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+    kind = type(error).__name__
+    return f"Something went wrong inside tcfit ({kind}). Its terminal has the details: please report them."
 
 
 class _Made:
@@ -105,7 +115,7 @@ class _Made:
             self.value = self.compute()
         except Exception as error:
             _log.log(logging.INFO if isinstance(error, InputError) else logging.ERROR, "A value failed", exc_info=error)
-            self.problem = str(error) or type(error).__name__
+            self.problem = reason_of(error)
         self.done = True
 
 

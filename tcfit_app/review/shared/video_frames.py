@@ -4,9 +4,9 @@ Nothing here waits, and nothing raises for a video that is missing or broken: th
 frame then, and a text that says what is wrong.
 
 One thread opens, decodes and encodes, for a video is read forward: what it does first is what somebody waits for, then
-what is about to be played, then the rest of the clip at the playing size, as far as memory allows. So a jump within a
-clip that was open for some seconds shows the playing size at once, and the full size after a seek; a clip that is no
-larger is kept in one size only.
+what is about to be played, then thumbnails, then the rest of the clip at the playing size, as far as memory allows. So
+a jump within a clip that was open for some seconds shows the playing size at once, and the full size after a seek; a
+clip that is no larger is kept in one size only.
 
 A seek decodes from the last key frame on. Milliseconds of `FrameSource.frame` at 25 random frames, and of encoding one
 as "playing" and "full", on one thread:
@@ -33,12 +33,14 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
 from tcfit_app.review.scene.layers import FrameImage
 
-FrameSize = Literal["playing", "full"]
-"""Small, for frames that follow each other quickly; or every pixel of the video."""
+FrameSize = Literal["thumbnail", "playing", "full"]
+"""For the timeline; small, for frames that follow each other quickly; or every pixel of the video."""
 SIZES: tuple[FrameSize, ...] = get_args(FrameSize)
 PLAYING = (960, 540)
 """Most pixels of a playing frame; an upright one has them the other way round."""
-_QUALITY = {"playing": 80, "full": 85}
+THUMBNAIL = (144, 96)
+"""Most pixels of a thumbnail, likewise."""
+_QUALITY = {"thumbnail": 70, "playing": 80, "full": 85}
 _GREY = 96
 _LIMIT = 256 * 2**20
 _FILLED = 0.5
@@ -48,7 +50,9 @@ _WAITING = 16
 _BLOCK = 12
 """Frames that are decoded in ascending order when they are played backwards."""
 
-Wanted = tuple[int, FrameSize]
+Crop = tuple[int, int, int, int]
+"""A part of a frame as a thumbnail: left, top, right and bottom in the video's pixels."""
+Wanted = tuple[int, FrameSize | Crop]
 
 
 class VideoFrames:
@@ -80,8 +84,9 @@ class VideoFrames:
         self._awaited: set[Wanted] = set()
         self._cache: ByteCache[bytes] = ByteCache(limit, len)
         self._grey = {shown: placeholder(size, shown) for shown in SIZES}
-        one = len({shown_size(size, shown) for shown in SIZES}) == 1
+        one = shown_size(size, "playing") == size
         self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
+        self._thumbnails: dict[Hashable, deque[Wanted]] = {}
         self._problem = "" if source else "There is no video: the project was made without one, or it is not found."
         self._problems: dict[int, str] = {}
         self._asked: deque[Wanted] = deque(maxlen=_WAITING)
@@ -100,7 +105,7 @@ class VideoFrames:
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame as JPEG if it is there; else None, and it is decoded next."""
         assert 0 <= frame < self.count
-        wanted = frame, self._kept[shown]
+        wanted: tuple[int, FrameSize] = frame, self._kept[shown]
         found = self._cached(wanted)
         if found is None:
             self._ask(wanted)
@@ -109,6 +114,23 @@ class VideoFrames:
     def nearest(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame in this size, or else in the other one if that is there; what is missing is decoded next."""
         return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
+
+    def thumbnails(self, wanted: Iterable[Wanted], *, reader: Hashable = None) -> dict[Wanted, bytes]:
+        """Those small pictures that are there; the others are made while nobody waits for anything else.
+
+        Args:
+            wanted: Frames, each whole as a "thumbnail" or a part of it.
+            reader: Who asks; what it asked for before is forgotten.
+        """
+        asked = list(wanted)
+        found = {one: made for one in asked if (made := self._cache.get(one))}
+        missing = deque(one for one in asked if one not in found and one[0] not in self._problems)
+        with self._changed:
+            self._thumbnails.pop(reader, None)
+            if missing:
+                self._thumbnails[reader] = missing
+            self._changed.notify_all()
+        return found
 
     def prefetch(self, frames: Iterable[int], *, reader: Hashable = None) -> None:
         """Decode frames that are about to be played, in the size for that.
@@ -136,7 +158,7 @@ class VideoFrames:
         if self._thread.is_alive():
             self._thread.join()
 
-    def _cached(self, wanted: Wanted) -> bytes | None:
+    def _cached(self, wanted: tuple[int, FrameSize]) -> bytes | None:
         found = self._cache.get(wanted)
         if self._closed or self._problem or wanted[0] in self._problems:
             return found or self._grey[wanted[1]]
@@ -184,6 +206,12 @@ class VideoFrames:
                 if self._missing(wanted):
                     self._coming[reader] = queue
                     return wanted
+        for reader, queue in list(self._thumbnails.items()):
+            while queue:
+                wanted = queue.popleft()
+                if self._missing(wanted):
+                    return wanted
+            del self._thumbnails[reader]
         while self._rest and self._cache.used < _FILLED * self._cache.limit:
             wanted: Wanted = (self._rest.popleft(), self._kept["playing"])
             if self._missing(wanted):
@@ -224,14 +252,18 @@ def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
     """Width and height in pixels of a JPEG, for a video of `size`: never larger, of the same shape."""
     if shown == "full":
         return size
-    wide, high = max(PLAYING), min(PLAYING)
+    bounds = PLAYING if shown == "playing" else THUMBNAIL
+    wide, high = max(bounds), min(bounds)
     most = (wide, high) if size[0] >= size[1] else (high, wide)
     scale = min(1.0, most[0] / size[0], most[1] / size[1])
     return max(1, round(scale * size[0])), max(1, round(scale * size[1]))
 
 
-def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize) -> bytes:
-    """A frame (RGB) as JPEG."""
+def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize | Crop) -> bytes:
+    """A frame (RGB), or a part of it, as JPEG."""
+    if not isinstance(shown, str):
+        left, top, right, bottom = shown
+        image, shown = image[top:bottom, left:right], "thumbnail"
     size = shown_size((image.shape[1], image.shape[0]), shown)
     if size != (image.shape[1], image.shape[0]):
         # Linear, not by area: 2 against 20 ms where 1080p shrinks by a factor that is no whole number.

@@ -4,7 +4,6 @@ A press comes from the page and may be anything: a strange page sends what it li
 show a moment ago. So a button does something only while a panel shows it, switched on.
 """
 
-import logging
 import re
 import time
 from collections.abc import Callable, Collection
@@ -12,12 +11,12 @@ from html import unescape
 from typing import Any
 
 from tcfit_app.review.browser.page_events import Press
+from tcfit_app.server.screen import Dropped
 
 LATE = 2.0
 """Seconds for which a value still counts that has just been replaced: the press was on its way."""
 _TAG = re.compile(r"<(?:button|tr)\b([^>]*)>")
 _ATTRIBUTE = re.compile(r'([\w-]+)(?:="([^"]*)")?')
-_log = logging.getLogger(__name__)
 
 
 class Buttons:
@@ -29,6 +28,7 @@ class Buttons:
         """Command and value of what can be pressed, by who shows it."""
         self._until: dict[tuple[str, str], float] = {}
         """When a button that is gone stops to count."""
+        self._dropped = Dropped()
 
     def on(self, command: str, run: Callable[[Any], None], read: Callable[[str], Any] = str) -> None:
         """What a button does.
@@ -59,15 +59,15 @@ class Buttons:
         return replaced and any(command == other for other, _ in there)
 
     def take(self, event: Press) -> None:
-        """Do what a button does; a press of what is not on show is dropped, and the log says so."""
+        """Do what a button does; a press of what is not on show is dropped."""
         try:
             run, read = self._known[event.command]
             value = read(event.value)
         except (KeyError, ValueError):
-            _log.warning("A press in the page is dropped: %r with %r", event.command, event.value)
+            self._dropped.note(event)
             return
         if not self.on_show(event.command, event.value):
-            _log.warning("A press in the page is dropped, not on show: %r with %r", event.command, event.value)
+            self._dropped.note(f"not on show: {event}")
             return
         run(value)
 

@@ -5,8 +5,8 @@ from typing import Literal
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.fitting.following import LiveWindow
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.tab.state import TabState
@@ -38,6 +38,16 @@ class OnShow:
     def fit(self, side: Side) -> Shown | None:
         """A or B."""
         return self.a if side == "a" else self.b
+
+    @property
+    def held(self) -> Shown | None:
+        """The fit that says how the camera is held and where the floor is: the same when A is seen in B's place."""
+        return self.b or self.a
+
+    def with_body(self, side: Side) -> Shown | None:
+        """A or B, if it has a body in this frame."""
+        fit = self.fit(side)
+        return fit if fit is not None and fit.has(self.frame) else None
 
     def live_of(self, side: Side) -> LiveWindow | None:
         """The live window from which this side's body is drawn, if there is one."""
@@ -86,7 +96,7 @@ def _live(session: Session, fit: Shown | None, frame: int) -> LiveWindow | None:
     if fit is None or fit.phase != 3:
         return None
     runs = (fit.run.id, fit.run.parent) if fit.run.kind == "corrections" else (fit.run.id,)
-    windows = [session.following.window(run, frame) for run in runs if run is not None]
+    windows = [session.edit_follower.window(run, frame) for run in runs if run is not None]
     return max((w for w in windows if w is not None), key=lambda window: window.revision, default=None)
 
 

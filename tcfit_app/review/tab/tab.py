@@ -5,28 +5,34 @@ import time
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
+from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import PageEvent
+from tcfit_app.review.browser.page_states import Saving
 from tcfit_app.review.scene.scene import SceneView
+from tcfit_app.review.scene.side_view import usual_width
+from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
-from tcfit_app.review.shared.desk import Desk
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.playback import Playback
-from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.tab.state import SIDE_WIDTHS, TabState
+from tcfit_app.review.tab.toasts import SHORT, Toasts
 from tcfit_app.server.page_files import PageFiles
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
-_COLORS: dict[str, Literal["blue", "green", "red"]] = {"info": "blue", "done": "green", "error": "red"}
-_SHORT, _LONG = 4.0, 12.0
-"""Seconds for which a message stays."""
+REMEMBERED = 256
+"""Tabs whose states are kept after they were closed."""
+BROWSER = "browser "
+"""What authors begin with, as edits have them; versions before had "tab "."""
 _log = logging.getLogger(__name__)
 
 
@@ -59,7 +65,7 @@ class Tab:
 
     Args:
         client: viser's tab.
-        desk: what it draws from.
+        data: what it draws from.
         do: how callbacks get to the drawing thread.
         receive: takes up what the page's script tells.
         remembered: states of tabs that were closed or reloaded, by the tab's own name.
@@ -69,20 +75,22 @@ class Tab:
     def __init__(
         self,
         client: viser.ClientHandle,
-        desk: Desk,
+        data: DrawingData,
         do: Do,
         receive: Callable[[PageEvent], None],
         remembered: dict[str, TabState],
         files: PageFiles,
     ) -> None:
-        self.client, self.desk, self.session, self.files = client, desk, desk.session, files
-        self.length = desk.length
-        self.first_frame = desk.session.project.clip.first_frame
+        self.client, self.data, self.session, self.files = client, data, data.session, files
+        self.length = data.length
+        self.first_frame = data.session.project.clip.first_frame
         """The number that users see for frame 0."""
         self.state = TabState()
-        self.author = f"browser {client.client_id}"
+        self.author = f"{BROWSER}{client.client_id}"
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
+        self.doing = ""
+        """The action that a command does, for what is told if it cannot be done; empty for any other command."""
         self.corrected: int | None = None
         """The run that this tab has corrected, until its corrections are on show."""
         self.playback = Playback(self.session.project.clip.frame_rate)
@@ -90,8 +98,12 @@ class Tab:
         self._do, self._remembered = do, remembered
         self._name: str | None = None
         self._shown: OnShow | None = None
-        self.channel = Channel(client, lambda event: self.do(lambda: receive(event)))
+        self.channel = Channel(client, lambda event: self.do(lambda: receive(event)), timeline=True)
         self.scene = SceneView(client)
+        self._toasts = Toasts(client)
+        self._saved = 0
+        self.first_steps = 0
+        """How often what to do first was asked for."""
 
     # --- doing things ---
 
@@ -118,10 +130,12 @@ class Tab:
         """A command that tells in the tab what goes wrong in it."""
 
         def run() -> None:
+            self.doing = ""
             try:
                 command()
             except InputError as error:
-                self.notify(Notice(title="That cannot be done", text=str(error), kind="error"))
+                title = f"{self.doing}: not possible" if self.doing else "Not possible"
+                self.notify(Notice(title=title, text=str(error), kind="error"))
             except Exception as error:
                 _log.exception("A command failed")
                 text = f"{type(error).__name__}: {error}. Nothing is lost; tcfit's terminal has the details."
@@ -131,17 +145,23 @@ class Tab:
 
     def notify(self, notice: Notice) -> None:
         """Tell the user."""
-        stay = _LONG if notice.kind == "error" else _SHORT
-        self.client.add_notification(
-            notice.title,
-            notice.text,
-            color=_COLORS[notice.kind],
-            auto_close_seconds=stay,
-        )
+        self._toasts.show(notice)
 
     def say(self, text: str) -> None:
         """Say in passing what was done."""
-        self.message = (text, time.monotonic() + _SHORT)
+        self.message = (text, time.monotonic() + SHORT)
+
+    def save_picture(self) -> None:
+        """Have the page save what its canvas shows."""
+        self._saved += 1
+        name = f"{self.session.project.clip.name} frame {self.state.frame + self.first_frame}.png"
+        self.channel.send("saving", Saving(name=name, number=self._saved))
+        self.say(f"Saved: {name}")
+
+    def show_first_steps(self) -> None:
+        """Have the page show what to do first."""
+        self.set(keys=False)
+        self.first_steps += 1
 
     def refuse_read_only(self) -> None:
         """Raises InputError where nothing can be changed."""
@@ -154,12 +174,17 @@ class Tab:
         """Whether the page's script has said hello."""
         return self._name is not None
 
-    def greet(self, name: str) -> None:
-        """The page's script is there, and calls itself so; a name that is known brings its state back."""
-        self._name, self.author = name, f"tab {name[:8]}"
+    def greet(self, name: str, browser: str) -> None:
+        """The page's script is there, and calls itself so; a name that is known brings its state back.
+
+        Its edits are those of its browser: a new tab, after tcfit was started again, is still the same person's.
+        """
+        self._name, self.author = name, f"{BROWSER}{(browser or name)[:8]}"
         known = self._remembered.get(name)
         if known is not None:
-            self.state = replace(known, playing=False, keys=False, frame=min(known.frame, self.length - 1))
+            self.state = replace(
+                known, playing=False, keys=False, close_up=None, frame=min(known.frame, self.length - 1)
+            )
         self.set()
 
     def set(self, **changes: Any) -> None:
@@ -167,7 +192,10 @@ class Tab:
         suggested = {"suggested": False} if "selection" in changes else {}
         self.state = replace(self.state, **(suggested | changes))
         if self._name is not None:
+            self._remembered.pop(self._name, None)  # so that the last is the newest
             self._remembered[self._name] = self.state
+            while len(self._remembered) > REMEMBERED:
+                del self._remembered[next(iter(self._remembered))]
 
     def seek(self, frame: int) -> None:
         """Go to a frame, or as near as the clip has one."""
@@ -191,6 +219,26 @@ class Tab:
         """The frames that corrections and marks are for: those selected, or else the one on show."""
         return tuple(self.state.frames) if self.state.frames is not None else (self.state.frame,)
 
+    @property
+    def frames_to_change(self) -> tuple[int, ...]:
+        """`chosen_frames`, for what changes them.
+
+        Raises:
+            InputError: Frames are selected, and the one on show is none of them: the change would not be seen.
+        """
+        if self.hits_unseen:
+            chosen = in_words(self.chosen_frames, self.first_frame)
+            raise InputError(
+                f"This would change the selected {chosen}, and frame {self.state.frame + self.first_frame} is on show. "
+                "Go to one of them first, or select no frames (× in the timeline)."
+            )
+        return self.chosen_frames
+
+    @property
+    def hits_unseen(self) -> bool:
+        """Whether frames are selected, and the one on show is none of them."""
+        return self.state.frames is not None and self.state.frame not in self.state.frames
+
     def toggle_playing(self) -> None:
         """Play, or pause; at the end of what is played, from its start."""
         if self.state.playing:
@@ -206,7 +254,7 @@ class Tab:
         """Stop playing."""
         if self.state.playing:
             self.set(playing=False)
-            self.desk.video.leave(self)
+            self.data.video.leave(self)
 
     def set_speed(self, speed: float) -> None:
         """Play at this many times the real speed."""
@@ -223,6 +271,35 @@ class Tab:
         if not goes_on:
             self.pause()
         return True
+
+    # --- the posters ---
+
+    @property
+    def arrangement(self) -> Arrangement:
+        """How A and B lie in A | B: as was chosen, or as suits the canvas."""
+        if self.state.arrangement is not None:
+            return self.state.arrangement
+        size = self.session.project.clip.camera.size
+        width = size[0] / size[1]
+        side = usual_width(2 * width) if self.state.side else None
+        return divide(self.scene.cameras.window, pictures=2, width=width, side=side).arrangement
+
+    @property
+    def clipped(self) -> bool:
+        """Whether bodies end where the picture ends."""
+        return self.state.mode == "ab" if self.state.clipped is None else self.state.clipped
+
+    @property
+    def side_width(self) -> float:
+        """Of the side view's plate, in image heights."""
+        width, height = self.session.project.clip.camera.size
+        beside = len(self.shown.places) if self.arrangement == "beside" else 1
+        return self.state.side_width or usual_width(beside * width / height)
+
+    def set_side_width(self, width: float) -> None:
+        """Make the side view's plate as wide as that, as far as it can be."""
+        least, most = SIDE_WIDTHS
+        self.set(side_width=round(min(max(width, least), most), 2))
 
     # --- what is on show ---
 
@@ -245,7 +322,7 @@ class Tab:
         run, session = self.corrected, self.session
         if run is None:
             return
-        under_way = session.following.busy or any(job.run is None for job in session.jobs.values())
+        under_way = session.edit_follower.busy or any(job.run is None for job in session.jobs.values())
         corrections = run if session.fits.run(run) is None else session.fits.corrections_of(run).id
         if corrections == run and under_way:
             return

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.build_assets.motion_capture.retarget import MotionClip, mirrored
 from fitting_core.build_assets.pose_prior import dataset, synthesis
 from fitting_core.build_assets.pose_prior.__main__ import Options, exported, main
 from fitting_core.build_assets.pose_prior.autoencoder import LATENT, NetworkSize, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.loss import Loss, Precision
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import MotionClip, mirrored
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.build_assets.pose_prior.training import Schedule, Training
 from fitting_core.errors import InputError
@@ -62,7 +62,20 @@ def standing(rng: np.random.Generator, count: int, *, raised: bool = False) -> F
 
 
 def clip(pose: Float[np.ndarray, "T 63"], subject: str = "cmu01") -> MotionClip:
-    return MotionClip(name="a", subject=subject, source="cmu", fps=30.0, body_pose=pose, dropped=0)
+    count = len(pose)
+    return MotionClip(
+        name="a",
+        subject=subject,
+        source="cmu",
+        fps=30.0,
+        body_pose=pose,
+        orient=np.tile(np.eye(3), (count, 1, 1)),
+        pelvis=np.zeros((count, 3)),
+        feet=np.zeros((count, 2, 3)),
+        leg=0.8,
+        frames=np.arange(count),
+        dropped=0,
+    )
 
 
 def training(body: BodyModel, poses: np.ndarray, steps: int = 30) -> Training:

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
+from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings, fits_as_smplifyx, without_collisions
 from fitting_core.config.settings import changed, check, nearest, settings, value_of
 from fitting_core.config.toml import as_plain, as_toml, preset, read_config
 from fitting_core.errors import InputError
@@ -185,3 +185,11 @@ def test_a_device_that_lacks_the_precision_is_refused():
     with pytest.raises(InputError, match=r"device mps cannot compute in float64.*Set precision to float32"):
         check(refused)
     check(changed(PRESETS["tcfit"], on_mps | {"precision": "float32"}, origin="mine.toml"))
+
+
+def test_phase_1_is_smplify_x_with_its_own_preset_alone():
+    known = PRESETS["smplifyx"]
+    assert [name for name, config in PRESETS.items() if fits_as_smplifyx(config)] == ["smplifyx"]
+    beside = replace(known, last_phase=1, temporal=replace(known.temporal, weight=3.0))
+    assert fits_as_smplifyx(without_collisions(beside))
+    assert not fits_as_smplifyx(replace(known, relay_rounds=3))

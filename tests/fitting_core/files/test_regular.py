@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import register
+from fitting_core.body.files.registry import find_body, register
+from fitting_core.build_assets.free_body.hand.recordings import read_recording
 from fitting_core.config.toml import read_config
 from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError
@@ -26,6 +27,7 @@ from fitting_core.priors.files.registry import read_prior
 from fitting_core.synthetic.studio.world_camera import read_world_camera
 from fitting_core.synthetic.truth import read_truth
 from fitting_core.video.frames import FrameSource
+from tests.samples.special_files import SPECIAL, endless, pipe
 
 READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "any keypoints": ("k.json", read_detections),
@@ -53,6 +55,8 @@ READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "a model": ("model.onnx", OnnxModel),
     "a model's graph": ("model.onnx", lambda path: consumers(path, "x")),
     "a configuration": ("mine.toml", read_config),
+    "a body that is to be found": ("SMPLX_NEUTRAL.npz", lambda path: find_body(search=path)),
+    "a recording of a hand": ("hand.npz", read_recording),
 }
 
 
@@ -62,19 +66,7 @@ def listening() -> Iterator[socket.socket]:
         yield server
 
 
-def pipe(path: Path) -> None:
-    os.mkfifo(path)
-
-
-def endless(path: Path) -> None:
-    path.symlink_to("/dev/zero")
-
-
-def full(path: Path) -> None:
-    path.symlink_to("/dev/full")
-
-
-@pytest.mark.parametrize("make", [pipe, endless, full])
+@pytest.mark.parametrize("make", SPECIAL)
 @pytest.mark.parametrize("name, read", READERS.values(), ids=READERS)
 def test_what_is_no_plain_file_is_refused_at_once(
     tmp_path: Path, name: str, read: Callable[[Path], Any], make: Callable[[Path], None]

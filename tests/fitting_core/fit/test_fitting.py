@@ -17,12 +17,12 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
-from fitting_core.fit.events import Finished, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.fit.events import Finished, FramesFitted, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import evaluated, fit_clip, fit_events, patched, rerun_events
-from fitting_core.fit.observations import PAIRED
 from fitting_core.fit.phases import progress
 from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.result import FitResult
+from fitting_core.fit.sides import PAIRED
 from fitting_core.keypoints import Keypoints
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 
@@ -112,7 +112,7 @@ def test_window_over_the_whole_clip_is_global(free_body: BodyModel, short_clip: 
 def test_sliding_window_gives_every_frame_once_and_smooths(free_body: BodyModel, short_clip: Clip, quick: FitResult):
     window = replace(QUICK.temporal, mode="sliding_window", window_size=4)
     events = list(fit_events(short_clip, free_body, replace(QUICK, temporal=window)))
-    windows = [e for e in events if isinstance(e, WindowFinished)]
+    windows = [e for e in events if isinstance(e, FramesFitted) and e.phase == 3]
     assert [list(w.frames) for w in windows] == [[0], [1], [2], [3], [4, 5, 6, 7]]
     last = events[-1]
     assert isinstance(last, Finished)
@@ -132,7 +132,7 @@ def test_sliding_window_gives_every_frame_once_and_smooths(free_body: BodyModel,
 def test_events_come_in_order(free_body: BodyModel, short_clip: Clip, quick: FitResult):
     events = list(fit_events(short_clip, free_body, QUICK))
     frame = [e for e in events if not isinstance(e, Iteration)]
-    expected = [PhaseStarted, PhaseFinished] * 3 + [Finished]
+    expected = [PhaseStarted, FramesFitted, PhaseFinished] + [PhaseStarted, PhaseFinished] * 2 + [Finished]
     assert [type(e) for e in frame] == expected
     assert [e.phase for e in frame if isinstance(e, PhaseStarted | PhaseFinished)] == [1, 1, 2, 2, 3, 3]
     running = 0

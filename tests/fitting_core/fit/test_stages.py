@@ -171,7 +171,7 @@ def test_a_part_of_a_clip_looks_at_what_the_whole_clip_decides(tiny_body: BodyMo
     assert whole.observed[1].any()
     part = whole.within(range(0, 1))
     state = whole.parametrisation.neutral(2)
-    assert part.has(kp.HANDS) and torch.equal(part.data_keypoints(5), whole.data_keypoints(5))
+    assert part.has(kp.HANDS) and torch.equal(part.looked_at(5), whole.looked_at(5))
     one, both = (s.objective(5, state[: len(s.keypoints)], Free()) for s in (part, whole))
     np.testing.assert_allclose(one.cost(state[:1], part.all_frames), both.cost(state, whole.all_frames)[:1])
     assert (part.observed == whole.observed[:1]).all() and len(part.observed) == 1

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import struct
 import subprocess
 import sys
@@ -200,6 +201,7 @@ def test_normalised_keypoints(video, write_people, figure):
 
 
 CAMERAS = {
+    "the diagonal, asked for": ({"focal_length": "diagonal"}, 400.0, "not known: assumed to be the image diagonal"),
     "default": ({}, 400.0, "not known: assumed to be the image diagonal"),
     "pixels": ({"focal_length": 555.0}, 555.0, "focal length of 555 pixels, as given"),
     "fov": ({"fov": 90.0}, 160.0, "horizontal field of view of 90 degrees, as given"),
@@ -217,6 +219,9 @@ def test_camera(video, walk, options, focal, source):
 
 WRONG_OPTIONS = {
     "two focal options": ({"focal_length": 500.0, "fov": 60.0}, "given 2 times: focal_length=500 and fov=60. Give one"),
+    "a rule and a focal option": ({"focal_length": "auto", "fov": 60.0}, "2 times: focal_length=auto and fov=60"),
+    "no rule": ({"focal_length": "long"}, "focal_length is 'long'; expected a number, auto or diagonal"),
+    "a rule for degrees": ({"fov": "auto"}, "fov is 'auto'; expected a number"),
     "three focal options": ({"focal_length": 5.0, "fov": 6.0, "focal_length_35mm": 7.0}, "given 3 times"),
     "fov of 0": ({"fov": 0.0}, "fov is 0; expected a positive number"),
     "fov of 180": ({"fov": 180.0}, "fov is 180; expected degrees from left to right, up to 170"),
@@ -273,6 +278,20 @@ def test_unevenly_spaced_frames_are_noted(video, walk, monkeypatch):
         "The frames of walk.avi are not evenly spaced in time, but are taken as if they were: 14.99 per second on "
         "average (its header says 25)."
     )
+
+
+@pytest.mark.parametrize(("aspect", "words"), [(1.45, "1.45 times.* too thin"), (0.8, "0.8 times.* too wide")])
+def test_pixels_that_are_not_square_are_noted(aspect, words, video, walk, monkeypatch):
+    opened = FrameSource.__init__
+
+    def open_anamorphic(self, path):
+        opened(self, path)
+        self.pixel_aspect = aspect
+
+    assert not any("pixels" in note for note in read_clip(video(1), walk([0])).notes)
+    monkeypatch.setattr(FrameSource, "__init__", open_anamorphic)
+    (note,) = (note for note in read_clip(video(1), walk([0])).notes if "pixels" in note)
+    assert re.search(words, note) and "ffmpeg -i walk.avi -vf scale=iw*sar:ih,setsar=1 walk-square.mp4" in note
 
 
 def test_a_whole_video_is_not_called_truncated(video, walk):

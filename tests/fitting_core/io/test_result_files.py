@@ -26,6 +26,7 @@ from fitting_core.io import result_files
 from fitting_core.io.result_files import fit_arrays, is_result, read_fit, write_result
 from fitting_core.keypoints import Keypoints
 from tests.samples.body_files import VERTICES, body_arrays, write_npz
+from tests.samples.walkers import HEIGHT, TILT, grounding_of_a_walk
 
 FRAMES = 5
 CAMERA = Camera(focal=(700.0, 710.0), center=(310.0, 250.0), size=(640, 480), source="as given")
@@ -98,6 +99,21 @@ def test_round_trip(tmp_path: Path, result: Callable[..., Result], last_phase: i
     assert (stored.last_phase, stored.complete) == (last_phase, last_phase == 3)
     assert (stored.observed == fit.observed).all() and stored.provenance is None
     assert np.allclose(stored.joints, Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy(), atol=1e-9)
+
+
+def test_the_ground_reads_back_and_old_files_open_without(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result()
+    known = replace(fit, grounding=grounding_of_a_walk(FRAMES))
+    summary = write_result(tmp_path / "known", known, clip, body)
+    stored = read_fit(tmp_path / "known").grounding
+    assert stored is not None and stored.ground is not None and stored.ground.offset == pytest.approx(HEIGHT, abs=0.1)
+    assert summary["ground"]["seen"] and summary["ground"]["camera_height_m"] == stored.ground.offset
+    assert summary["ground"]["text"] == stored.text and summary["ground"]["camera_tilt_degrees"] == pytest.approx(TILT)
+    with np.load(tmp_path / "known" / "fit.npz", allow_pickle=False) as file:
+        assert (file["gravity"].shape, file["ground"].shape, file["contacts"].shape) == ((3,), (4,), (FRAMES, 2))
+        assert file["gravity"][1] > 0.9, "things fall along y, which points down in the image"
+    assert write_result(tmp_path / "old", fit, clip, body)["ground"] is None
+    assert read_fit(tmp_path / "old").grounding is None
 
 
 def test_keys_of_smplx_tools(result: Callable[..., Result]):

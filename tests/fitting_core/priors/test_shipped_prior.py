@@ -14,8 +14,8 @@ from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.dataset import matrices
-from fitting_core.build_assets.pose_prior.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.terms.limits import AngleTable

@@ -16,7 +16,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return shutil.copytree(ROOT / "fitting_core", folder, ignore=shutil.ignore_patterns("__pycache__"))
 
 
-@pytest.mark.parametrize("generator", ["suite", "demo_clip"])
+@pytest.mark.parametrize("generator", ["suite", "demo_clip", "motion_suite.clips"])
 def test_every_module_that_takes_part_counts(package: Path, generator: str):
     start = f"fitting_core.synthetic.{generator}"
     modules = {start} | {module for module in reached(graph(), start) if inside(module, "fitting_core")}

@@ -267,15 +267,54 @@ def test_a_photo_stands_upright(tmp_path):
 def test_a_video_stands_upright(write_video):
     """The rotation that phones write: a matrix in the track header, here a quarter turn clockwise."""
     file = write_video(5, "phone.mp4", "mp4v")
+    _turned(file)
+    with FrameSource(file) as frames:
+        assert frames.size == (48, 64)
+        assert red_corner(frames.frame(0)) == ("upper", "right")
+        assert frames.frame(4).shape == (64, 48, 3)
+
+
+def _with_pixels(file: Path, width: int, height: int) -> None:
+    """Writes a box "pasp" into an MP4's track: the shape of a pixel (ISO/IEC 14496-12, section 12.1.4)."""
+    content = bytearray(file.read_bytes())
+    entry = content.index(b"mp4v", content.index(b"stsd")) - 4
+    box = struct.pack(">I4sII", 16, b"pasp", width, height)
+    (length,) = struct.unpack_from(">I", content, entry)
+    content[entry + length : entry + length] = box
+    for name in (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", b"mp4v"):
+        at = content.index(name, content.index(b"moov")) - 4
+        struct.pack_into(">I", content, at, struct.unpack_from(">I", content, at)[0] + len(box))
+    file.write_bytes(content)
+
+
+def _turned(file: Path) -> None:
     content = bytearray(file.read_bytes())
     matrix = content.index(b"tkhd") + 4 + 40
     assert content[matrix : matrix + 4] == b"\0\1\0\0"
     content[matrix : matrix + 20] = struct.pack(">5i", 0, 0x10000, 0, -0x10000, 0)
     file.write_bytes(content)
-    with FrameSource(file) as frames:
-        assert frames.size == (48, 64)
-        assert red_corner(frames.frame(0)) == ("upper", "right")
-        assert frames.frame(4).shape == (64, 48, 3)
+
+
+def test_pixels_that_are_not_square_are_told(write_video):
+    with FrameSource(write_video(3, "square.mp4", "mp4v")) as frames:
+        assert frames.pixel_aspect == 1
+    wide = write_video(3, "wide.mp4", "mp4v")
+    _with_pixels(wide, 16, 11)
+    with FrameSource(wide) as frames:
+        assert frames.pixel_aspect == pytest.approx(16 / 11) and frames.size == (64, 48), "as they are stored"
+    _turned(wide)
+    with FrameSource(wide) as frames:
+        assert frames.pixel_aspect == pytest.approx(11 / 16) and frames.size == (48, 64)
+
+
+def test_a_codec_that_opencv_has_no_decoder_for(write_video):
+    """AV1 in a file that says so; no decoder would make frames of what is really in it."""
+    file = write_video(3, "it's.mp4", "mp4v")
+    content = file.read_bytes()
+    at = content.index(b"mp4v", content.index(b"stsd"))
+    file.write_bytes((content[:at] + b"av01" + content[at + 4 :]).replace(b"esds", b"free"))
+    with pytest.raises(InputError, match=r"is AV1, which the OpenCV on this.* ffmpeg -i 'it'\"'\"'s.mp4' -c:v libx264"):
+        FrameSource(file)
 
 
 @pytest.mark.parametrize("name, content, message", [

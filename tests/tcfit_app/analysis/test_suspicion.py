@@ -1,5 +1,6 @@
 """The review queue."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
@@ -10,7 +11,9 @@ import torch
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.fit.observations import PAIRED
+from fitting_core.fit.sides import PAIRED
+from fitting_core.keypoints import Keypoints
+from fitting_core.lifting.clip_lifting import LiftedClip
 from tcfit_app.analysis.findings import FINDINGS, scores
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
@@ -32,7 +35,32 @@ def queue_of(fit: PosedFit, *, kinds: list[str], **options: Any) -> tuple[Suspec
     """The review queue of these kinds of findings alone."""
     chosen = {kind: FINDINGS[kind] for kind in kinds if kind in FINDINGS}
     with patch("tcfit_app.analysis.suspicion.FINDINGS", chosen):
-        return review_queue(fit, **options)
+        return review_queue(fit, **options).left
+
+
+def knowing(body: BodyModel, *, unsure: dict[str, float] | None = None) -> Callable[..., LiftedClip]:
+    """A lifter that knows where the still person's keypoints are, to 5 cm or as far as is said."""
+    fit = still_fit(body, 1)
+    deviation = np.full((1, 25), 0.05)
+    for name, metres in (unsure or {}).items():
+        deviation[:, kp.INDEX[name]] = metres
+
+    def lifted(keypoints: Keypoints, *_: object) -> LiftedClip:
+        frames = (len(keypoints), 1)
+        return LiftedClip(
+            points=np.tile(fit.points[:, :25] - fit.root[:, None], (*frames, 1)),
+            depth_deviation=np.tile(deviation, frames),
+            up=np.tile((0.0, -1.0, 0.0), frames),
+            contact=np.ones((len(keypoints), 2)),
+        )
+
+    return lifted
+
+
+@pytest.fixture(autouse=True)
+def lifter(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """What a network says of a body that nobody has is chance."""
+    monkeypatch.setattr("tcfit_app.analysis.findings.lifted_keypoints", knowing(tiny_body))
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +70,7 @@ def fine(tiny_body: BodyModel) -> PosedFit:
 
 
 def test_a_fine_clip_has_an_empty_queue(fine: PosedFit):
-    assert review_queue(fine) == ()
+    assert review_queue(fine).left == ()
 
 
 def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
@@ -53,7 +81,7 @@ def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
     subject, pixels = first.reason.removesuffix(" px off").rsplit(" ", 1)
     assert subject == "left wrist is" and abs(int(pixels) - 40) <= 4  # the detector's noise is 1 px
     assert second.frame == 30 and second.reason.startswith("right knee")
-    assert [s.frame for s in review_queue(fit)] == [17, 30], "with all kinds too each frame is there once"
+    assert [s.frame for s in review_queue(fit).left] == [17, 30], "with all kinds too each frame is there once"
 
 
 def test_many_keypoints_of_a_hand_are_the_hand(fine: PosedFit):
@@ -72,7 +100,7 @@ def test_consecutive_frames_are_one_entry_with_the_worst(fine: PosedFit):
 
 
 def test_what_is_off_in_every_frame_is_the_detectors_habit(fine: PosedFit):
-    assert review_queue(displaced(fine, slice(None), "left_ear", (20.0, 0.0))) == ()
+    assert review_queue(displaced(fine, slice(None), "left_ear", (20.0, 0.0))).left == ()
 
 
 def test_half_of_a_clip_can_be_far_off(fine: PosedFit):
@@ -96,6 +124,37 @@ def test_a_detection_that_jumps_is_told_even_if_the_fit_follows(tiny_body: BodyM
     assert jump.frame == detection.frame == 12 and jump.frames == range(11, 14)
     assert "left" in jump.reason and jump.reason.endswith("mm/frame²") and WRIST in jump.joints
     assert "left" in detection.reason and "detection jumps" in detection.reason
+
+
+def bent_towards_the_camera(fit: PosedFit, frames: slice) -> PosedFit:
+    """The left forearm swung, and the picture as it was."""
+    pose = fit.params.body_pose.clone()
+    pose[frames, 3 * (JOINT["left_elbow"] - 1) + 1] -= 1.6
+    return PosedFit.posed(fit.clip, replace(fit.params, body_pose=pose), fit.meshes)
+
+
+def test_a_limb_that_is_not_where_the_lifter_expects_it(fine: PosedFit):
+    fit = bent_towards_the_camera(fine, slice(10, 14))
+    (entry,) = queue_of(fit, kinds=["depth"])
+    off = 100 * (fine.points - fit.points)[12, WRIST, 2]
+    assert entry.frames == range(10, 14) and entry.joints[0] == WRIST and entry.score >= 1
+    where = "farther away" if off > 0 else "nearer"
+    assert abs(off) > 20 and entry.reason == f"left wrist may be {abs(off):.0f} cm {where}"
+
+
+def test_a_limb_whose_depth_nobody_knows(fine: PosedFit, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    unsure = knowing(tiny_body, unsure={"right_ankle": 0.3, "left_knee": 0.26, "left_elbow": 0.22})
+    monkeypatch.setattr("tcfit_app.analysis.findings.lifted_keypoints", unsure)
+    (entry,) = queue_of(fine, kinds=["depth"])
+    assert entry.reason == "right ankle depth unsure by 30 cm" and len(entry.frames) == len(fine)
+    assert entry.joints == (kp.INDEX["right_ankle"], kp.INDEX["left_knee"])
+    lost = with_confidence(fine, slice(None), [kp.INDEX["right_ankle"], kp.INDEX["left_knee"]], 0.0)
+    assert queue_of(lost, kinds=["depth"]) == (), "what is not detected is a guess, as everybody knows"
+    depth = np.full(fine.clip.keypoints.confidence.shape, np.nan)
+    depth[:, kp.INDEX["right_ankle"]] = 0.1
+    told = replace(fine, clip=replace(fine.clip, keypoints=replace(fine.clip.keypoints, depth=depth)))
+    (entry,) = queue_of(told, kinds=["depth"])
+    assert entry.joints == (kp.INDEX["left_knee"],), "somebody has said the other one"
 
 
 def test_a_body_that_jumps_as_a_whole(tiny_body: BodyModel):
@@ -128,6 +187,40 @@ def test_a_region_that_is_lost_for_some_frames(fine: PosedFit):
     assert set(found[1].joints) <= set(range(kp.COUNT)[kp.RIGHT_HAND]) and found[1].joints
 
 
+def test_a_wrist_that_is_lost_alone(fine: PosedFit):
+    (entry,) = queue_of(with_confidence(fine, slice(20, 32), [WRIST], 0.0), kinds=["confidence"])
+    assert (entry.frames, entry.reason, entry.joints) == (range(20, 32), "left wrist not detected", (WRIST,))
+    nose = with_confidence(fine, slice(20, 32), [kp.INDEX["nose"]], 0.0)
+    assert queue_of(nose, kinds=["confidence"]) == (), "its neighbours hold it"
+
+
+def shaken(fit: PosedFit, scale: float = 2.0) -> PosedFit:
+    """Detections with new noise in each frame."""
+    noise = np.random.default_rng(0).normal(0, scale, fit.clip.keypoints.xy.shape)
+    return with_keypoints(fit, xy=fit.clip.keypoints.xy + noise)
+
+
+def frozen(fit: PosedFit, frames: range, joints: list[int]) -> PosedFit:
+    xy = fit.clip.keypoints.xy.copy()
+    xy[np.ix_(frames, joints)] = xy[frames.start - 1, joints]
+    return with_keypoints(fit, xy=xy)
+
+
+def test_a_limb_that_stands_still_while_the_others_move(fine: PosedFit):
+    arm = [kp.INDEX["left_elbow"], WRIST]
+    (entry,) = queue_of(frozen(shaken(fine), range(12, 21), arm), kinds=["frozen"])
+    assert (entry.frames, set(entry.joints), entry.score) == (range(12, 21), set(arm), 2.0)
+    assert entry.reason == "left arm detections stand still for 10 frames" and entry.frame > 15
+
+
+def test_what_may_stand_still(fine: PosedFit):
+    everybody = list(range(kp.COUNT))
+    assert queue_of(fine, kinds=["frozen"]) == (), "nobody moves"
+    assert queue_of(shaken(fine), kinds=["frozen"]) == ()
+    assert queue_of(frozen(shaken(fine), range(12, 21), everybody), kinds=["frozen"]) == (), "a person at rest"
+    assert queue_of(frozen(shaken(fine), range(12, 15), everybody[2:8]), kinds=["frozen"]) == (), "too short to tell"
+
+
 def test_several_parts_that_are_lost_at_once(fine: PosedFit):
     fit = with_confidence(fine, slice(20, 21), kp.HANDS, 0.0)
     fit = with_confidence(fit, slice(30, 31), slice(None), 0.0)
@@ -154,9 +247,26 @@ def test_swapped_sides_are_the_cause_that_is_told(fine: PosedFit, pair: str):
     xy = fine.clip.keypoints.xy.copy()
     frames = np.arange(18, 22)
     xy[np.ix_(frames, one + other)] = xy[np.ix_(frames, other + one)]
-    first = review_queue(with_keypoints(fine, xy=xy))[0]
-    assert first.reason == f"{pair} may be swapped" and first.kind == "swap" and set(first.joints) == {*one, *other}
-    assert set(frames) <= set(first.frames) and any("px off" in reason for reason in first.also)
+    fit = displaced(with_keypoints(fine, xy=xy), 30, "nose", (20.0, 10.0))
+    first, second = review_queue(fit).left
+    assert first.frame == 30, "what the fit has put right is not as bad as what is off"
+    assert second.reason == f"{pair} were swapped, and put right in the fit" and second.score == 1
+    assert second.kind == "swap" and set(second.joints) == {*one, *other}
+    assert second.frames == range(18, 22) and second.also == ()
+
+
+@pytest.mark.parametrize("pair", PAIRED)
+def test_a_fit_that_followed_swapped_sides(fine: PosedFit, pair: str):
+    left, right, others = PAIRED[pair]
+    one, other = [*left, *others[0]], [*right, *others[1]]
+    fitted = fine.projected.copy()
+    fitted[18:22, one + other] = fitted[18:22, other + one]
+    xy = fine.clip.keypoints.xy.copy()
+    xy[18:22, one + other] = xy[18:22, other + one]
+    fit = with_keypoints(fine, xy=xy)
+    with patch.object(PosedFit, "projected", fitted):
+        (first,) = queue_of(fit, kinds=["swap", "reprojection"])
+    assert first.reason == f"{pair} may be swapped" and first.score == 3 and first.frames == range(18, 22)
 
 
 def test_a_clip_that_is_swapped_throughout_is_seen_from_the_fit(fine: PosedFit):
@@ -180,7 +290,7 @@ def test_a_pose_that_costs_more_than_its_errors_explain(fine: PosedFit):
 def test_a_frame_whose_fit_failed(fine: PosedFit):
     cost = np.full(len(fine), 100.0)
     cost[7] = np.inf
-    (entry,) = review_queue(replace(fine, frame_cost=cost))
+    (entry,) = review_queue(replace(fine, frame_cost=cost)).left
     assert entry.frame == 7 and entry.reason == "the fit failed here"
 
 
@@ -224,11 +334,11 @@ def test_scores_are_in_units_of_the_threshold():
 
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_the_shortest_clips_have_a_queue(tiny_body: BodyModel, frames: int):
-    assert review_queue(still_fit(tiny_body, frames)) == ()
+    assert review_queue(still_fit(tiny_body, frames)).left == ()
 
 
 def test_without_any_keypoint(tiny_body: BodyModel):
     params = still_params(5)
     keypoints = keypoints_of(tiny_body, params)
     fit = fit_of(tiny_body, params, replace(keypoints, confidence=np.zeros_like(keypoints.confidence)))
-    assert review_queue(fit) == ()
+    assert review_queue(fit).left == ()

@@ -12,7 +12,8 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import read_fit
-from tcfit_app.cli.main import INPUT_ERROR, main, parse
+from tcfit_app.cli.ending import INPUT_ERROR
+from tcfit_app.cli.main import main, parse
 from tcfit_app.fitting import child_processes
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project

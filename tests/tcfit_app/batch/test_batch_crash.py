@@ -19,7 +19,8 @@ from fitting_core.io.result_files import read_fit
 from tcfit_app.batch import clip_fit, local
 from tcfit_app.batch.outcome import FAILURES
 from tcfit_app.cli import batch_command
-from tcfit_app.cli.main import CANCELLED, main
+from tcfit_app.cli.ending import CANCELLED
+from tcfit_app.cli.main import main
 from tcfit_app.fitting import child_processes
 from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CHEAP, broken_places, events, write_batch

@@ -81,6 +81,12 @@ def test_spreadsheets_of_all_countries_are_read(tmp_path: Path, delimiter: str):
     assert tasks[0].fit.camera.center == (3.0, 4.0)
 
 
+def test_a_focal_length_that_is_not_given_goes_by_the_preset(tmp_path: Path):
+    text = "keypoints,out,preset,focal_length\nk,a,,\nk,b,paper,\nk,c,paper,auto\nk,d,,diagonal\nk,e,,800\n"
+    found = [task.fit.camera.focal_length for task in tasks_of(tmp_path, text)]
+    assert found == ["auto", None, "auto", "diagonal", 800]
+
+
 WRONG = {
     "keypoint,out\nk,o\n": ["line 1: there is no column 'keypoint'; did you mean keypoints", "neither a column video"],
     "keypoints,out,out\nk,o,p\n": ["line 1: the column out is there 2 times"],
@@ -96,6 +102,10 @@ WRONG = {
     ],
     "keypoints,out,fov\nk,o,200\nk,p,nan\n": ["line 2, column fov: is 200", "line 3, column fov: is nan"],
     "keypoints,out,image_size\nk,o,640\n": ["column image_size: is '640'; expected two whole numbers such as 640x480"],
+    "keypoints,out,focal_length\nk,o,long\nk,p,-5\n": [
+        "line 2, column focal_length: is 'long'; expected a number, auto or diagonal",
+        "line 3, column focal_length: is -5; expected a number, auto or diagonal, above 0",
+    ],
     "keypoints,out,fov,focal_length\nk,o,50,900\n": ["given 2 times, by focal_length, fov"],
     "keypoints,out,first_frame,last_frame\nk,o,5,4\n": ["first_frame 5 lies behind last_frame 4"],
     "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
@@ -126,5 +136,7 @@ def test_what_is_no_list_is_refused(tmp_path: Path, content: bytes):
     options = BatchOptions(manifest=tmp_path / "clips.csv")
     with pytest.raises(InputError, match=r"lists no clip|is no CSV file"):
         read_manifest(options, Complaints(options.manifest))
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         read_manifest(BatchOptions(manifest=tmp_path), Complaints(tmp_path))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_manifest(BatchOptions(manifest=tmp_path / "none.csv"), Complaints(tmp_path))

@@ -33,7 +33,8 @@ from tcfit_app.bench.machine import machine, peak_memory
 from tcfit_app.bench.measuring import Setup, fit_measures
 from tcfit_app.bench.subject import Measured, Subject
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Trial, compared_trials, run_trials
-from tcfit_app.cli.main import INPUT_ERROR, main, parse
+from tcfit_app.cli.ending import INPUT_ERROR
+from tcfit_app.cli.main import main, parse
 from tcfit_app.fitting import child_processes
 from tcfit_app.options.fit import fit_config
 from tests.drivers.processes import needs_fork
@@ -308,3 +309,8 @@ def test_a_process_measures_and_hands_errors_on(monkeypatch: pytest.MonkeyPatch,
             subject.measure(_breaking, whole)
     finally:
         subject.close()
+
+
+def test_the_middle_and_the_high_end_of_repetitions():
+    measured = figure("a", *map(float, range(100, -1, -1)))
+    assert (measured.median, measured.high) == (50, 95)

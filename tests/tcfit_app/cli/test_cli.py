@@ -187,12 +187,23 @@ def test_fit(finished: FinishedRun):
     )
 
 
+RULES = {
+    "estimated": ([], "estimated from the clip, with 80 % confidence"),
+    "as published": (["--preset", "paper"], "not known: assumed to be the image diagonal"),
+    "asked for": (["--preset", "paper", "--focal-length", "auto"], "estimated from the clip, with 80 % confidence"),
+    "diagonal": (["--focal-length", "diagonal"], "not known: assumed to be the image diagonal"),
+}
+
+
 @pytest.mark.usefixtures("replayed")
-def test_guessed_focal_length_is_told(fit_arguments: list[str], capsys: pytest.CaptureFixture):
+@pytest.mark.parametrize("options, told", RULES.values(), ids=RULES)
+def test_guessed_focal_length_is_told(
+    fit_arguments: list[str], options: list[str], told: str, capsys: pytest.CaptureFixture
+):
     at = fit_arguments.index("--focal-length")
-    assert main([*fit_arguments[:at], *fit_arguments[at + 2 :], "--set", "last_phase=1"]) == 0
+    assert main([*fit_arguments[:at], *fit_arguments[at + 2 :], *options, "--set", "last_phase=1"]) == 0
     err = capsys.readouterr().err
-    assert "Focal length 800.0 px: not known: assumed to be the image diagonal" in err and "--focal-length-35mm" in err
+    assert f" px: {told}" in err and "--focal-length-35mm" in err
 
 
 @pytest.mark.usefixtures("replayed")

@@ -26,7 +26,7 @@ from tcfit_app.evaluation.ablations import variations
 from tcfit_app.evaluation.evaluated_fits import evaluated_fit
 from tcfit_app.evaluation.evaluating import notes_about
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.runs import BodyRecord
+from tcfit_app.project.storage.run_record import BodyRecord
 from tests.tcfit_app.conftest import CAMERA, FRAMES, FinishedRun, motion
 
 

@@ -19,11 +19,12 @@ import trimesh
 
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
+from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.motion.fitted_motion import AXES
-from fitting_core.io.result_files import read_fit
+from fitting_core.io.result_files import read_fit, write_result
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.priors.pose import make_prior
@@ -35,7 +36,7 @@ from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.project import Project
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.io.motion.gltf_player import Player
-from tests.samples.project_samples import sample_clip, sample_keypoints
+from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
 from tests.tcfit_app.conftest import FRAMES, FinishedRun, motion
 
@@ -126,6 +127,26 @@ def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: Bo
             assert read["pose_embedding"].shape == (1, 32)
             # The prior cannot express every pose; what it encodes lies near.
             np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
+
+
+def test_a_known_floor_is_at_height_0_whatever_frames_are_exported(free_body: BodyModel, tmp_path: Path):
+    known, clip = sample_grounding(1, FRAMES), sample_clip(FRAMES)
+    fit = replace(waving_fit(0.0), grounding=known)
+    with Project.create(tmp_path / "walk.tcfit", clip) as made:
+        made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
+    write_result(tmp_path / "result", fit, clip, free_body)
+    assert known.ground is not None
+    heights = known.ground.height(joints_in_space(free_body, fit.last.params)[:, 0])
+    for source, frames in (("walk.tcfit", slice(0, 3)), ("result", slice(None))):
+        out = tmp_path / f"from {source}"
+        chosen = [] if frames == slice(None) else ["--frames", f"{clip.first_frame}:{clip.first_frame + 2}"]
+        exported(tmp_path / source, out, "--formats", "npz", "bvh", *chosen)
+        with np.load(next(out.glob("*.smplx.npz"))) as written:
+            pelvis = written["trans"] + free_body.with_shape(written["betas"][:10]).rest_joints[0]
+            assert written["camera_place"].tolist() == [0, 0, 1.5] and str(written["ground"]) == known.text
+        np.testing.assert_allclose(pelvis[:, 2], heights[frames], atol=1e-6)
+        stated = json.loads(next(out.rglob("motion.json")).read_bytes())
+        np.testing.assert_allclose(np.array(stated["pelvis"])[:, 1], heights[frames], atol=1e-6)
 
 
 def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel):
@@ -285,7 +306,7 @@ def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
     command = [sys.executable, "-c", code, "export", str(project), "--out", str(tmp_path)]
     process = subprocess.Popen([*command, "--formats", "npz", "obj", "ply"], stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
-    while not list(tmp_path.glob(".walk-obj.*/*.obj")):
+    while not list(tmp_path.glob(".walk-obj.*/walk-obj/*.obj")):
         assert time.monotonic() < end and process.poll() is None
         time.sleep(0.005)
     process.send_signal(signal.SIGINT)

@@ -13,6 +13,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings, Temporal
 from fitting_core.errors import InputError
@@ -84,7 +85,7 @@ def test_the_result_at_release_is_that_of_a_rerun(clip: Clip, body: BodyModel, p
         live.move(where(clip, by=(2.0 * step, 9.0 * np.sin(step))))
         live.resolve()
     released = finished(live.release()).params
-    plain = finished(rerun_events(c.edited(live.xy), body, c.converging, params, c.frames)).params
+    plain = finished(rerun_events(c.edited(live.target), body, c.converging, params, c.frames)).params
     assert apart(body, plain, params) > 10
     assert apart(body, released, plain) < 0.5
     settle(live)
@@ -178,6 +179,42 @@ def test_swapped_sides_are_followed_where_the_fit_sees_them(clip: Clip, body: Bo
     assert apart(body, plain.params, other.params) < 0.1
 
 
+def depth(body: BodyModel, params: BodyParams, *keypoints: int, frame: int = FRAME) -> np.ndarray:
+    """Behind the pelvis, metres."""
+    points = keypoints_in_space(body, params)[0][frame, list(keypoints or (WRIST,)), 2]
+    return points - joints_in_space(body, params)[frame, 0, 2]
+
+
+@pytest.mark.parametrize("preset", ["tcfit", "paper"])
+def test_a_drag_in_depth_is_followed_and_ends_as_a_rerun(clip: Clip, body: BodyModel, params: BodyParams, preset: str):
+    config = CONFIG if preset == "tcfit" else replace(PRESETS[preset], pose_prior="relaxed", settings=CONFIG.settings)
+    c = correction(clip, body, params, WRIST, ELBOW, config=config, in_depth=True)
+    start = depth(body, params, WRIST, ELBOW)
+    live = LiveCorrection(c, start)
+    for share in np.linspace(0, 1, 8):
+        live.move(start + share * np.array([0.2, 0.1]))
+        live.resolve()
+    settle(live)
+    assert abs(depth(body, live.params, WRIST, ELBOW) - start - [0.2, 0.1]).max() < 0.04
+    released = finished(live.release()).params
+    said = c.edited(live.target).keypoints
+    assert np.array_equal(said.xy, clip.keypoints.xy) and said.by_hand is None, "its place in the image stays"
+    plain = finished(rerun_events(c.edited(live.target), body, c.converging, params, c.frames)).params
+    assert apart(body, released, plain) < 0.5 and apart(body, live.params, plain) < 3
+
+
+def test_a_drag_in_depth_finds_swapped_sides(clip: Clip, body: BodyModel, params: BodyParams):
+    xy = clip.keypoints.xy.copy()
+    pairs = [[kp.INDEX[f"{side}_{n}"] for n in ("elbow", "wrist")] for side in ("left", "right")]
+    xy[FRAME, pairs[0] + pairs[1]] = xy[FRAME, pairs[1] + pairs[0]]
+    swapped = replace(clip, keypoints=replace(clip.keypoints, xy=xy))
+    start = depth(body, params)
+    live = LiveCorrection(correction(swapped, body, params, kp.INDEX["left_wrist"], in_depth=True), start)
+    live.move(start + 0.15)
+    settle(live)
+    assert depth(body, live.params) - start == pytest.approx(0.15, abs=0.04)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -186,6 +223,7 @@ def test_swapped_sides_are_followed_where_the_fit_sees_them(clip: Clip, body: Bo
         ({"keypoints": ()}, "0 to 136"),
         ({"keypoints": (3, 3)}, "0 to 136"),
         ({"keypoints": (137,)}, "0 to 136"),
+        ({"keypoints": (0, 30), "in_depth": True}, "have no depth"),
         ({"params": BodyParams.neutral(3)}, "3 frames"),
     ],
 )

@@ -20,21 +20,21 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import SolverSettings, Temporal
 from fitting_core.errors import InputError
-from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted, WindowFinished
+from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import Refit, fit_clip, rerun_events
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import worker as worker_module
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
 from tcfit_app.fitting.live import Correction
-from tcfit_app.fitting.outbox import (
+from tcfit_app.fitting.reports import (
     DragEnded,
     DragMoved,
     JobEnded,
     JobProgress,
     JobReported,
     JobStarted,
-    Outbox,
     Report,
+    Reports,
 )
 from tcfit_app.fitting.worker import Worker
 from tests.samples import sessions
@@ -127,13 +127,13 @@ def until(condition: Callable[[], Any]) -> None:
 class Reader:
     """The draw loop's side: everything that came out of the worker so far."""
 
-    outbox: Outbox
+    source: Reports
     reports: list[Report] = field(default_factory=list)
     progress: list[JobProgress] = field(default_factory=list)
     moved: list[DragMoved] = field(default_factory=list)
 
     def look(self) -> "Reader":
-        news = self.outbox.empty()
+        news = self.source.take()
         self.reports += news.reports
         self.progress += [news.progress] if news.progress else []
         self.moved += news.moved
@@ -161,7 +161,7 @@ def worker(kept: Kept) -> Iterator[Worker]:
 
 @pytest.fixture
 def reader(worker: Worker) -> Reader:
-    return Reader(worker.outbox)
+    return Reader(worker.reports)
 
 
 @pytest.fixture(scope="module")
@@ -189,9 +189,11 @@ def test_a_whole_fit_reports_keeps_and_returns_what_the_core_gives(
     events = [r.event for r in reader.of(JobReported)]
     assert [e.phase for e in events if isinstance(e, PhaseStarted)] == [1, 2, 3]
     assert [e.phase for e in events if isinstance(e, PhaseFinished)] == [1, 2, 3]
-    assert [i for e in events if isinstance(e, WindowFinished) for i in e.frames] == list(range(6))
+    for phase in (1, 3):
+        fitted = [e for e in events if isinstance(e, FramesFitted) and e.phase == phase]
+        assert [i for e in fitted for i in e.frames] == list(range(6))
     assert [type(r) for _, r in kept.results] == [
-        type(e) for e in events if isinstance(e, PhaseFinished | WindowFinished)
+        type(e) for e in events if isinstance(e, PhaseFinished | FramesFitted)
     ] + [FitResult]
     assert all(work is job for work, _ in kept.results)
 
@@ -221,7 +223,7 @@ def test_a_rerun_of_windows_is_one_after_the_other(
     assert is_of(end, JobFinished) and same(kept.last.last.params, twice)
     assert [p.phase for p in kept.last.phases] == [1, 2, 3] and kept.last.phases[:2] == result.phases[:2]
     assert kept.last.last.notes == ("Re-run frames 0–1, 4–5: window of phase 3, the rest as in the run before",)
-    windows_told = [r.event for r in reader.of(JobReported) if isinstance(r.event, WindowFinished)]
+    windows_told = [r.event for r in reader.of(JobReported) if isinstance(r.event, FramesFitted)]
     assert [e.frames for e in windows_told] == list(windows)
     assert torch.equal(windows_told[1].params.body_pose, twice.body_pose[4:6])
     assert reader.of(JobStarted) and job.title == "Re-run frames 0–1, 4–5"
@@ -301,19 +303,19 @@ def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
 
 
 def test_the_slot_holds_the_newest_and_ends_empty():
-    outbox = Outbox()
+    reports = Reports()
     seen = [
         JobProgress(job=1, title="", phase=1, label="", share=s, cost=1, terms={}, elapsed=s, remaining=None)
         for s in (0.1, 0.2)
     ]
     for progress in seen:
-        outbox.show(progress)
-    outbox.tell(JobStarted(job=1))
-    assert outbox.empty().progress is seen[1]
-    assert outbox.empty().progress is None
-    outbox.show(seen[0])
-    outbox.tell(JobEnded(job=1, how="cancelled"))
-    news = outbox.empty()
+        reports.show(progress)
+    reports.tell(JobStarted(job=1))
+    assert reports.take().progress is seen[1]
+    assert reports.take().progress is None
+    reports.show(seen[0])
+    reports.tell(JobEnded(job=1, how="cancelled"))
+    news = reports.take()
     assert news.progress is None and len(news.reports) == 1
 
 
@@ -416,7 +418,7 @@ def test_drags_go_before_jobs_that_wait(
 
 def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitResult):
     worker = Worker(Kept())
-    reader = Reader(worker.outbox)
+    reader = Reader(worker.reports)
     job = Counting(steps=10**6, seconds=0.001)
     worker.submit(opened(job))
     until(lambda: job.done > 2)
@@ -452,7 +454,7 @@ COMMANDS = st.lists(
 def test_every_job_ends_once_whatever_is_commanded(commands: list[tuple]):
     """Started before it ends, one after the other, in the order of the queue; and the thread always ends."""
     worker = Worker(Kept())
-    reader, numbers = Reader(worker.outbox), []
+    reader, numbers = Reader(worker.reports), []
     for name, *given_ in commands:
         if name == "submit":
             numbers.append(worker.submit(opened(Counting(steps=given_[0], fails_at=given_[1]))))

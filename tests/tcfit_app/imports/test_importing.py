@@ -28,6 +28,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.panels import compare_panel as compare
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
+from tcfit_app.review.panels.view_panel import ViewPanel
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.priors.networks import random_latents, random_network
 from tests.samples.project_samples import CAMERA, FRAMES, sample_clip, sample_params
@@ -163,7 +164,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     tested.click("Show as B")
     with pytest.raises(InputError, match="theirs was imported, to compare with: nothing can be fitted on from it"):
         session.rerun_shape(imported, own.config)
-    assert session.following.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
+    assert session.edit_follower.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
 
 
 def test_the_page_lives_while_a_result_is_read(
@@ -264,7 +265,21 @@ def test_an_imported_run_is_compared_and_searched_like_any_other(
         tested.page.tab.set(a=FitChoice(run=run.id), b=FitChoice(run=own.id))
         tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
         shown = page_a(tested)
-        figures = {figure.name: figure.value for figure in tested.page.tab.desk.metrics(shown) or ()}
+        figures = {figure.name: figure.value for figure in tested.page.tab.data.metrics(shown) or ()}
         assert figures["seconds"] is None and "theirs" in tested.html()
         assert "Something went wrong" not in str(tested.notices)
-        tested.until(lambda: tested.page.tab.desk.suspects(shown) is not None)
+        tested.until(lambda: tested.page.tab.data.suspects(shown) is not None)
+
+
+def test_an_imported_run_has_no_phases_to_choose(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel):
+    with tiny_page(panel_server, tmp_path / "clip.tcfit", tiny_body, ViewPanel) as tested:
+        session = tested.page.tab.session
+        folder = small_results(tmp_path / "theirs", tiny_body)
+        run = import_run(session.project, OneBody(tiny_body), folder, name="theirs")
+        session.fits.changed()
+        tested.draw()
+        assert "runs.phase" not in tested.html()
+        tested.page.tab.set(a=FitChoice(run=run.id, phase=1))
+        tested.until(lambda: tested.page.tab.look().a)
+        shown = tested.page.tab.look().a
+        assert shown is not None and shown.title == "theirs"

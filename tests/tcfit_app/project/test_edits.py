@@ -14,16 +14,24 @@ from tcfit_app.project.edits.kinds import (
     KINDS,
     MIRRORED,
     SIDES,
+    ClearDepth,
     CopyFrom,
     Edit,
     Interpolate,
+    Lock,
     MarkBad,
+    MoveKey,
     MoveKeypoint,
     Nudge,
+    Pin,
+    PlaceKey,
+    RemoveKey,
     Reset,
     Restore,
     SetConfidence,
+    SetDepth,
     SwapSides,
+    Unlock,
 )
 from tests.samples.project_samples import edits, same_keypoints, sample_keypoints
 
@@ -155,6 +163,95 @@ def test_reset_brings_the_detection_back(detected: Keypoints):
     assert same_keypoints(both.keypoints, detected) and not both.corrected.bad.any() and not both.corrected.edited.any()
 
 
+LEFT, RIGHT = INDEX["left_wrist"], INDEX["right_wrist"]
+FARTHER = SetDepth(frames=(4, 1), joints=(LEFT, 11), depth=((0.25, -0.5), (0.75, 1.0)))
+
+
+def depths(detected: Keypoints, *made: Edit) -> np.ndarray:
+    """What counts of the left wrist's depth in frames 1 to 4, after FARTHER and further edits."""
+    return after(detected, FARTHER, *made).keypoints.told_depth[1:5, LEFT]
+
+
+def test_a_depth_is_said_of_keypoints_wherever_they_are(detected: Keypoints):
+    history = after(detected, FARTHER)
+    found = history.keypoints.told_depth
+    assert found[np.ix_([4, 1], [LEFT, 11])].tolist() == [[0.25, -0.5], [0.75, 1.0]] and np.isfinite(found).sum() == 4
+    assert untouched(history, detected, [], []), "it moves and marks nothing in the image"
+    assert after(detected).keypoints.depth is None
+
+
+def test_edits_of_the_place_keep_the_depth(detected: Keypoints):
+    where: Any = {"frames": (1, 4), "joints": (LEFT,)}
+    moved = MoveKeypoint(**where, xy=(((1.0, 1.0),), ((2.0, 2.0),)))
+    for edit in (moved, Nudge(**where, by=(1.0, 0.0)), SetConfidence(**where, confidence=0.3)):
+        np.testing.assert_array_equal(depths(detected, edit), [0.75, np.nan, np.nan, 0.25])
+
+
+def test_the_depth_of_a_bad_keypoint_counts_once_it_is_restored(detected: Keypoints):
+    where: Any = {"frames": (1,), "joints": (LEFT,)}
+    np.testing.assert_array_equal(depths(detected, MarkBad(**where)), [np.nan, np.nan, np.nan, 0.25])
+    said = SetDepth(**where, depth=((0.5,),))
+    np.testing.assert_array_equal(depths(detected, MarkBad(**where), said), [np.nan, np.nan, np.nan, 0.25])
+    both = depths(detected, MarkBad(**where), said, Restore(**where))
+    np.testing.assert_array_equal(both, [0.5, np.nan, np.nan, 0.25])
+
+
+def test_depths_change_sides_with_their_keypoints(detected: Keypoints):
+    found = after(detected, FARTHER, SwapSides(frames=(1,), joints=SIDES["arms"])).keypoints.told_depth
+    assert found[1, RIGHT] == 0.75 and np.isnan(found[1, LEFT]) and found[4, LEFT] == 0.25
+
+
+def test_depths_are_copied_with_their_keypoints(detected: Keypoints):
+    copied = CopyFrom(frames=(2, 4), joints=(LEFT,), source=1)
+    np.testing.assert_array_equal(depths(detected, copied), [0.75, 0.75, np.nan, 0.75])
+    np.testing.assert_array_equal(
+        depths(detected, CopyFrom(frames=(4,), joints=(LEFT,), source=3)), [0.75] + [np.nan] * 3
+    )
+
+
+def test_depths_are_interpolated_where_both_ends_have_one(detected: Keypoints):
+    line = Interpolate.between(1, 4, (LEFT, 11))
+    np.testing.assert_allclose(depths(detected, line), [0.75, 0.75 - 0.5 / 3, 0.25 + 0.5 / 3, 0.25])
+    assert np.allclose(after(detected, FARTHER, line).keypoints.told_depth[2, 11], 0.5), "of undetected ones too"
+    for end in (MarkBad(frames=(1,), joints=(LEFT,)), ClearDepth(frames=(1,), joints=(LEFT,))):
+        np.testing.assert_array_equal(depths(detected, end, line), [np.nan, np.nan, np.nan, 0.25])
+    kept = SetDepth(frames=(2,), joints=(LEFT,), depth=((-1.0,),))
+    assert depths(detected, kept, ClearDepth(frames=(1,), joints=(LEFT,)), line)[1] == -1.0
+
+
+def test_pinned_keypoints_are_in_one_place_and_count_again(detected: Keypoints):
+    edit = Pin(frames=(1, 2), joints=(4, 7), xy=((1.0, 2.0), (3.0, 4.0)), depth=((0.1, 0.2), (0.3, 0.4)))
+    history = after(detected, MarkBad(frames=(1,), joints=(4,)), edit)
+    assert untouched(history, detected, [1, 2], [4, 7])
+    for frame, depth in ((1, (0.1, 0.2)), (2, (0.3, 0.4))):
+        np.testing.assert_array_equal(history.keypoints.xy[frame, [4, 7]], [(1, 2), (3, 4)])
+        np.testing.assert_array_equal(history.keypoints.told_depth[frame, [4, 7]], depth)
+        np.testing.assert_array_equal(history.keypoints.confidence[frame, [4, 7]], 1)
+
+
+def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints):
+    lock = Lock(frames=(0, 1, 2), joints=(4, 7), turn=((0.1, 0.2, 0.3), (1.0, 0.0, 0.0)))
+    history = after(detected, lock)
+    assert untouched(history, detected, [], []) and history.corrected.locked.sum() == 6
+    assert history.keypoints.turn is not None
+    np.testing.assert_allclose(history.keypoints.turn[2, [4, 7]], [(0.1, 0.2, 0.3), (1, 0, 0)], atol=1e-7)
+    stays = SwapSides(frames=(0,), joints=SIDES["arms"]), Nudge(frames=(0,), joints=(4,), by=(1.0, 1.0))
+    moved = after(detected, lock, *stays, MarkBad(frames=(0,), joints=(4,)))
+    np.testing.assert_array_equal(moved.corrected.turn, history.corrected.turn)
+    freed = after(detected, lock, Unlock(frames=(0, 1), joints=(4,)), Reset(frames=(2,), joints=(4, 7)))
+    assert np.argwhere(freed.corrected.locked).tolist() == [[0, 7], [1, 7]]
+    assert after(detected, lock, Unlock(frames=(0, 1, 2), joints=(4, 7))).keypoints.turn is None
+
+
+def test_depths_are_reset_and_cleared(detected: Keypoints):
+    where: Any = {"frames": (1,), "joints": (LEFT,)}
+    moved = MoveKeypoint(**where, xy=(((1.0, 1.0),),))
+    for edit in (Reset(**where), ClearDepth(**where)):
+        history = after(detected, FARTHER, moved, edit)
+        assert np.isnan(history.keypoints.told_depth[1, LEFT]) and history.keypoints.told_depth[4, LEFT] == 0.25
+        assert history.corrected.edited[1, LEFT] == isinstance(edit, ClearDepth)
+
+
 ONE: Any = {"frames": (0,), "joints": (0,)}
 REFUSED = {
     "no frame": (MarkBad(frames=(), joints=(0,)), "names no frame"),
@@ -174,6 +271,21 @@ REFUSED = {
     "outside of the ends": (Interpolate(frames=(1, 4), joints=(0,), first=0, last=3), "do not lie between"),
     "end outside the clip": (Interpolate.between(3, 6, (0,)), "do not lie between frames 3 and 6"),
     "one side": (SwapSides(frames=(0,), joints=(INDEX["left_wrist"],)), "left_wrist is named without"),
+    "too few depths": (SetDepth(frames=(0, 1), joints=(0,), depth=((0.1,),)), "not one value for each of 2 frames"),
+    "depth no number": (SetDepth(**ONE, depth=((float("nan"),),)), "a depth is not a number between -3 and 3 m"),
+    "too deep": (SetDepth(**ONE, depth=((3.01,),)), "a depth is not a number between -3 and 3 m"),
+    "depth of a finger": (SetDepth(frames=(0,), joints=(30,), depth=((0.0,),)), "left_index1 is none of the body's"),
+    "no depth to clear": (ClearDepth(frames=(0,), joints=(100,)), "is none of the body's"),
+    "gap around a key": (RemoveKey(frames=(0, 2), joints=(0,), at=0), "frames do not follow each other"),
+    "key elsewhere": (RemoveKey(frames=(1, 2), joints=(0,), at=3), "frame 3 is none of those that it names"),
+    "key goes elsewhere": (MoveKey(frames=(1, 2), joints=(0,), at=1, to=3), "frame 3 is none of its frames"),
+    "too few positions of a key": (PlaceKey(**ONE, at=0, xy=()), "not one position for each of 1 keypoints"),
+    "key far away": (PlaceKey(**ONE, at=0, xy=((1e9, 1.0),)), "a position is not a number between"),
+    "too few turns": (Lock(frames=(0,), joints=(4, 7), turn=((0.0, 0.0, 0.0),)), "not one rotation for each of 2"),
+    "turned too far": (Lock(frames=(0,), joints=(4,), turn=((8.0, 0.0, 0.0),)), "not between -7 and 7 radians"),
+    "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "no joint that can be locked"),
+    "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not one position for each of 1 keypoints"),
+    "pinned too deep": (Pin(**ONE, xy=((0.0, 0.0),), depth=((9.0,),)), "a depth is not a number between -3 and 3 m"),
     "face": (SwapSides(frames=(0,), joints=(100,)), "belongs to the face"),
 }
 
@@ -191,8 +303,14 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 
 def test_every_kind_is_drawn_in_these_tests():
-    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 9
-    assert set(get_args(edit_log.Action)) == {*KINDS.values(), edit_log.Undo, edit_log.Redo}
+    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 17
+    assert set(get_args(edit_log.Action)) == {
+        *KINDS.values(),
+        edit_log.MarkFrames,
+        edit_log.WriteNote,
+        edit_log.Undo,
+        edit_log.Redo,
+    }
 
 
 @pytest.mark.parametrize(

@@ -42,9 +42,11 @@ def project(folder: Path) -> Iterator[Project]:
 
 
 def _older(fit: FitResult) -> FitResult:
-    """As versions wrote it that did not note where frames' fits came from, and started every frame from nothing."""
-    config = replace(fit.config, key_frames_every=1, widened_start=True, settings=SolverSettings())
-    return replace(fit, phases=tuple(replace(phase, provenance=None) for phase in fit.phases), config=config)
+    """As versions wrote it that knew neither lifter nor ground, noted no provenance and started each frame anew."""
+    weights = replace(fit.config.weights, relative_position=(0,) * 5, held_position=(0,) * 5)
+    config = replace(fit.config, key_frames_every=1, widened_start=True, settings=SolverSettings(), weights=weights)
+    phases = tuple(replace(phase, provenance=None) for phase in fit.phases)
+    return replace(fit, phases=phases, config=config, grounding=None)
 
 
 def test_all_that_it_holds_is_there(project: Project):
@@ -86,7 +88,7 @@ def test_it_is_reviewed(panel_server: viser.ViserServer, project: Project):
         tab = tested.page.tab
         shown = tab.session.fits.show(FitChoice(run=2))
         assert shown is not None and shown.phase == 3
-        assert np.isfinite(tab.desk.body(shown, 0).vertices).all()
+        assert np.isfinite(tab.data.body(shown, 0).vertices).all()
         html = tested.html()
         assert "fit 1 corrected" in html and "interrupted" in html
 

@@ -12,7 +12,7 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_files import read_run, write_run
-from tcfit_app.project.storage.runs import Run
+from tcfit_app.project.storage.run_record import Run
 from tests.samples.project_samples import BODY, CONFIG, FRAMES, assert_same_fit, random_edit, sample_clip, sample_fit
 
 
@@ -70,12 +70,12 @@ def test_every_phase_comes_back_to_the_last_bit(last_phase: int, dtype: torch.dt
 
 
 def test_a_run_of_an_earlier_version_opens(tmp_path: Path):
-    """It tells nothing of where its frames came from, and has a number that nothing reads any more."""
+    """It tells nothing of where frames came from nor of the ground, and has a number that nothing reads any more."""
     fit = sample_fit(1)
-    before = replace(fit, phases=tuple(replace(p, provenance=None) for p in fit.phases))
+    before = replace(fit, phases=tuple(replace(p, provenance=None) for p in fit.phases), grounding=None)
     write_run(tmp_path / "1.npz", before)
     arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
-    assert not [name for name in arrays if name.endswith(("start", "stopped"))]
+    assert not [name for name in arrays if name.endswith(("start", "stopped"))] and "gravity" not in arrays
     arrays["about"] = np.array(str(arrays["about"])[:-1] + ',"sharpness":1.0}')
     np.savez(tmp_path / "2.npz", allow_pickle=False, **arrays)
     assert_same_fit(read_run(tmp_path / "2.npz", CONFIG), before)
@@ -88,6 +88,18 @@ def test_a_run_that_tells_of_too_few_frames_is_refused(tmp_path: Path):
     arrays["phase3_start"] = arrays["phase3_start"][1:]
     np.savez(tmp_path / "2.npz", allow_pickle=False, **arrays)
     with pytest.raises(InputError, match="phase3_start has the shape"):
+        read_run(tmp_path / "2.npz", CONFIG)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("contacts", np.ones((2, 2), bool), "contacts has the shape"), ("gravity", np.zeros(3), "expected a unit vector")],
+)
+def test_a_run_with_a_damaged_ground_is_refused(tmp_path: Path, name: str, value: np.ndarray, said: str):
+    write_run(tmp_path / "1.npz", sample_fit(1))
+    arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
+    np.savez(tmp_path / "2.npz", allow_pickle=False, **(arrays | {name: value}))
+    with pytest.raises(InputError, match=said):
         read_run(tmp_path / "2.npz", CONFIG)
 
 
@@ -138,9 +150,11 @@ def test_opening_tidies_up_after_a_process_that_died(project: Project):
     (folder / "000002.npz").unlink()
     project.runs.finish(3, sample_fit(3))
     project.close()
-    for name in (".000003.77.partial.npz", "000044.npz"):
-        (folder / name).write_bytes(b"half")
-    (project.folder / ".detections.77.partial.npz").touch()
+    for left in (folder / ".000003.npz.partial", project.folder / ".detections.npz.partial"):
+        left.mkdir()
+        for name in ("tcfit-draft.lock", left.stem[1:]):
+            (left / name).write_bytes(b"half")
+    (folder / "000044.npz").write_bytes(b"half")
     with Project.open(project.folder, read_only=True) as reader:
         assert reader.runs.get(1).state == "running", "somebody may be writing it"
     with Project.open(project.folder) as project:

@@ -88,6 +88,14 @@ def test_the_command_that_made_a_project_opens_it_again(with_keypoints: bool, ca
     assert review(video).clip.camera == first.clip.camera, "without options it is opened as it is"
 
 
+def test_a_focal_length_that_nobody_asked_for_is_not_compared():
+    video = images("one")
+    made = review(video, "--fov", "90", "--frame-rate", "12").clip.camera
+    assert review(video, "--frame-rate", "12").clip.camera == made
+    with pytest.raises(InputError, match="--focal-length counts for a new project"):
+        review(video, "--focal-length", "diagonal")
+
+
 def test_other_keypoints_are_refused():
     video, points = images("one"), keypoints("points")
     review(video, "--keypoints", points)

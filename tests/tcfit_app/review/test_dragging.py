@@ -42,9 +42,9 @@ def test_the_fit_converges_where_the_keypoint_was_let_go(tested: LonePage, monke
     monkeypatch.setattr(session.fits, "keep_correction", kept_too)
     drag(tested, "start", 0.0)
     drag(tested, "move", 10.0)
-    tested.until(lambda: session.following.live is not None)
+    tested.until(lambda: session.edit_follower.live is not None)
     drag(tested, "end", 60.0)  # the pointer went on since its last move
-    tested.until(lambda: not session.following.busy)
+    tested.until(lambda: not session.edit_follower.busy)
     assert np.array_equal(kept[0], session.project.corrected.xy[FRAME, [WRIST]])
     assert session.edits_since(session.fits.corrections_of(run.id)) == 0
 
@@ -61,15 +61,15 @@ def test_the_old_body_does_not_come_back_when_a_drag_ends(tested: LonePage, chos
         session.take_news()
         shown = tab.look()
         assert shown.b is not None
-        return tab.desk.body(shown.b, FRAME, shown.live_of("b")).vertices
+        return tab.data.body(shown.b, FRAME, shown.live_of("b")).vertices
 
     old = body()
     drag(tested, "start", 0.0)
     drag(tested, "move", 40.0)
-    tested.until(lambda: session.following.live is not None)
+    tested.until(lambda: session.edit_follower.live is not None)
     assert not np.array_equal(body(), old)
     drag(tested, "end", 60.0)
-    while session.following.busy:
+    while session.edit_follower.busy:
         assert not np.array_equal(body(), old)
         assert time.monotonic() < end
     assert not np.array_equal(body(), old)
@@ -81,7 +81,7 @@ def test_a_drag_of_another_frame_or_run_leaves_this_body_alone(tested: LonePage)
     tab.set(a=FitChoice(run=first.id))
     drag(tested, "start", 0.0)
     drag(tested, "move", 40.0)
-    tested.until(lambda: tab.session.following.live is not None)
+    tested.until(lambda: tab.session.edit_follower.live is not None)
     shown = tab.look()
     assert shown.b is not None and shown.b.run.id == second.id
     assert shown.live_of("b") is not None and shown.live_of("a") is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import viser
 
-from tcfit_app.fitting.outbox import Notice
+from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.faults import AGAIN, Faults
 from tests.drivers.lone_page import LonePage, lone_page, sample_project

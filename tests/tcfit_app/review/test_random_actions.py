@@ -32,6 +32,8 @@ KEYS = [_pressed(key) for name, action in ACTIONS.items() for key in action.keys
 
 
 def _press(user: Reviewing, rng: np.random.Generator) -> None:
+    if rng.random() < 0.3:  # out of the field that a note is typed into, or that was clicked
+        user.tab.evaluate("() => document.activeElement?.blur()")
     user.tab.keyboard.press(str(rng.choice(KEYS)))
 
 
@@ -60,6 +62,35 @@ def _drag(user: Reviewing, rng: np.random.Generator) -> None:
     user.tab.keyboard.up("Shift")
 
 
+def _drag_in_depth(user: Reviewing, rng: np.random.Generator) -> None:
+    """A keypoint of the fit in the side view or in 3D, or the side view's border."""
+    joint = int(rng.integers(BODY.stop))
+    mode = user.tab.evaluate("() => tcfit.state('layout')?.mode")
+    place = user.tab.evaluate("([joint, at]) => tcfit.placeOfFit(joint, at)", [joint, 0 if mode == "space" else 1])
+    if place is None:
+        return
+    x, y = place if rng.random() < 0.9 else (place[0] - 150, place[1])
+    user.tab.mouse.move(x, y)
+    user.tab.mouse.down()
+    user.tab.mouse.move(x + rng.normal(0, 40), y + rng.normal(0, 10), steps=4)
+    user.tab.mouse.up()
+
+
+def _menu(user: Reviewing, rng: np.random.Generator) -> None:
+    """A right click in the picture or the timeline, and something of the menu that it opens."""
+    size = user.tab.viewport_size
+    assert size is not None
+    x, y = _point(user, rng) if rng.random() < 0.5 else (rng.uniform(80, size["width"] - 400), size["height"] - 100)
+    user.tab.mouse.click(x, y, button="right")
+    items = user.tab.locator("[role=menu] [role^=menuitem]")
+    names = items.all_inner_texts()
+    chosen = [i for i, name in enumerate(names) if not name.startswith("Fit everything")]
+    if chosen:
+        user.tab.evaluate(
+            "(i) => document.querySelectorAll('[role=menu] [role^=menuitem]')[i]?.click()", int(rng.choice(chosen))
+        )
+
+
 def _seek(user: Reviewing, rng: np.random.Generator) -> None:
     size = user.tab.viewport_size
     assert size is not None
@@ -82,6 +113,7 @@ def _resize(user: Reviewing, rng: np.random.Generator) -> None:
 def _reload(user: Reviewing, rng: np.random.Generator) -> None:
     pages = len(user.app.pages)
     user.tab.reload()
+    user.tab.wait_for_function("() => window.tcfit?.place && tcfit.state('keypoints')", timeout=60_000)
     until(lambda: len(user.app.pages) == pages and all(page.tab.ready for page in user.app.pages.values()))
 
 
@@ -105,6 +137,8 @@ def _wait(user: Reviewing, rng: np.random.Generator) -> None:
 DEEDS: list[tuple[float, Callable[[Reviewing, np.random.Generator], None]]] = [
     (0.5, _press),
     (0.2, _drag),
+    (0.1, _drag_in_depth),
+    (0.05, _menu),
     (0.1, _seek),
     (0.05, _wheel),
     (0.05, _click),
@@ -135,7 +169,7 @@ def _let_loose(folder: Path, browser: "Browser", actions: int, warm: int, log: p
             user = users[int(rng.integers(2))]
             DEEDS[int(rng.choice(len(DEEDS), p=shares / shares.sum()))][1](user, rng)
         first.app.post(first.session.cancel)
-        until(lambda: not first.session.jobs and not first.session.following.busy, "the worker")
+        until(lambda: not first.session.jobs and not first.session.edit_follower.busy, "the worker")
         grown = _memory() - before
         for user in users:
             assert not user.complaints
@@ -152,8 +186,8 @@ def test_some_random_actions(demo_project: Path, browser: "Browser", tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="this system does not say how large a process is")
-def test_500_random_actions(demo_project: Path, browser: "Browser", tmp_path: Path, caplog: pytest.LogCaptureFixture):
+def test_1000_random_actions(demo_project: Path, browser: "Browser", tmp_path: Path, caplog: pytest.LogCaptureFixture):
     folder = Path(shutil.copytree(demo_project, tmp_path / "demo.tcfit"))
-    grown = _let_loose(folder, browser, 500, 100, caplog)
+    grown = _let_loose(folder, browser, 1000, 200, caplog)
     print(f"grown by {grown / 2**20:.0f} MB")
     assert grown < _ROOM

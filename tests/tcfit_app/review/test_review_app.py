@@ -3,14 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
 from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.kinds import SetDepth
 from tcfit_app.project.project import Project
 from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing, until
 
@@ -46,7 +48,10 @@ def at_ease(request: pytest.FixtureRequest) -> None:
         return
     review: Reviewing = request.getfixturevalue("review")
     page = review.page
-    review.app.post(lambda: page.tab.set(mode="edit", frame=8, selection=(), frames=None, playing=False, blinked=False))
+    review.tab.mouse.up()  # of a test that failed
+    review.app.post(
+        lambda: page.tab.set(mode="edit", frame=8, selection=(), frames=None, playing=False, blinked=False, side=True)
+    )
     until(lambda: page.tab.state.frame == 8)
     review.rest()
 
@@ -70,7 +75,7 @@ def test_a_keypoint_is_dragged_and_the_body_follows(review: Reviewing):
     review.tab.mouse.move(x, y)
     review.tab.mouse.down()
     review.tab.mouse.move(x - 30, y - 24, steps=6)
-    until(lambda: review.session.following.live is not None, "the live correction")
+    until(lambda: review.session.edit_follower.live is not None, "the live correction")
     review.tab.mouse.move(x - 60, y - 48, steps=6)
     review.tab.mouse.up()
     until(lambda: review.session.project.last_edit > 0, "the edit")
@@ -109,12 +114,199 @@ def test_a_range_is_fitted_again_with_another_weight(review: Reviewing):
 def test_two_fits_side_by_side(review: Reviewing):
     review.press("2", lambda: len(shown_labels(review)) == 2)
     labels = shown_labels(review)
-    assert "SMPLify-X" in labels[0] and "temporal" in labels[1]
+    assert "temporal" in labels[0] and labels[0][1:] != labels[1][1:], (
+        "what a range was fitted again of, and the new run"
+    )
+    review.app.post(lambda: review.page.tab.set(a=FitChoice(phase=1), b=FitChoice()))
+    until(lambda: "per frame" in shown_labels(review)[0] and "temporal" in shown_labels(review)[1], "its first phase")
     a, b = (until(lambda i=i: body_in_page(review, i), "a body") for i in (0, 1))
     assert a != b
     review.press("b", lambda: "temporal" in shown_labels(review)[0])
     review.press("3", lambda: review.page.tab.state.mode == "space")
     review.press("1", lambda: len(shown_labels(review)) == 1)
+
+
+def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
+    tab = review.page.tab
+    usual = tab.state.plots
+    review.tab.get_by_role("button", name="Curves ▾").click()
+    for title in ("Jitter, B − A (mm/frame²)", "Error by part, B (px)", "Video"):
+        review.tab.get_by_role("menuitemcheckbox", name=title).click()
+    review.tab.keyboard.press("Escape")
+    until(lambda: tab.state.plots == (*usual, "jitter_difference", "error_by_part", "video"), "the rows")
+
+    def filled() -> list[dict[str, Any]] | None:
+        found = review.tab.evaluate("() => tcfit.state('rows').rows")
+        return found if len(found) == len(usual) + 3 and all(r["curves"] or r["heat"] for r in found[:-1]) else None
+
+    difference, heat, video = until(filled, "the rows with what is in them")[-3:]
+    assert difference["signed"] and len(difference["curves"][0]["values"]) == tab.length
+    assert len(heat["heat"]["values"]) == len(heat["heat"]["parts"]) and video["video"]
+    frames = until(lambda: review.tab.evaluate("() => tcfit.state('thumbnails')?.frames"), "thumbnails")
+    assert 0 <= frames[0] < frames[-1] < tab.length
+    for title in ("Jitter, B − A", "Error by part, B", "Video"):
+        review.tab.get_by_role("button", name=f"Close {title}", exact=True).click()
+    until(lambda: tab.state.plots == usual, "the rows before")
+
+
+def test_frames_that_are_selected_elsewhere_are_not_changed(review: Reviewing):
+    tab, edits = review.page.tab, review.session.project.last_edit
+    for which, number in (("First", "2"), ("Last", "5")):
+        field = review.tab.get_by_label(f"{which} selected frame")
+        field.fill(number)
+        field.press("Enter")
+    until(lambda: tab.state.frames == range(2, 6), "the frames")
+    review.app.post(lambda: tab.set(selection=(WRIST,)))
+    review.tab.keyboard.press("x")
+    refusal = review.tab.get_by_text("This would change the selected frames 2–5, and frame 8 is on show")
+    refusal.wait_for()
+    assert review.session.project.last_edit == edits
+    review.tab.get_by_role("button", name="Select no frames").click()
+    until(lambda: tab.state.frames is None, "no frames")
+    refusal.wait_for(state="hidden")  # it lies over the picture
+
+
+def wrist_in_space(review: Reviewing) -> list[float]:
+    """As the page has it, in camera space."""
+    return until(lambda: review.tab.evaluate("() => tcfit.state('bodies')"), "the body")["bodies"][0]["points"][WRIST]
+
+
+def wrist_in_side_view(review: Reviewing) -> list[float]:
+    return until(lambda: review.tab.evaluate("(joint) => tcfit.placeOfFit(joint, 1)", WRIST), "the wrist")
+
+
+def test_the_side_view_shows_the_body_and_takes_clicks(review: Reviewing):
+    plate = until(lambda: review.tab.evaluate(SIDE_PLATE), "the side view")
+    until(lambda: seen_on(review, plate) > 0.05, "the body on its plate")
+    review.press("v", lambda: review.tab.evaluate(SIDE_PLATE) is None)
+    review.rest()
+    assert len(shown_labels(review)) == 1 and review.page.tab.state.side is False
+    review.press("v", lambda: review.tab.evaluate(SIDE_PLATE))
+    review.rest()
+    edits = review.session.project.last_edit
+    x, y = wrist_in_side_view(review)
+    review.tab.mouse.move(x, y)
+    until(lambda: "than the hips" in review.tab.locator(".tcfit-tooltip").first.inner_text(), "what is under it")
+    review.tab.mouse.click(x, y)
+    until(lambda: review.page.tab.state.selection == (WRIST,), "the selection")
+    assert review.session.project.last_edit == edits and not review.session.edit_follower.busy
+
+
+def test_a_keypoint_is_dragged_in_depth_in_the_side_view(review: Reviewing):
+    until(lambda: review.tab.evaluate("() => tcfit.state('side')"), "the side view")
+    review.rest()
+    before, (x, y) = review.session.project.last_edit, wrist_in_side_view(review)
+    depth = wrist_in_space(review)[2]
+    metre = review.tab.evaluate("() => tcfit.state('side').metre") * review.scale()
+    review.tab.mouse.move(x, y)
+    review.tab.mouse.down()
+    review.tab.mouse.move(x - 0.1 * metre, y, steps=5)  # from the right, the camera is at the left
+    until(lambda: review.session.edit_follower.live is not None, "the live correction")
+    review.tab.mouse.up()
+    until(lambda: review.session.project.last_edit == before + 1, "the edit")
+    edit = review.session.project.log[-1].action
+    assert isinstance(edit, SetDepth) and (edit.frames, edit.joints) == ((8,), (WRIST,))
+    review.rest()
+    assert wrist_in_space(review)[2] - depth == pytest.approx(-0.1, abs=0.04)
+    review.press("Control+z", lambda: np.isnan(review.session.project.corrected.depth).all())
+    review.rest()
+
+
+def test_a_right_click_on_a_keypoint_opens_its_menu(review: Reviewing):
+    review.rest()
+    x, y = review.place("right_wrist")
+    review.tab.mouse.click(x, y, button="right")
+    menu = review.tab.get_by_role("menu", name="right wrist")
+    until(menu.is_visible, "the menu")
+    until(lambda: review.page.tab.state.selection == (WRIST,), "the selection")
+    menu.get_by_role("menuitem", name="Mark bad, or restore").click()
+    until(lambda: review.session.project.corrected.bad[8, WRIST], "the mark")
+    assert menu.count() == 0
+    review.press("Control+z", lambda: not review.session.project.corrected.bad[8, WRIST])
+    review.rest()
+
+
+def test_a_right_click_beside_all_keypoints_opens_the_picture_s_menu(review: Reviewing):
+    x, y = review.tab.evaluate("(bottom) => tcfit.place(0, bottom)", review.session.project.clip.camera.size[1])
+    review.tab.mouse.click(x + 12, y - 12, button="right")  # messages lie over the other corners
+    menu = review.tab.get_by_role("menu", name="Picture")
+    until(menu.is_visible, "the menu")
+    menu.get_by_role("menuitem", name="Bodies on or off").click()
+    until(lambda: not review.page.tab.state.bodies, "no bodies")
+    review.press("m", lambda: review.page.tab.state.bodies)
+
+
+def test_the_video_is_seen_alone_while_a_button_is_held(review: Reviewing):
+    button = review.tab.get_by_role("button", name="Video only, while held")
+    review.tab.locator("[role=tab]", has=review.tab.locator("svg")).first.click()
+    button.hover()
+    x, y = review.tab.evaluate("([x, y]) => tcfit.place(x, y)", review.session.project.corrected.xy[8, WRIST].tolist())
+    painted = f"""() => {{
+      const canvas = document.querySelector('.tcfit > canvas'), {{ left, top, width }} = canvas.getBoundingClientRect();
+      const k = canvas.width / width;
+      return canvas.getContext('2d').getImageData(k * ({x} - left), k * ({y} - top), 1, 1).data[3] > 0;
+    }}"""
+    until(lambda: review.tab.evaluate(painted), "the keypoint")
+    for press, let_go in (
+        (review.tab.mouse.down, review.tab.mouse.up),
+        (lambda: review.tab.keyboard.down("Enter"), lambda: review.tab.keyboard.up("Enter")),
+    ):
+        button.focus()
+        press()
+        until(lambda: not review.tab.evaluate(painted), "the video alone")
+        let_go()
+        until(lambda: review.tab.evaluate(painted), "the keypoint again")
+
+
+def test_the_side_view_follows_the_frame_and_is_widened(review: Reviewing):
+    def side() -> dict:
+        return review.tab.evaluate("() => tcfit.state('side')")
+
+    until(side, "the side view")
+    before = wrist_in_space(review)
+    review.press("ArrowRight", lambda: wrist_in_space(review) != before)
+    review.press("Shift+v", lambda: side()["floor"] is None)
+    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the left"])
+    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the right"])
+    review.rest()
+    left, top, right, bottom = review.tab.evaluate(SIDE_PLATE)
+    width = review.page.tab.side_width
+    review.tab.mouse.move(left, (top + bottom) / 2)
+    review.tab.mouse.down()
+    review.tab.mouse.move((left + right) / 2, (top + bottom) / 2, steps=3)
+    review.tab.mouse.up()
+    until(lambda: review.page.tab.side_width == pytest.approx(width / 2, abs=0.02), "the narrower plate")
+    review.app.post(lambda: review.page.tab.set(side_width=None))
+
+
+def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):
+    review.press("3", lambda: review.tab.evaluate("() => tcfit.state('layout').mode") == "space")
+    for name in ("front", "top", "camera"):
+        before = review.page.tab.scene.cameras.pose
+        review.tab.locator(f"[data-tcfit='view.from'][data-value={name}]").click()
+        until(lambda before=before: review.page.tab.scene.cameras.pose != before, name)
+    # Seen from the side, a keypoint of the fit can be taken there too, and 3D does not turn.
+    before = review.page.tab.scene.cameras.pose
+    review.tab.locator("[data-tcfit='view.from'][data-value=side]").click()
+    until(lambda: review.page.tab.scene.cameras.pose != before, "the side")
+    review.rest()
+    edits, pose = review.session.project.last_edit, review.page.tab.scene.cameras.pose
+    place = [(0.0, 0.0)]
+    while place[-1] != (now := tuple(review.tab.evaluate("(joint) => tcfit.placeOfFit(joint)", WRIST))):
+        place.append(now)
+        review.tab.wait_for_timeout(300)
+    x, y = place[-1]
+    review.tab.mouse.move(x, y)
+    until(lambda: "than the hips" in review.tab.locator(".tcfit-tooltip").first.inner_text(), "what is under it")
+    review.tab.mouse.down()
+    review.tab.mouse.move(x - 30, y, steps=4)
+    review.tab.mouse.up()
+    until(lambda: review.session.project.last_edit == edits + 1, "the edit")
+    assert isinstance(review.session.project.log[-1].action, SetDepth)
+    assert review.page.tab.scene.cameras.pose.position == pytest.approx(pose.position)
+    review.press("Control+z", lambda: np.isnan(review.session.project.corrected.depth).all())
+    review.rest()
+    review.press("1", lambda: review.tab.evaluate(SIDE_PLATE))
 
 
 def test_every_key_is_taken(review: Reviewing):
@@ -131,9 +323,54 @@ def test_every_key_is_taken(review: Reviewing):
     review.press("Escape", lambda: page.tab.state.selection == ())
 
 
+def test_notes_are_written_changed_and_deleted(review: Reviewing):
+    project = review.session.project
+    field = review.tab.get_by_label("Note", exact=True)
+    review.tab.keyboard.press("y")
+    until(lambda: field.evaluate("(field) => field === document.activeElement"), "the field")
+    field.fill("The wrist is hidden here")
+    field.press("Enter")
+    (note,) = until(lambda: project.notes, "the note")
+    assert (note.frames, note.text) == (range(8, 9), "The wrist is hidden here")
+    lane = until(lambda: review.tab.evaluate("() => tcfit.state('marks').notes"), "the lane")
+    assert lane == [{"first": 8, "last": 8, "text": note.text}]
+    until(lambda: field.input_value() == "", "an empty field")
+    review.tab.get_by_role("button", name="Change", exact=True).click()
+    until(lambda: field.input_value() == note.text, "its text")
+    field.fill("The wrist is seen")
+    field.press("Enter")
+    until(lambda: [note.text for note in project.notes] == ["The wrist is seen"], "the other text")
+    review.tab.get_by_role("button", name="Delete", exact=True).click()
+    until(lambda: not project.notes, "no note")
+    field.blur()
+    review.press("Control+z", lambda: [note.text for note in project.notes] == ["The wrist is seen"])
+    review.press("Control+z", lambda: project.notes == (note,))
+    review.press("Control+z", lambda: not project.notes)
+
+
+def test_a_link_leads_to_its_frame_and_fit(review: Reviewing):
+    tab = review.page.tab
+    review.tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    review.app.post(lambda: tab.set(b=FitChoice(run=1, phase=1)))
+    review.app.post(lambda: review.page.gestures.noting.copy_link())
+    link = f"{review.server.address.url}/#frame=8&run=1&phase=1"
+    # Browsers share the clipboard: what another test has left there may come first.
+    until(lambda: review.tab.evaluate("() => navigator.clipboard.readText()") == link, "the link")
+    review.app.post(lambda: tab.set(b=FitChoice()))
+    review.press("Home", lambda: review.frame == 0)
+    review.tab.evaluate("(link) => void (location.href = link)", link)
+    until(lambda: (review.frame, tab.state.b) == (8, FitChoice(run=1, phase=1)), "what the link says")
+    assert review.tab.evaluate("() => location.href") == f"{review.server.address.url}/"
+    review.tab.evaluate("() => void (location.hash = 'frame=8&run=77')")
+    review.tab.get_by_text("The link leads to run 77").wait_for()
+    review.app.post(lambda: tab.set(b=FitChoice()))
+
+
 def test_a_reload_keeps_everything(review: Reviewing):
     review.press("2", lambda: review.page.tab.state.mode == "ab")
     review.press("End", lambda: review.frame == review.page.tab.length - 1)
+    review.app.post(lambda: review.page.tab.set(frames=range(4, 9)))
+    until(lambda: review.tab.get_by_label("First selected frame").input_value() == "4", "the selected frames")
     before, edits = review.page.tab.state, review.session.project.last_edit
     client = review.page.tab.client.client_id
     review.tab.reload()
@@ -142,6 +379,8 @@ def test_a_reload_keeps_everything(review: Reviewing):
     assert review.session.project.last_edit == edits
     until(lambda: len(shown_labels(review)) == 2)
     until(lambda: body_in_page(review, 1), "the body")
+    until(lambda: review.tab.get_by_label("First selected frame").input_value() == "4", "the selected frames")
+    assert not review.complaints
 
 
 def test_a_second_browser_has_its_own_frame_and_sees_the_same_project(review: Reviewing, browser: "Browser"):
@@ -175,9 +414,34 @@ def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "
         assert not found.session.jobs and not found.complaints
 
 
+SIDE_PLATE = """() => {
+  const { image, posters } = tcfit.state('layout') ?? { posters: [] };
+  const at = posters.findIndex((poster) => poster.kind === "side");
+  if (at < 0) return null;
+  return [...tcfit.place(0, 0, at), ...tcfit.place(posters[at].width * image[1], image[1], at)];
+}"""
+"""Left, top, right and bottom of the side view's plate in the window."""
+
+
+def seen_on(review: Reviewing, plate: list[float]) -> float:
+    """Share of the plate on which the window shows a body of run B's colour."""
+    left, top, right, bottom = (round(edge) for edge in plate)
+    clip = {"x": left, "y": top, "width": right - left, "height": bottom - top}
+    png = np.frombuffer(review.tab.screenshot(clip=clip), np.uint8)  # pyright: ignore[reportArgumentType]
+    image = cv2.imdecode(png, cv2.IMREAD_COLOR)
+    assert image is not None
+    return float((image[..., 2] > image[..., 0] + 60.0).mean())
+
+
 def shown_labels(review: Reviewing) -> list[str]:
-    """Labels of the posters as the page has them."""
-    return review.tab.evaluate("() => tcfit.state('layout')?.posters.map((p) => p.label) ?? []")
+    """Labels of the pictures as the page has them."""
+    return labels_of(review, "picture")
+
+
+def labels_of(review: Reviewing, kind: str) -> list[str]:
+    """Labels of one kind of posters."""
+    find = "(kind) => tcfit.state('layout')?.posters.filter((p) => p.kind === kind).map((p) => p.label) ?? []"
+    return review.tab.evaluate(find, kind)
 
 
 def chips(review: Reviewing) -> list[str]:

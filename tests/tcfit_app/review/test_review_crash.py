@@ -68,7 +68,7 @@ def _step(session: Session, rng: np.random.Generator) -> str:
         return f"started {session.fit_everything(QUICK, kind='smplx', gender='neutral').id}"
     if chance < 0.08 and shown is not None:
         xy = session.project.corrected.xy[frame, [joint]] + rng.normal(0, 5, (1, 2))
-        drag = session.following.begin_drag(shown, frame, (joint,), xy)
+        drag = session.edit_follower.begin_drag(shown, frame, (joint,), xy)
         edit = MoveKeypoint(frames=(frame,), joints=(joint,), xy=(((float(xy[0, 0]), float(xy[0, 1])),),))
         session.release(drag, edit, author="script", shown=shown)
     elif chance < 0.15:

@@ -12,16 +12,21 @@ import torch
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
+from fitting_core.fit.events import FramesFitted, PhaseFinished
 from fitting_core.fit.fitting import evaluated
+from fitting_core.fit.grounded import grounded
+from fitting_core.fit.phases import independent
 from fitting_core.fit.result import FitResult
+from tcfit_app.fitting import edit_follower, live, worker
 from tcfit_app.fitting import fits as fits_module
-from tcfit_app.fitting import following, live, worker
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.job_progress import RunningJob
-from tcfit_app.fitting.jobs import RerunFrames, around
-from tcfit_app.fitting.outbox import DragEnded, DragMoved, JobEnded
-from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge
+from tcfit_app.fitting.jobs import Job, RerunFrames, around
+from tcfit_app.fitting.reports import DragEnded, DragMoved, JobEnded
+from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session.session import Session
@@ -63,8 +68,8 @@ def moved(session: Session, by: float, frame: int = 4) -> tuple[MoveKeypoint, np
 
 def drag(session: Session, shown: Shown, by: float, frame: int = 4) -> None:
     edit, xy = moved(session, by, frame)
-    follower = session.following.begin_drag(shown, frame, (WRIST,), xy)
-    session.release(follower, edit, author="me", shown=shown)
+    begun = session.edit_follower.begin_drag(shown, frame, (WRIST,), xy)
+    session.release(begun, edit, author="me", shown=shown)
 
 
 def test_a_fit_streams_in_phase_by_phase(tiny_body: BodyModel, tmp_path: Path):
@@ -92,6 +97,53 @@ def test_a_fit_streams_in_phase_by_phase(tiny_body: BodyModel, tmp_path: Path):
         assert [n.kind for n in told(session)] == ["done"]
 
 
+def test_bodies_of_the_first_phase_can_be_looked_at_before_it_is_finished(
+    tiny_body: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(independent, "_AT_ONCE", 2)
+    folder = tmp_path / "a.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    seen: list[Shown] = []
+    with session_of(folder, tiny_body) as session:
+        keep = session.fits.keep
+
+        def keep_and_look(job: Job, found: PhaseFinished | FramesFitted | FitResult) -> None:
+            keep(job, found)
+            if isinstance(found, FramesFitted) and found.phase == 1:
+                seen.append(newest(session))
+                with pytest.raises(InputError, match="is in its first phase"):
+                    session.fits.fit(seen[-1].run)
+
+        monkeypatch.setattr(session.fits, "keep", keep_and_look)
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+        first = session.fits.show(FitChoice(phase=1))
+    reached = [[frame for frame in range(FRAMES) if shown.has(frame)] for shown in seen]
+    assert reached == [list(range(min(n, FRAMES))) for n in range(2, FRAMES + 2, 2)]
+    assert all(shown.phase == 1 and shown.result is None for shown in seen)
+    assert first is not None and first.result is not None and first.has(FRAMES - 1)
+    torch.testing.assert_close(seen[0].params.camera_translation[:2], first.params.camera_translation[:2])
+
+
+def test_a_fit_that_ends_in_its_first_phase_leaves_the_one_before_on_show(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+):
+    """Also when bodies of it were to be seen."""
+    before, keep = newest(session), session.fits.keep
+
+    def keep_and_fail(job: Job, found: PhaseFinished | FramesFitted | FitResult) -> None:
+        keep(job, found)
+        assert newest(session).run.id != before.run.id
+        raise InputError("no more")
+
+    monkeypatch.setattr(session.fits, "keep", keep_and_fail)
+    run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
+    idle(session)
+    after = session.fits.run(run.id)
+    assert after is not None and after.state == "failed" and after not in session.fits.showable()
+    assert newest(session).run.id == before.run.id and newest(session).has(0)
+
+
 def test_windows_appear_as_they_finish(session: Session):
     config = replace(QUICK, temporal=replace(QUICK.temporal, mode="sliding_window", window_size=3, weight=1e4))
     before = newest(session)
@@ -100,12 +152,12 @@ def test_windows_appear_as_they_finish(session: Session):
 
     def look() -> bool:
         shown = newest(session)
-        if shown.result is None:
+        if shown.result is None and shown.phase == 3:
             seen.append(shown)
         return not session.jobs
 
     until(session, look)
-    assert seen and all(shown.phase == 3 and shown.run.id != before.run.id for shown in seen)
+    assert seen and all(shown.run.id != before.run.id for shown in seen)
     final = newest(session)
     first_window = seen[-1].params.body_pose[0]
     assert torch.equal(first_window, final.params.body_pose[0])
@@ -144,16 +196,16 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
 ):
     before = newest(session)
     edit, xy = moved(session, 25.0)
-    follower = session.following.begin_drag(before, 4, (WRIST,), xy)
-    assert follower is not None
-    until(session, lambda: session.following.live)
-    live = session.following.live
+    begun = session.edit_follower.begin_drag(before, 4, (WRIST,), xy)
+    assert begun is not None
+    until(session, lambda: session.edit_follower.live)
+    live = session.edit_follower.live
     assert live is not None and live.frames == range(1, FRAMES) and live.run == before.run.id
-    session.release(follower, edit, author="me", shown=before)
+    session.release(begun, edit, author="me", shown=before)
     assert session.project.last_edit == 1, "saved at release, before the fit has converged"
     idle(session)
     after = newest(session)
-    assert session.following.live is None and after.run.kind == "corrections" and after.run.parent == before.run.id
+    assert session.edit_follower.live is None and after.run.kind == "corrections" and after.run.parent == before.run.id
     assert after.run.edits_seen == 1 and session.edits_since(after.run) == 0 and session.edits_since(before.run) == 1
     assert torch.equal(after.params.body_pose[0], before.params.body_pose[0])
     assert not torch.equal(after.params.body_pose[4], before.params.body_pose[4])
@@ -170,6 +222,29 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
             torch.equal(stored.last.params.body_pose, again.params.body_pose)
             and copy.runs.get(again.run.id).edits_seen == 2
         )
+    whole = grounded(stored, session.clip_of(again.camera), tiny_body).grounding
+    assert whole is not None and stored.grounding is not None, "gravity and contacts are those of the corrected fit"
+    np.testing.assert_allclose(stored.grounding.contacts.probability, whole.contacts.probability)
+
+
+def test_a_drag_in_depth_is_followed_and_kept(session: Session, tiny_body: BodyModel):
+    def depth(params: BodyParams) -> float:
+        points, pelvis = keypoints_in_space(tiny_body, params)[0][4], joints_in_space(tiny_body, params)[4, 0]
+        return float(points[WRIST, 2] - pelvis[2])
+
+    before = newest(session)
+    start = depth(before.params)
+    begun = session.edit_follower.begin_drag(before, 4, (WRIST,), np.array([start]), in_depth=True)
+    assert begun is not None
+    begun.move(np.array([start + 0.1]))
+    until(session, lambda: session.edit_follower.live)
+    edit = SetDepth(frames=(4,), joints=(WRIST,), depth=((start + 0.1,),))
+    session.release(begun, edit, author="me", shown=before)
+    idle(session)
+    after = newest(session)
+    assert after.run.kind == "corrections" and after.run.edits_seen == 1
+    assert depth(after.params) - start == pytest.approx(0.1, abs=0.05)
+    assert np.array_equal(session.project.clip.keypoints.xy, session.project.detections.xy)
 
 
 def test_windows_of_a_later_drag_are_no_earlier_ones(session: Session):
@@ -178,55 +253,55 @@ def test_windows_of_a_later_drag_are_no_earlier_ones(session: Session):
     for frame in (1, 6):
         shown = newest(session)
         edit, xy = moved(session, 25.0, frame)
-        follower = session.following.begin_drag(shown, frame, (WRIST,), xy)
-        until(session, lambda: session.following.live)
-        assert session.following.live is not None
-        seen.append(session.following.live.revision)
-        session.release(follower, edit, author="me", shown=shown)
+        begun = session.edit_follower.begin_drag(shown, frame, (WRIST,), xy)
+        until(session, lambda: session.edit_follower.live)
+        assert session.edit_follower.live is not None
+        seen.append(session.edit_follower.live.revision)
+        session.release(begun, edit, author="me", shown=shown)
         idle(session)
-        assert session.following.live is None
+        assert session.edit_follower.live is None
     assert seen[1] > seen[0]
 
 
 def test_the_end_of_one_drag_leaves_another_tabs_alone(session: Session, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(worker, "LINGER", 0.05)
-    shown, following = newest(session), session.following
-    one, other = (following.begin_drag(shown, frame, (WRIST,), moved(session, 25.0, frame)[1]) for frame in (1, 6))
+    shown, follower = newest(session), session.edit_follower
+    one, other = (follower.begin_drag(shown, frame, (WRIST,), moved(session, 25.0, frame)[1]) for frame in (1, 6))
     assert one is not None and other is not None
-    until(session, lambda: following.window(shown.run.id, 0) and following.window(shown.run.id, FRAMES - 1))
+    until(session, lambda: follower.window(shown.run.id, 0) and follower.window(shown.run.id, FRAMES - 1))
     one.abandon()
-    until(session, lambda: following.window(shown.run.id, 0) is None)
-    left = following.window(shown.run.id, FRAMES - 1)
-    assert left is not None and left is following.live and 6 in left.frames
+    until(session, lambda: follower.window(shown.run.id, 0) is None)
+    left = follower.window(shown.run.id, FRAMES - 1)
+    assert left is not None and left is follower.live and 6 in left.frames
     other.abandon()
-    until(session, lambda: not following.busy)
-    assert following.live is None and following.window(shown.run.id, FRAMES - 1) is None
+    until(session, lambda: not follower.busy)
+    assert follower.live is None and follower.window(shown.run.id, FRAMES - 1) is None
 
 
 def test_windows_of_two_drags_are_both_told(session: Session):
-    """Neither takes the other's place in the outbox, and the end of one leaves the news of the other there."""
-    outbox, params = session.worker.outbox, newest(session).params
+    """Neither takes the other's place among the reports, and the end of one leaves the news of the other there."""
+    reports, params = session.worker.reports, newest(session).params
 
     def show(drag: int) -> None:
-        outbox.show(DragMoved(drag=drag, frames=range(2), params=params))
+        reports.show(DragMoved(drag=drag, frames=range(2), params=params))
 
     for drag in (1, 2, 1):
         show(drag)
-    assert sorted(moved.drag for moved in outbox.empty().moved) == [1, 2]
+    assert sorted(moved.drag for moved in reports.take().moved) == [1, 2]
     for drag in (1, 2):
         show(drag)
-    outbox.tell(DragEnded(drag=1, how="abandoned"))
-    assert [moved.drag for moved in outbox.empty().moved] == [2] and outbox.empty().moved == ()
+    reports.tell(DragEnded(drag=1, how="abandoned"))
+    assert [moved.drag for moved in reports.take().moved] == [2] and reports.take().moved == ()
 
 
 def test_corrections_of_a_run_that_was_deleted_are_not_kept(session: Session):
     shown = newest(session)
     edit, xy = moved(session, 25.0)
-    follower = session.following.begin_drag(shown, 4, (WRIST,), xy)
-    until(session, lambda: session.following.live)
+    begun = session.edit_follower.begin_drag(shown, 4, (WRIST,), xy)
+    until(session, lambda: session.edit_follower.live)
     session.delete(shown.run.id)
-    session.release(follower, edit, author="me", shown=shown)
-    until(session, lambda: not session.following.busy)
+    session.release(begun, edit, author="me", shown=shown)
+    until(session, lambda: not session.edit_follower.busy)
     assert session.fits.runs == () and session.project.runs.all() == []
     assert told(session)[-1].kind == "error" and "was deleted" in told(session)[-1].text
 
@@ -306,9 +381,9 @@ def test_a_drag_goes_on_from_what_was_kept_since_it_began(session: Session, monk
     drags = []
     for frame, by in ((0, 30.0), (5, -30.0)):
         edit, xy = moved(session, by, frame)
-        drags.append((session.following.begin_drag(before, frame, (WRIST,), xy), edit))
-    for follower, edit in drags:
-        session.release(follower, edit, author="me", shown=before)
+        drags.append((session.edit_follower.begin_drag(before, frame, (WRIST,), xy), edit))
+    for begun, edit in drags:
+        session.release(begun, edit, author="me", shown=before)
     idle(session)
     after = pose(session, slice(0, 2))
     assert not torch.equal(after, before.params.body_pose[:2])
@@ -322,10 +397,10 @@ def test_an_edit_whose_drag_could_not_be_followed_is_followed_after_it(
     before = newest(session)
     monkeypatch.setattr(live.LiveCorrection, "resolve", lambda _: 1 / 0)
     edit, xy = moved(session, 25.0)
-    follower = session.following.begin_drag(before, 4, (WRIST,), xy)
+    begun = session.edit_follower.begin_drag(before, 4, (WRIST,), xy)
     until(session, lambda: told(session))
     assert "could not follow" in told(session)[-1].title
-    session.release(follower, edit, author="me", shown=before)
+    session.release(begun, edit, author="me", shown=before)
     idle(session)
     assert newest(session).run.kind == "corrections" and session.edits_since(newest(session).run) == 0
     monkeypatch.setattr(live.LiveCorrection, "release", lambda _: 1 / 0)
@@ -403,13 +478,13 @@ def test_the_fit_follows_edits_once_they_settle(session: Session, monkeypatch: p
     session.undo(author="me", shown=after)
     idle(session)
     assert newest(session).revision > after.revision, "undo is followed too"
-    session.following.after_edits = False
+    session.edit_follower.after_edits = False
     session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(8.0, 0.0)), author="me", shown=after)
-    assert not session.following.busy
-    session.following.after_edits = True
-    monkeypatch.setattr(following, "MOST_FOLLOWED", 3)
+    assert not session.edit_follower.busy
+    session.edit_follower.after_edits = True
+    monkeypatch.setattr(edit_follower, "MOST_FOLLOWED", 3)
     session.edit(MarkBad(frames=(4,), joints=(WRIST,)), author="me", shown=after)
-    until(session, lambda: not session.following.busy)
+    until(session, lambda: not session.edit_follower.busy)
     assert not session.jobs and "re-run them" in told(session)[-1].text
 
 
@@ -481,14 +556,14 @@ def test_an_edit_that_came_while_the_fit_followed_is_not_written_over(
 def test_edits_made_while_the_fit_follows_others_are_followed_together(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(following, "SETTLING", 0.0)
-    monkeypatch.setattr(following, "MOST_FOLLOWED", FRAMES - 1)
+    monkeypatch.setattr(edit_follower, "SETTLING", 0.0)
+    monkeypatch.setattr(edit_follower, "MOST_FOLLOWED", FRAMES - 1)
     before = newest(session)
     with held(session):
         for frame in (0, 7, 1, 6, 0):
             nudge(session, frame, before)
             session.take_news()
-        assert len(session.jobs) == 1 and session.following.busy
+        assert len(session.jobs) == 1 and session.edit_follower.busy
     idle(session)
     assert not told(session), "each of them is few frames: that they wait together is nothing to refuse"
     assert session.edits_since(newest(session).run) == 0
@@ -499,7 +574,7 @@ def test_edits_made_while_the_fit_follows_others_are_followed_together(
 def test_cancelling_what_follows_edits_cancels_those_that_wait_for_it(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(following, "SETTLING", 0.0)
+    monkeypatch.setattr(edit_follower, "SETTLING", 0.0)
     before = newest(session)
     with held(session):
         for frame in (0, 7):
@@ -538,9 +613,9 @@ def test_a_fit_without_its_body_follows_nothing_and_says_so(folder: Path):
     with session_of(folder, None) as session:
         shown = newest(session)
         edit, xy = moved(session, 25.0)
-        assert session.following.begin_drag(shown, 4, (WRIST,), xy) is None
+        assert session.edit_follower.begin_drag(shown, 4, (WRIST,), xy) is None
         session.edit(edit, author="me", shown=shown)
-        until(session, lambda: not session.following.busy)
+        until(session, lambda: not session.edit_follower.busy)
         assert told(session)[-1].kind == "error" and "There is no neutral smplx body" in told(session)[-1].text
 
 
@@ -636,10 +711,10 @@ def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeyp
     def fail(report: object) -> None:
         raise RuntimeError("no such drag")
 
-    monkeypatch.setattr(session.following, "take_end", fail)
+    monkeypatch.setattr(session.edit_follower, "take_end", fail)
     session.jobs[99] = RunningJob(number=99, run=None, title="job", phases=(3,))
-    session.worker.outbox.tell(DragEnded(drag=7, how="abandoned"))
-    session.worker.outbox.tell(JobEnded(job=99, how="finished"))
+    session.worker.reports.tell(DragEnded(drag=7, how="abandoned"))
+    session.worker.reports.tell(JobEnded(job=99, how="finished"))
     session.take_news()
     assert not session.jobs
     assert [notice.kind for notice in told(session)] == ["error"] and "no such drag" in told(session)[0].text
@@ -674,7 +749,7 @@ def test_read_only(folder: Path, tiny_body: BodyModel):
     with session_of(folder, tiny_body, read_only=True) as session:
         shown = newest(session)
         edit, xy = moved(session, 25.0)
-        assert session.following.begin_drag(shown, 4, (WRIST,), xy) is None
+        assert session.edit_follower.begin_drag(shown, 4, (WRIST,), xy) is None
         for command in (
             lambda: session.edit(edit, author="me"),
             lambda: session.mark([1], "flag", author="me"),

@@ -11,9 +11,13 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.cli.main import main
 from tcfit_app.server import viser_bridge
+from tcfit_app.server.serving import review_server
 
 ROOT = Path(__file__).parents[3]
-PRIVATE = {"_websock_server", "_websock_connection", "_websock_interface", "_impl", "_format", "_data", "_gui_api"}
+PRIVATE = {
+    *("_websock_server", "_websock_connection", "_websock_interface", "_impl", "_format", "_data", "_gui_api"),
+    *("_gui_input_handle_from_uuid", "_container_handle_from_uuid"),
+}
 """Attributes of viser's objects that are not its documented API, as far as tcfit has ever used them."""
 
 
@@ -34,6 +38,15 @@ def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delattr(viser_bridge._messages, "SetCameraFovMessage")
     with pytest.raises(InputError, match=r"found 1\.1\.1, which lacks viser\._messages\.SetCameraFovMessage\."):
         viser_bridge.check()
+
+
+def test_a_server_whose_widgets_cannot_be_found_is_refused(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(viser_bridge, "_NEEDED_OF_GUI", ("_gui_input_handle_from_uuid", "_nothing"))
+    with (
+        pytest.raises(InputError, match=r"which lacks _nothing\. Install it"),
+        review_server("A clip", port=0, open_browser=False, say=lambda text: None),
+    ):
+        pass
 
 
 def test_a_review_does_not_start_with_another_version(demo_project: Path, monkeypatch: pytest.MonkeyPatch):

@@ -38,7 +38,7 @@ from fitting_core.body.hand_skeleton import (
 from fitting_core.body.model import N_HAND_COMPONENTS, BodyModel
 from fitting_core.build_assets.free_body.hand.recordings import Recording, aligned, joint_angles, read_recording
 from fitting_core.errors import InputError
-from fitting_core.files.npz import write_npz
+from fitting_core.files.npz import read_npz, write_npz
 
 _LONG = ("index", "middle", "ring", "pinky")
 _BENDS = {
@@ -134,8 +134,7 @@ class HandSpace:
 
 def read_hand_space(path: Path = HAND_SPACE) -> HandSpace:
     """The space that ships with the project, or another."""
-    with np.load(path, allow_pickle=False) as file:
-        return HandSpace(**{key: file[key].astype(float) for key in ("mean", "components")})
+    return HandSpace(**{key: array.astype(float) for key, array in read_npz(path, ("mean", "components")).items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

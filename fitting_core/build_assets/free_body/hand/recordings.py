@@ -12,6 +12,7 @@ from fitting_core.body import rotations
 from fitting_core.body.geometry import unit
 from fitting_core.body.hand_skeleton import FINGERS, FLEXION, SPREAD, TWIST, HandSkeleton
 from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz
 
 _LEAP_FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 _CONFIDENT = 0.6
@@ -44,10 +45,10 @@ def read_recording(path: Path) -> Recording:
         InputError: the file is damaged or something else.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            joints, palm = file["joints_mm"].astype(float), file["palm_pos_normal_dir"].astype(float)
-            right, confidence = file["is_right"], file["confidence"]
-    except (OSError, ValueError, KeyError, EOFError) as error:
+        arrays = read_npz(path, ("joints_mm", "palm_pos_normal_dir", "is_right", "confidence"))
+        joints, palm = arrays["joints_mm"].astype(float), arrays["palm_pos_normal_dir"].astype(float)
+        right, confidence = arrays["is_right"], arrays["confidence"]
+    except (OSError, ValueError, KeyError) as error:
         raise InputError(
             f"{path} is no hand recording ({error}); expected an npz file with joints_mm, palm_pos_normal_dir, "
             "is_right and confidence."

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fitting_core.body.bounding_tree import BoundingTree, build_tree
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.terms.collision.broad_phase import BoundingTree, build_tree, overlapping_triangles
+from fitting_core.fit.terms.collision.broad_phase import LEAF_SIZE, overlapping_triangles
 from fitting_core.fit.terms.collision.intersection import triangles_intersect
 from fitting_core.fit.terms.collision.parts import body_parts, neighbouring_parts
 
@@ -97,7 +98,7 @@ def collision_finder(
         part_pairs=np.argwhere(np.triu(counted)),
         part_vertices=part_vertices,
         part_starts=np.searchsorted(part_of_vertex, np.arange(len(present))),
-        tree=build_tree(np.asarray(vertices, dtype=np.float64)[faces].mean(axis=1), groups=groups),
+        tree=build_tree(np.asarray(vertices, dtype=np.float64)[faces].mean(axis=1), leaf_size=LEAF_SIZE, groups=groups),
         resting=np.zeros(0, dtype=np.int64),
     )
 

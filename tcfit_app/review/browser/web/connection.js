@@ -2,11 +2,15 @@
 
 /** @import { PageEvent, States } from "./wire" */
 
+import { remember, remembered } from "./remembered.js";
+import { isDark, onOtherTheme } from "./theme.js";
 import { canvas, canvasSize, onOtherConnection, sendText } from "./viser/bridge.js";
 
 /**
- * What the server sent last under each name; and under "lost" whether the connection has ended or the server is silent.
- * @typedef {{ [name in keyof States]?: States[name] | null } & { lost?: true | "silent" | null }} Known
+ * What the server sent last under each name; and under "lost" whether the connection has ended, the server is silent,
+ * or another one has begun in its place; and under "strip" whether there will be a timeline.
+ * @typedef {{ [name in keyof States]?: States[name] | null } & { lost?: true | "silent" | "restarted" | null,
+ *   strip?: boolean | null }} Known
  */
 
 /** @type {Known} */
@@ -132,15 +136,32 @@ const tabName = sessionStorage.getItem(TAB) ?? randomName();
 sessionStorage.removeItem(TAB);
 window.addEventListener("pagehide", () => sessionStorage.setItem(TAB, tabName));
 
-/** Begins anew with an empty page: the first time, and whenever viser has connected again. @param {string} uuid */
-export function connect(uuid) {
+const BROWSER = "tcfit-browser";
+
+/** This browser's own name. */
+function browserName() {
+  const name = remembered(BROWSER) || randomName();
+  remember(BROWSER, name);
+  return name;
+}
+
+/** Bytes of the largest file that the server takes. */
+export let largestUpload = Infinity;
+
+/** Begins anew with an empty page: the first time, and whenever viser has connected again.
+ * @param {string} uuid @param {boolean} strip whether there will be a timeline @param {number} largest upload */
+export function connect(uuid, strip, largest) {
+  largestUpload = largest;
   field = resting = null; // what ends now belongs to a connection that is gone
   for (const name of /** @type {(keyof Known)[]} */ (Object.keys(states))) receive(name, null);
   field = uuid;
   eventCount = 0;
   waiting.clear();
   toAcknowledge = null;
-  emit({ type: "hello", tab: tabName, ...canvasSize() });
+  clearTimeout(asking);
+  receive("strip", strip); // before the page tells the size of its canvas
+  const about = { browser: browserName(), hinted: remembered("tcfit-hints") !== undefined };
+  emit({ type: "hello", tab: tabName, ...canvasSize(), ...about, dark: isDark() });
 }
 
 /** Nothing more goes out, for nobody would take it, until `connect`. */
@@ -152,6 +173,19 @@ function loseConnection() {
   receive("fit", null); // whether it goes on is not known here
   receive("chips", { chips: (states.chips?.chips ?? []).filter(({ kind }) => kind !== "busy") });
   receive("lost", true);
+  asking = setTimeout(askAgain, ASK_AGAIN);
+}
+
+const ASK_AGAIN = 2000; // milliseconds
+let asking = 0; // the timer of that
+
+/** Looks whether there is a server again: one that was started since knows this page only once its link was opened. */
+async function askAgain() {
+  const answer = await fetch("/favicon.ico", { cache: "no-store" }).catch(() => null);
+  if (field !== null || resting !== null) return;
+  const found = answer?.status === 403 ? "restarted" : true;
+  if (states.lost !== found) receive("lost", found);
+  asking = setTimeout(askAgain, ASK_AGAIN);
 }
 
 const MISSED_BEATS = 4; // after which the server counts as silent
@@ -180,6 +214,12 @@ function fallSilent(beat) {
 }
 
 onOtherConnection(loseConnection);
+
+onOtherTheme(() => {
+  emit({ type: "theme", dark: isDark() });
+  for (const name of /** @type {const} */ (["marks", "keyframes", "suspicions", "rows"])) receive(name, states[name]);
+  invalidate("timeline");
+});
 
 new ResizeObserver(() => {
   emitSoon({ type: "resized", ...canvasSize() });

@@ -1,7 +1,8 @@
 // The script's own elements, laid over viser's canvas, and how text and tooltips fit into them.
 
 import { PANEL_SHEET, STYLE_SHEET } from "./style.js";
-import { VISER_SHEET, canvasBox, correctCanvasSize, leaveRoomBelow } from "./viser/bridge.js";
+import { THEME_SHEET } from "./theme.js";
+import { VISER_SHEET, canvas as sceneCanvas, canvasBox, correctCanvasSize, leaveRoomBelow } from "./viser/bridge.js";
 
 /**
  * An element with a class, and text if there is some: always as text, so that nothing in it is ever HTML.
@@ -29,7 +30,7 @@ export function leaveField() {
     document.activeElement.blur();
 }
 
-element("style", "", document.head, STYLE_SHEET + PANEL_SHEET + VISER_SHEET);
+element("style", "", document.head, THEME_SHEET + STYLE_SHEET + PANEL_SHEET + VISER_SHEET);
 const box = canvasBox();
 export const layer = element("div", "tcfit", box);
 export const overlayCanvas = element("canvas", "", layer);
@@ -39,16 +40,24 @@ export const legendBox = element("div", "tcfit-legend", layer);
 export const tooltip = element("div", "tcfit-tooltip", layer);
 export const strip = element("div", "tcfit-strip", box);
 export const stripCanvas = element("canvas", "", strip);
-export const stripToggle = element("button", "", strip);
+export const stripFront = element("canvas", "", strip); // over the other: what moves while the clip plays
 export const stripTooltip = element("div", "tcfit-tooltip", strip);
 for (const hidden of [card, legendBox, tooltip, strip, stripTooltip]) hidden.hidden = true;
+overlayCanvas.setAttribute("role", "img");
+overlayCanvas.setAttribute("aria-label", "Keypoints and bones over the picture");
+sceneCanvas().setAttribute("role", "img");
+sceneCanvas().setAttribute("aria-label", "Picture: the video's frame and the bodies");
 card.setAttribute("role", "status");
-stripToggle.type = "button";
+strip.setAttribute("role", "region");
+strip.setAttribute("aria-label", "Timeline");
+for (const hidden of [stripCanvas, stripFront]) hidden.setAttribute("aria-hidden", "true");
 correctCanvasSize();
 
-/** Gives the strip its height, taken from viser's canvas. @param {number} height CSS pixels */
-export function setStripHeight(height) {
-  strip.hidden = height === 0;
+/** Gives the strip its height, taken from viser's canvas. While it is hidden, as before its content has come, its room
+ * is kept: so the first picture is drawn in the size that it has in the end.
+ * @param {number} height CSS pixels @param {boolean} shown */
+export function setStripHeight(height, shown) {
+  strip.hidden = !shown;
   strip.style.height = `${height}px`;
   leaveRoomBelow(height);
 }

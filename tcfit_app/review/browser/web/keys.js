@@ -4,9 +4,10 @@ import { emit, states } from "./connection.js";
 import { leaveField } from "./elements.js";
 import { closeWindow } from "./panels/buttons.js";
 import { cancelGesture } from "./picture/dragging.js";
+import { peek } from "./picture/peeking.js";
 
 const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
-  "input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
+  "[role=menu] *, input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
 // They would move viser's camera: in 3D S and D did that and not what their buttons say. The mouse moves it.
 const CAMERA_KEYS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"].concat(
   ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
@@ -46,8 +47,23 @@ function keyDown(event) {
   if (keyIsTaken(event)) return;
   const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
   const binding = bindingFor(event);
-  if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
+  if (binding?.held) hold(event.code);
+  else if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
   if (binding || (plain && CAMERA_KEYS.includes(event.code))) swallow(event);
+}
+
+/** The key that is held to see the video alone. @type {string | null} */
+let held = null;
+
+/** @param {string} code */
+function hold(code) {
+  held = code;
+  peek(true);
+}
+
+/** @param {KeyboardEvent} event */
+function keyUp(event) {
+  if (event.code === held || ["Enter", " "].includes(event.key)) peek(false);
 }
 
 /** Keeps a key from viser and from the browser. @param {KeyboardEvent} event */
@@ -59,3 +75,4 @@ export function swallow(event) {
 }
 
 window.addEventListener("keydown", keyDown, true);
+window.addEventListener("keyup", keyUp, true);

@@ -17,5 +17,6 @@ function strangerCalls() {
     if (canSend()) sendText(field, JSON.stringify({ number: 1, event: { type: "stranger", viser, missing } }));
   };
   const ignore = () => null;
-  return { connect: tell, receive: ignore, dress: ignore, setColorTable: ignore, state: ignore, place: ignore };
+  const others = { receive: ignore, dress: ignore, setColorTable: ignore, state: ignore, place: ignore };
+  return { ...others, connect: tell, placeOfFit: ignore };
 }

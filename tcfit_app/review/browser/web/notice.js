@@ -6,7 +6,7 @@ import { states, watch } from "./connection.js";
 import { card, chipsBox, element, layer, legendBox } from "./elements.js";
 import { KIND_COLORS } from "./style.js";
 
-const SAVED = "All that was said to be saved is on the disk.";
+const SAVED = "Saved edits are safe.";
 /** @type {{ [lost: string]: Notice }} */
 const LOST = {
   ended: {
@@ -14,6 +14,12 @@ const LOST = {
     text:
       `${SAVED}\nThis page goes on by itself once it is connected again. ` +
       "If tcfit has ended, start it again (tcfit review ...) and open the link that it prints.",
+    kind: "error",
+    progress: null,
+  },
+  restarted: {
+    title: "tcfit was started again",
+    text: `${SAVED}\nOpen the link that it printed, in this browser: then this page goes on too.`,
     kind: "error",
     progress: null,
   },
@@ -29,7 +35,7 @@ const LOST = {
 
 function drawCard() {
   const { lost } = states;
-  const notice = lost ? LOST[lost === "silent" ? "silent" : "ended"] : states.notice;
+  const notice = lost ? LOST[lost === true ? "ended" : lost] : states.notice;
   card.hidden = !notice;
   if (!notice) return;
   card.style.setProperty("--kind", KIND_COLORS[notice.kind]);

@@ -1,18 +1,26 @@
 // All of the script's parts, and what the server can call of them.
 
 import { connect, receive, states } from "./connection.js";
+import "./hints.js";
 import "./keys.js";
+import "./links.js";
 import "./notice.js";
 import "./panels/buttons.js";
 import "./panels/fields.js";
 import "./panels/tabs.js";
 import "./picture/dragging.js";
+import { fitPlaces } from "./picture/fits.js";
+import "./picture/menu.js";
 import "./picture/overlay.js";
+import "./picture/saving.js";
 import { posterMaps, toScreen } from "./picture/projection.js";
+import "./timeline/drawing.js";
 import "./timeline/gestures.js";
+import "./timeline/menus.js";
 import "./viser/arrival.js";
 import { canvas } from "./viser/bridge.js";
 import { dress, setColorTable } from "./viser/meshes.js";
+import "./viser/names.js";
 
 export const calls = {
   connect,
@@ -29,5 +37,14 @@ export const calls = {
     const { left, top } = canvas().getBoundingClientRect();
     const [right, down] = toScreen(map, [x, y]);
     return [left + right, top + down];
+  },
+  /** Where a fit's keypoint is in the window, on the side view's poster or in 3D; null if it is not there.
+   * @param {number} joint @param {number} [poster] */
+  placeOfFit(joint, poster = 0) {
+    const map = posterMaps()[poster];
+    const found = map && fitPlaces(map, [joint]).at(-1);
+    if (!found) return null;
+    const { left, top } = canvas().getBoundingClientRect();
+    return [left + found.x, top + found.y];
   },
 };

@@ -1,10 +1,10 @@
-// Colours, and the style sheets of the script's own elements and of the panels' HTML.
+// Colours of what lies on the picture, and the style sheets of the script's own elements and of the panels' HTML.
 
 export const COLORS = {
   surface: "#14171c",
   line: "#2a2f38",
   text: "#cfd6df",
-  dim: "#8a94a3",
+  dim: "#a3adba",
   accent: "#288cdc",
   cursor: "#f4f7fb",
   selected: "#ffe14d",
@@ -19,7 +19,7 @@ export const COLORS = {
 };
 export const FIT_COLORS = { fitting: "#f0c44a", phase1: "#35618a", phase2: "#2f86c9", done: "#46b37b" };
 export const FIT_NAMES = {
-  fitting: "in work",
+  fitting: "running",
   phase1: "phase 1 done",
   phase2: "phase 2 done",
   done: "finished",
@@ -46,11 +46,19 @@ export const STYLE_SHEET = `
   gap: 8px; }
 .tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { bottom: 42px; }
 .tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 4px 12px; border-radius: 14px;
-  background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 12.5px;
+  background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 13px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
 .tcfit-chip span { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .tcfit-dot { flex: none; width: 8px; height: 8px; border-radius: 50%; }
 .tcfit-chip .tcfit-bar { position: absolute; left: 0; bottom: 0; height: 2px; }
+.tcfit-divider { position: absolute; left: -9px; top: 0; width: 18px; pointer-events: auto; cursor: col-resize;
+  touch-action: none; outline: none; }
+.tcfit-divider::before { content: ""; position: absolute; left: 8px; top: 0; bottom: 0; width: 2px; background: #eef2f6;
+  box-shadow: 0 0 0 1px rgba(8, 10, 14, 0.7); }
+.tcfit-divider::after { content: "\\2194"; position: absolute; left: -5px; top: calc(50% - 14px); width: 28px; height: 28px;
+  border-radius: 50%; background: #eef2f6; color: #14171c; font: 700 17px/27px ${FONT}; text-align: center;
+  box-shadow: 0 0 0 1px rgba(8, 10, 14, 0.7); }
+.tcfit-divider:focus-visible::after { box-shadow: 0 0 0 2px #14171c, 0 0 0 5px ${COLORS.accent}; }
 .tcfit-card { position: absolute; left: 50%; top: 50%; transform: translate(-50%, -50%); width: min(460px, 84%);
   padding: 22px 26px; border-radius: 12px; background: rgba(20, 23, 28, 0.95);
   border: 1px solid rgba(255, 255, 255, 0.1); border-top: 3px solid var(--kind);
@@ -61,30 +69,85 @@ export const STYLE_SHEET = `
 .tcfit-track { margin-top: 16px; height: 4px; border-radius: 2px; background: #2b313b; overflow: hidden; }
 .tcfit-bar { height: 100%; background: var(--kind); transition: width 0.2s; }
 .tcfit-legend { position: absolute; right: 14px; bottom: 5px; display: flex; align-items: center; gap: 7px;
-  max-width: calc(100% - 28px); height: 24px; padding: 0 12px; border-radius: 8px; font-size: 12px; white-space: nowrap;
+  max-width: calc(100% - 28px); height: 24px; padding: 0 12px; border-radius: 8px; font-size: 13px; white-space: nowrap;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09);
   font-variant-numeric: tabular-nums; }
 .tcfit-legend div { flex: none; width: 130px; height: 9px; border-radius: 3px; }
 .tcfit-legend span { color: ${COLORS.dim}; }
 .tcfit-legend span:first-child { color: ${COLORS.text}; overflow: hidden; text-overflow: ellipsis; margin-right: 4px; }
 .tcfit-tooltip { position: absolute; left: 0; top: 0; padding: 4px 9px; border-radius: 6px; white-space: pre;
-  background: rgba(12, 14, 18, 0.94); border: 1px solid rgba(255, 255, 255, 0.14); font-size: 12px; color: #e8edf3;
+  background: rgba(12, 14, 18, 0.94); border: 1px solid rgba(255, 255, 255, 0.14); font-size: 13px; color: #e8edf3;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 10px rgba(0, 0, 0, 0.4); }
-.tcfit-strip { position: absolute; left: 0; right: 0; top: 100%; z-index: 2; background: ${COLORS.surface};
-  border-top: 1px solid #000; touch-action: none; user-select: none; -webkit-user-select: none;
-  font: 12px/1.4 ${FONT}; color: ${COLORS.text}; }
+.tcfit-strip { position: absolute; left: 0; right: 0; top: 100%; z-index: 2; background: var(--tcfit-surface);
+  border-top: 1px solid var(--tcfit-rule); touch-action: none; user-select: none; -webkit-user-select: none;
+  font: 13px/1.4 ${FONT}; color: var(--tcfit-text); }
 .tcfit-strip > canvas { position: absolute; inset: 0; width: 100%; height: 100%; cursor: default; }
-.tcfit-strip > button { position: absolute; right: 4px; top: 1px; width: 24px; height: 18px; padding: 0; border: 0;
-  border-radius: 4px; background: transparent; color: ${COLORS.dim}; cursor: pointer; font-size: 12px; }
-.tcfit-strip > button:hover { background: #2a2f38; color: #fff; }
+.tcfit-strip > canvas + canvas { pointer-events: none; }
+.tcfit-strip button { flex: none; min-width: 24px; height: 20px; padding: 0 6px; border: 1px solid transparent;
+  border-radius: 4px; background: transparent; color: var(--tcfit-text); font: 13px/1 ${FONT}; cursor: pointer; }
+.tcfit-strip button:hover:not(:disabled) { background: var(--tcfit-pointed); color: var(--tcfit-strong); }
+.tcfit-strip button:disabled { color: var(--tcfit-off); cursor: default; }
+.tcfit-strip :is(button, input, [tabindex]):focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: -1px; }
+.tcfit-strip-border { position: absolute; left: 0; right: 0; top: -4px; height: 8px; cursor: ns-resize; z-index: 1;
+  touch-action: none; }
+.tcfit-strip-border:hover, .tcfit-strip-border:active { background: linear-gradient(transparent 3px,
+  ${COLORS.accent} 3px 5px, transparent 5px); }
+.tcfit-strip-overview { position: absolute; bottom: 0; pointer-events: none; }
+.tcfit-strip-head { position: absolute; left: 0; right: 0; top: 0; display: flex; align-items: center;
+  gap: 4px; padding: 2px 6px 0; }
+.tcfit-strip-head > button:first-child { border-color: var(--tcfit-edge); background: var(--tcfit-sunk); }
+.tcfit-strip-fits { flex: 1 1 0; min-width: 0; display: flex; gap: 18px; padding: 0 12px; overflow: hidden;
+  white-space: nowrap; color: var(--tcfit-text); }
+.tcfit-strip-fits > span { display: flex; align-items: center; min-width: 0; }
+.tcfit-strip-fits i { flex: none; width: 12px; height: 3px; margin-right: 6px; border-radius: 1px; }
+.tcfit-strip-fits b { flex: none; margin-right: 6px; font-weight: 600; }
+.tcfit-strip-fits span > span { overflow: hidden; text-overflow: ellipsis; }
+.tcfit-strip-fits em { flex: none; white-space: pre; font-style: normal; }
+.tcfit-strip-frames { flex: none; display: flex; align-items: center; gap: 5px; color: var(--tcfit-dim); }
+.tcfit-strip-frames input { width: 48px; height: 20px; padding: 0 4px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+  background: var(--tcfit-field); color: var(--tcfit-text); font: 13px/1 ${FONT}; font-variant-numeric: tabular-nums;
+  text-align: right; user-select: text; -webkit-user-select: text; }
+.tcfit-strip-frames.tcfit-some input { border-color: ${COLORS.accent}; background: var(--tcfit-here); color: var(--tcfit-strong); }
+.tcfit-strip-title { position: absolute; left: 0; display: flex; align-items: flex-start; gap: 2px;
+  padding: 3px 0 0 8px; overflow: hidden; line-height: 14px; pointer-events: none; }
+.tcfit-strip-title > span { flex: 1 1 auto; min-width: 0; max-height: 100%; overflow: hidden; overflow-wrap: anywhere; }
+.tcfit-strip-title > button { min-width: 16px; width: 16px; height: 15px; padding: 0; color: var(--tcfit-dim);
+  pointer-events: auto; }
+.tcfit-strip-title > * { pointer-events: auto; }
+.tcfit-menu { position: fixed; z-index: 1000; display: flex; flex-direction: column; min-width: 180px; padding: 4px;
+  max-height: calc(100vh - 8px); overflow-y: auto; border-radius: 7px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
+  box-shadow: 0 8px 28px rgba(0, 0, 0, 0.5); font: 13px/1.4 ${FONT}; user-select: none; -webkit-user-select: none; }
+.tcfit-menu button { display: flex; align-items: center; gap: 24px; flex: none; padding: 4px 10px; border: 0;
+  border-radius: 4px; background: transparent; color: var(--tcfit-text); font: inherit; text-align: left;
+  white-space: nowrap; cursor: pointer; }
+.tcfit-menu button > span { flex: 1 1 auto; }
+.tcfit-menu button:focus { outline: none; background: #1f5482; color: #fff; }
+.tcfit-menu button[aria-disabled] { color: var(--tcfit-dim); cursor: default; }
+.tcfit-menu button[aria-disabled]:focus { background: var(--tcfit-pointed); }
+.tcfit-menu button[aria-checked]::before { content: ""; flex: none; width: 14px; margin-right: -16px; }
+.tcfit-menu button[aria-checked=true]::before { content: "✓"; }
+.tcfit-menu kbd { flex: none; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
+.tcfit-menu button:focus kbd { color: #d3e6f7; }
+.tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
-[hidden].tcfit-tooltip, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
+.tcfit-hints { position: absolute; right: 12px; bottom: 12px; width: min(340px, 60%); max-height: calc(100% - 24px);
+  overflow-y: auto; padding: 12px 16px 14px; border-radius: 10px; background: rgba(20, 23, 28, 0.96);
+  border: 1px solid rgba(255, 255, 255, 0.16); box-shadow: 0 8px 30px rgba(0, 0, 0, 0.4); pointer-events: auto; }
+.tcfit-hints h2 { margin: 0 0 6px; font-size: 15px; font-weight: 600; color: #eef2f6; }
+.tcfit-hints ol { margin: 0 0 10px; padding-left: 20px; }
+.tcfit-hints li { margin: 4px 0; }
+.tcfit-hints kbd { margin-left: 6px; padding: 1px 6px; border-radius: 4px; background: #2c3037; color: #eef2f6;
+  font: 13px/1.3 ${FONT}; white-space: nowrap; }
+.tcfit-hints button { height: 28px; padding: 0 14px; border: 1px solid #3b8ad0; border-radius: 4px; background: #1c6fb5;
+  color: #fff; font: 600 13px/1 ${FONT}; cursor: pointer; }
+.tcfit-hints button:focus-visible { outline: 2px solid #fff; outline-offset: 1px; }
+[hidden].tcfit-hints, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
 `;
 
 export const PANEL_SHEET = `
-.tcfit-panel { padding: 0 10px 7px; font: 12px/1.4 ${FONT}; color: ${COLORS.text}; font-variant-numeric: tabular-nums; }
+.tcfit-panel { padding: 0 10px 7px; font: 13px/1.4 ${FONT}; color: var(--tcfit-text); font-variant-numeric: tabular-nums; }
 .tcfit-panel h3 { display: flex; justify-content: space-between; gap: 8px; margin: 4px 0 5px; padding-top: 6px;
-  border-top: 1px solid #33383f; font: 600 11px/1.4 ${FONT}; color: ${COLORS.dim}; }
+  border-top: 1px solid var(--tcfit-rule); font: 600 13px/1.4 ${FONT}; color: var(--tcfit-dim); }
 .tcfit-panel h3.tcfit-first { margin-top: 0; padding-top: 0; border-top: 0; }
 .tcfit-panel h3 span { font-weight: 400; }
 .tcfit-panel p { margin: 3px 0; white-space: pre-line; overflow-wrap: anywhere; }
@@ -94,17 +157,17 @@ export const PANEL_SHEET = `
 .tcfit-cells { display: grid; grid-template-columns: 1fr 1fr; gap: 4px; flex: 1 1 0; min-width: 0; }
 .tcfit-row:has(> .tcfit-cells) { align-items: flex-start; margin-bottom: 9px; }
 .tcfit-row:has(> .tcfit-cells) > label { line-height: 25px; }
-.tcfit-row > label { flex: none; width: 74px; color: ${COLORS.dim}; }
+.tcfit-row > label { flex: none; width: 80px; color: var(--tcfit-dim); }
 .tcfit-panel button { display: inline-flex; align-items: center; justify-content: center; flex: 1 1 auto; min-width: 0;
-  height: 25px; padding: 0 7px; border: 1px solid #3d434c;
-  border-radius: 4px; background: #2c3037; color: ${COLORS.text}; font: 12px/1 ${FONT}; white-space: nowrap; cursor: pointer; touch-action: manipulation; user-select: none;
+  height: 25px; padding: 0 7px; border: 1px solid var(--tcfit-edge);
+  border-radius: 4px; background: var(--tcfit-button); color: var(--tcfit-text); font: 13px/1 ${FONT}; white-space: nowrap; cursor: pointer; touch-action: manipulation; user-select: none;
   -webkit-user-select: none; }
 .tcfit-panel button > span { overflow: hidden; text-overflow: ellipsis; padding: 3px 0; }
-.tcfit-panel button:hover:not(:disabled) { background: #3a404a; border-color: #59616d; color: #fff; }
+.tcfit-panel button:hover:not(:disabled) { background: var(--tcfit-raised); border-color: var(--tcfit-raised-edge); color: var(--tcfit-strong); }
 .tcfit-panel button > span:has(.tcfit-phase) { display: flex; align-items: center; }
 .tcfit-panel button > span:has(.tcfit-phase) > * { flex: none; white-space: pre; }
 .tcfit-panel button > span:has(.tcfit-phase) > .tcfit-name { flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }
-.tcfit-panel button:active:not(:disabled) { background: #23272d; }
+.tcfit-panel button:active:not(:disabled) { background: var(--tcfit-sunk); }
 .tcfit-panel button:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }
 .tcfit-panel button[aria-pressed=true] { background: #1f5482; border-color: #3b8ad0; color: #fff; }
@@ -112,9 +175,9 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-main { background: #1c6fb5; border-color: #3b8ad0; color: #fff; font-weight: 600; }
 .tcfit-panel button.tcfit-main:hover:not(:disabled) { background: #2680ca; }
 .tcfit-panel button.tcfit-left { justify-content: space-between; }
-.tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 11px; }
-.tcfit-panel kbd { flex: none; margin-left: 6px; font: 10.5px/1 ${FONT}; color: #8793a3; }
-.tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #b5d6f2; }
+.tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 13px; }
+.tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
+.tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #ffffff; }
 .tcfit-panel i { display: inline-block; width: 8px; height: 8px; margin-right: 5px; border-radius: 50%; }
 .tcfit-panel button.tcfit-close { width: 100%; margin-top: 10px; }
 .tcfit-keys { columns: 2; column-gap: 28px; }
@@ -126,28 +189,39 @@ export const PANEL_SHEET = `
 .tcfit-joined button:first-child { border-radius: 4px 0 0 4px; margin-left: 0; }
 .tcfit-joined button:last-child { border-radius: 0 4px 4px 0; }
 .tcfit-joined button[aria-pressed=true] { position: relative; z-index: 1; }
-.tcfit-panel button.tcfit-danger { border-color: #7d3a38; color: #ff9d97; }
-.tcfit-panel button.tcfit-danger:hover:not(:disabled) { background: #5e2826; border-color: #a84d49; color: #fff; }
-.tcfit-dim { color: ${COLORS.dim}; } .tcfit-good { color: ${COLORS.good}; } .tcfit-bad { color: ${COLORS.wrong}; }
-.tcfit-warn { color: ${COLORS.flagged}; } .tcfit-strong { font-weight: 600; }
-.tcfit-badge { margin-left: 4px; padding: 0 4px; border-radius: 3px; color: #111; font-size: 10.5px; }
-.tcfit-panel .tcfit-track { --kind: ${COLORS.accent}; margin: 5px 0 7px; }
-.tcfit-panel dl { display: grid; grid-template-columns: minmax(74px, auto) 1fr; gap: 2px 6px; margin: 4px 0; font-size: 11.5px; }
-.tcfit-panel dt { color: ${COLORS.dim}; overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
-.tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 11.5px; overflow-wrap: anywhere; }
-.tcfit-panel pre { margin: 0; font-size: 11px; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere; }
-.tcfit-table { width: 100%; border-collapse: collapse; font: 11.5px/1.35 ${FONT}; font-variant-numeric: tabular-nums; }
-.tcfit-table th { padding: 2px 4px 3px; text-align: left; font-weight: 500; color: ${COLORS.dim}; white-space: nowrap; }
-.tcfit-table td { padding: 2.5px 4px; border-top: 1px solid #31363d; vertical-align: baseline;
+.tcfit-panel button.tcfit-danger { border-color: var(--tcfit-danger-edge); color: var(--tcfit-danger); }
+.tcfit-panel button.tcfit-danger:hover:not(:disabled) { background: var(--tcfit-danger-ground); border-color: var(--tcfit-danger-edge); color: var(--tcfit-strong); }
+.tcfit-dim { color: var(--tcfit-dim); } .tcfit-good { color: var(--tcfit-good); } .tcfit-bad { color: var(--tcfit-wrong); }
+.tcfit-warn { color: var(--tcfit-flagged); } .tcfit-strong { font-weight: 600; }
+.tcfit-badge { margin-left: 4px; padding: 0 4px; border-radius: 3px; color: #111; font-size: 13px; }
+.tcfit-panel .tcfit-track { background: var(--tcfit-rule); --kind: ${COLORS.accent}; margin: 5px 0 7px; }
+.tcfit-panel dl { display: grid; grid-template-columns: minmax(74px, auto) 1fr; gap: 2px 6px; margin: 4px 0; font-size: 13px; }
+.tcfit-panel dt { color: var(--tcfit-dim); overflow-wrap: anywhere; } .tcfit-panel dd { margin: 0; overflow-wrap: anywhere; }
+.tcfit-panel ul { margin: 4px 0; padding-left: 14px; font-size: 13px; overflow-wrap: anywhere; }
+.tcfit-panel pre { margin: 0; font-size: 13px; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere; }
+.tcfit-table { width: 100%; border-collapse: collapse; font: 13px/1.35 ${FONT}; font-variant-numeric: tabular-nums; }
+.tcfit-table th { padding: 2px 4px 3px; text-align: left; font-weight: 500; color: var(--tcfit-dim); white-space: nowrap; }
+.tcfit-table td { padding: 2.5px 4px; border-top: 1px solid var(--tcfit-rule); vertical-align: baseline;
   overflow-wrap: anywhere; }
 .tcfit-table .tcfit-number, .tcfit-table .tcfit-whole { white-space: nowrap; overflow-wrap: normal; }
 .tcfit-table .tcfit-number { text-align: right; }
 .tcfit-table tr[data-tcfit] { cursor: pointer; }
-.tcfit-table tr[data-tcfit]:hover td { background: #333943; }
-.tcfit-table tr.tcfit-here td { background: #1f3f5c; }
-.tcfit-table tr.tcfit-off td { color: #737c88; }
-.tcfit-table tr.tcfit-off td:last-child { text-decoration: line-through #565e69; }
-.tcfit-table kbd { margin: 0; font: 11.5px/1 ${FONT}; color: ${COLORS.text}; white-space: nowrap; }
-.tcfit-detected { color: #9fc6ea; } .tcfit-corrected { color: ${COLORS.edited}; }
-.tcfit-missing { color: ${COLORS.dim}; }
+.tcfit-table tr[data-tcfit]:hover td { background: var(--tcfit-pointed); }
+.tcfit-focal { display: block; width: 100%; height: auto; margin: 4px 0; border-radius: 4px; background: var(--tcfit-bed); }
+.tcfit-focal .tcfit-wedge { fill: var(--tcfit-here); }
+.tcfit-focal .tcfit-tick { stroke: var(--tcfit-dim); }
+.tcfit-focal .tcfit-camera { fill: var(--tcfit-text); }
+.tcfit-focal .tcfit-ray { stroke: var(--tcfit-dim); stroke-dasharray: 3 4; }
+.tcfit-focal .tcfit-person { fill: ${COLORS.accent}; }
+.tcfit-panel .tcfit-open { padding: 0; border: 0; background: none; color: inherit; font: inherit; text-align: inherit;
+  text-decoration: inherit; white-space: inherit; cursor: pointer; }
+.tcfit-panel .tcfit-open:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
+.tcfit-table tr.tcfit-here td { background: var(--tcfit-here); }
+.tcfit-table tr.tcfit-off td { color: var(--tcfit-off); }
+.tcfit-table tr.tcfit-off td:last-child { text-decoration: line-through var(--tcfit-off); }
+.tcfit-table kbd { margin: 0; font: 13px/1 ${FONT}; color: var(--tcfit-text); white-space: nowrap; }
+.tcfit-picture { display: block; width: 64px; height: 48px; border-radius: 3px; background: #14171b center / cover; }
+.tcfit-table tr:has(.tcfit-picture) td { vertical-align: middle; }
+.tcfit-detected { color: var(--tcfit-detected); } .tcfit-corrected { color: var(--tcfit-edited); }
+.tcfit-missing { color: var(--tcfit-dim); }
 `;

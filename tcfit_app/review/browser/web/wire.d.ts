@@ -2,7 +2,12 @@
  * Made by `python -m tests.drivers.wire_types`. */
 
 export interface Poster {
-  x: number;
+  node: string;
+  bodies: string[];
+  window: [number, number, number, number];
+  width: number;
+  kind: "picture" | "side";
+  clipped: boolean;
   label: string;
   color: string;
 }
@@ -11,6 +16,32 @@ export interface Layout {
   mode: "poster" | "space";
   image: [number, number];
   posters: Poster[];
+  wipe: boolean;
+}
+
+export interface FitBody {
+  color: string;
+  points: ([number, number, number] | null)[];
+}
+
+export interface Bodies {
+  bodies: FitBody[];
+  down: [number, number, number];
+  floor: number;
+}
+
+export interface Side {
+  plate: [[number, number, number], [number, number, number]];
+  shifts: [number, number][];
+  metre: number;
+  zero: number;
+  floor: number | null;
+  sight: [[number, number, number], [number, number, number]];
+}
+
+export interface Space {
+  turn: [[number, number, number], [number, number, number], [number, number, number]];
+  offsets: number[];
 }
 
 export interface Group {
@@ -25,6 +56,8 @@ export interface Skeleton {
   names: string[];
   groups: Group[];
   bones: [number, number][];
+  hands: [number, number, number][];
+  root: number;
 }
 
 export interface Keypoints {
@@ -43,6 +76,19 @@ export interface Style {
   bones: boolean;
   minimum: number;
   ghosts: boolean;
+  hand_along: boolean;
+}
+
+export interface Trail {
+  now: number;
+  detected: (([number, number] | null)[])[];
+  fitted: ((([number, number] | null)[])[])[];
+  colors: string[];
+}
+
+export interface Focus {
+  x: number;
+  y: number;
 }
 
 export interface Selection {
@@ -56,14 +102,58 @@ export interface Curve {
   values: (number | null)[];
 }
 
+export interface Heat {
+  parts: string[];
+  values: ((number | null)[])[];
+  top: number;
+  worse: "high" | "low";
+}
+
+export interface Row {
+  name: string;
+  title: string;
+  unit: string;
+  curves: Curve[];
+  signed: boolean;
+  heat: Heat | null;
+  video: boolean;
+  height: number;
+  empty: string;
+}
+
+export interface FitName {
+  label: string;
+  title: string;
+  color: string;
+}
+
+export interface Rows {
+  rows: Row[];
+  fits: FitName[];
+}
+
+export interface Choice {
+  name: string;
+  title: string;
+  group: string;
+}
+
 export interface Timeline {
   length: number;
   frame_rate: number;
   first_frame: number;
-  title: string;
-  unit: string;
-  curves: Curve[];
-  empty: string;
+  choices: Choice[];
+}
+
+export interface Thumbnails {
+  frames: number[];
+  images: string[];
+}
+
+export interface WrittenNote {
+  first: number;
+  last: number;
+  text: string;
 }
 
 export interface Marks {
@@ -72,6 +162,42 @@ export interface Marks {
   flagged: [number, number][];
   checked: [number, number][];
   apart: [number, number][];
+  notes: WrittenNote[];
+}
+
+export interface MenuItem {
+  label: string;
+  action: string;
+  keys: string;
+  disabled: boolean;
+}
+
+export interface FrameMenus {
+  selected: MenuItem[][];
+  elsewhere: MenuItem[][];
+}
+
+export interface PictureMenus {
+  keypoints: MenuItem[][];
+  elsewhere: MenuItem[][];
+}
+
+export interface Keyframes {
+  frames: number[];
+  subject: string;
+}
+
+export interface Suspicion {
+  first: number;
+  last: number;
+  frame: number;
+  kind: string;
+  score: number;
+  reason: string;
+}
+
+export interface Suspicions {
+  found: Suspicion[];
 }
 
 export interface Origins {
@@ -109,6 +235,7 @@ export interface KeyBinding {
   action: string;
   shift: boolean;
   ctrl: boolean;
+  held: boolean;
 }
 
 export interface Keys {
@@ -136,6 +263,33 @@ export interface Beat {
   milliseconds: number;
 }
 
+export interface Saving {
+  name: string;
+  number: number;
+}
+
+export interface Typing {
+  panel: string;
+  field: string;
+  number: number;
+}
+
+export interface Linking {
+  frame: number;
+  run: number;
+  phase: number;
+  number: number;
+}
+
+export interface Hint {
+  text: string;
+  keys: string;
+}
+
+export interface Hints {
+  steps: Hint[];
+}
+
 export interface Legend {
   title: string;
   unit: string;
@@ -149,6 +303,14 @@ export interface Hello {
   tab: string;
   width: number;
   height: number;
+  browser: string;
+  dark: boolean;
+  hinted: boolean;
+}
+
+export interface Theme {
+  type: "theme";
+  dark: boolean;
 }
 
 export interface Resized {
@@ -174,6 +336,31 @@ export interface Range {
   last: number | null;
 }
 
+export interface OpenLink {
+  type: "open_link";
+  frame: number;
+  run: number | null;
+  phase: number | null;
+}
+
+export interface Plot {
+  type: "plot";
+  name: string;
+  shown: boolean;
+}
+
+export interface MoveKey {
+  type: "move_key";
+  frame: number;
+  to: number;
+}
+
+export interface LookAt {
+  type: "look_at";
+  frame: number;
+  kind: string;
+}
+
 export interface Select {
   type: "select";
   joints: number[];
@@ -189,10 +376,29 @@ export interface Drag {
   frame: number;
 }
 
+export interface DragDepth {
+  type: "drag_depth";
+  phase: "cancel" | "end" | "move" | "start";
+  joint: number;
+  metres: number;
+  frame: number;
+}
+
+export interface Widen {
+  type: "widen";
+  width: number;
+}
+
 export interface Press {
   type: "press";
   command: string;
   value: string;
+}
+
+export interface TooLarge {
+  type: "too_large";
+  name: string;
+  size: number;
 }
 
 export interface Gesture {
@@ -212,17 +418,28 @@ export interface Stranger {
 
 export interface Envelope {
   number: number;
-  event: Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn | Stranger;
+  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | Drawn | Stranger;
 }
 
 export interface States {
   layout: Layout;
+  bodies: Bodies;
+  side: Side;
+  space: Space;
   skeleton: Skeleton;
   keypoints: Keypoints;
   style: Style;
   selection: Selection;
+  trail: Trail;
+  focus: Focus;
   timeline: Timeline;
+  rows: Rows;
+  thumbnails: Thumbnails;
   marks: Marks;
+  keyframes: Keyframes;
+  frame_menus: FrameMenus;
+  picture_menus: PictureMenus;
+  suspicions: Suspicions;
   fit: Fit;
   provenance: Provenance;
   range: ChosenRange;
@@ -232,7 +449,11 @@ export interface States {
   chips: Chips;
   legend: Legend;
   beat: Beat;
+  saving: Saving;
+  typing: Typing;
+  linking: Linking;
+  hints: Hints;
 }
 
 export type PageEvent =
-  Hello | Resized | Key | Seek | Range | Select | Drag | Press | Gesture | Drawn | Stranger;
+  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | Drawn | Stranger;

@@ -1,8 +1,9 @@
 """An input of viser's that shows part of a tab's state."""
 
-import logging
 import math
+import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import viser
@@ -12,9 +13,6 @@ from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.viser_bridge import put_back
 
 Value = TypeVar("Value", str, int, float, Any)
-Handle = TypeVar("Handle", bound=viser.GuiInputHandle[Any])
-
-_log = logging.getLogger(__name__)
 
 
 class Field(Generic[Value]):
@@ -32,7 +30,6 @@ class Field(Generic[Value]):
 
     def __init__(self, tab: Tab, handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
         self._tab, self._handle, self._take = tab, handle, take
-        self._like = handle.value
         self._given, self._taken = 0, 0  # one thread counts each
         handle.on_update(self._updated)  # pyright: ignore[reportArgumentType]
 
@@ -40,8 +37,6 @@ class Field(Generic[Value]):
         if event.client is None:
             return
         value = event.target.value
-        if not _sound(self._handle, self._like):
-            return
         self._given += 1
         self._tab.do(lambda: self._set(value))
 
@@ -65,34 +60,15 @@ class Field(Generic[Value]):
             self._handle.value = value
 
 
-def only_read(handle: Handle) -> Handle:
-    """An input whose value is read when a button is pressed; of strange values that a page sends it keeps none."""
-    usual = handle.value
+def take_uploads(tab: Tab, handle: viser.GuiUploadButtonHandle, take: Callable[[viser.UploadedFile], None]) -> None:
+    """Do something with each file that is uploaded, on the thread that draws; viser keeps none of them."""
 
-    async def updated(event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None:
-            _sound(handle, usual)
+    async def uploaded(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+        file = event.target.value  # now: another upload may take its place
+        put_back(handle, viser.UploadedFile(name="", content=b""))
+        tab.do(lambda: take(file))
 
-    handle.on_update(updated)  # pyright: ignore[reportArgumentType]
-    return handle
-
-
-def _sound(handle: viser.GuiInputHandle[Any], usual: object) -> bool:
-    """Whether an input has a value that it can have; else it gets its usual one back."""
-    if _alike(handle.value, usual):
-        return True
-    _log.warning("A value from the page is dropped: %r is none like %r", handle.value, usual)
-    put_back(handle, usual)
-    return False
-
-
-def _alike(value: object, usual: object) -> bool:
-    """Whether a value is of the kind that an input has: a strange page sends anything, such as a file to a slider."""
-    if isinstance(usual, int | float) and not isinstance(usual, bool):
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if isinstance(usual, tuple):
-        return isinstance(value, tuple) and len(value) == len(usual) and all(map(_alike, value, usual))
-    return type(value) is type(usual)
+    handle.on_upload(uploaded)
 
 
 class Dropdown(Field[str]):
@@ -107,6 +83,58 @@ class Dropdown(Field[str]):
         if tuple(options) != self._dropdown.options:
             self._dropdown.options = tuple(options)
         self.show(value, wrong=wrong)
+
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """A number that is typed into a field: what it may be, and how that is said."""
+
+    label: str
+    """The field's."""
+    low: float
+    high: float
+    whole: bool = False
+    of: str = ""
+    """Where the bounds come from, in words."""
+
+    @property
+    def range(self) -> str:
+        """In words: "a whole number, 2 to 157 (the clip has 157 frames)"."""
+        kind = "a whole number" if self.whole else "a number"
+        return f"{kind}, {self.low:,.10g} to {self.high:,.10g}" + (f" ({self.of})" if self.of else "")
+
+    def read(self, given: str) -> float:
+        """What was typed, as an int where it is to be whole. Raises InputError, in the field's own words."""
+        text = given.strip()
+        value = float(text) if _NUMBER.fullmatch(text) else math.nan
+        if not self.low <= value <= self.high or (self.whole and value != int(value)):
+            raise InputError(f"{self.label} is {text[:20] or 'empty'}; expected {self.range}.")
+        return int(value) if self.whole else value
+
+    @staticmethod
+    def shown(value: float) -> str:
+        """A value as the field has it."""
+        return f"{value:.10g}"
+
+
+class NumberField(Field[str]):
+    """A Field for a number. Its input is a text: viser's own for numbers drops letters without a word, so that 1e9
+    becomes 19, and puts what is out of range right, without a word too.
+
+    Args:
+        tab: whose state it is.
+        handle: made by `tab.client.gui.add_text`.
+        take: given what the user has typed.
+    """
+
+    def show(self, value: str, *, wrong: bool = False) -> None:
+        """See `Field.show`; what is typed in another way, such as 5. or 1e2, stays."""
+        typed = self._handle.value.strip()
+        same = _NUMBER.fullmatch(typed) is not None and Number.shown(float(typed)) == value
+        super().show(value, wrong=wrong or same)
 
 
 def frame_number(label: str, text: str) -> int | None:

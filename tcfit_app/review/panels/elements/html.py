@@ -62,7 +62,8 @@ def button(
         disabled: cannot be pressed now.
         keys: that do the same.
         hint: shown under the pointer.
-        kind: more of its looks: "main", "danger", "left", "mini"; "close": Escape and a click outside press it, in a
+        kind: more of its looks: "main", "danger", "left", "mini"; "held": does something while it is
+            held; "close": Escape and a click outside press it, in a
             window.
         enter: the Enter key in the text field above presses it.
     """
@@ -78,11 +79,14 @@ def button(
     )
 
 
-def action(name: str, label: object, *, pressed: bool | None = None, disabled: bool = False, kind: str = "") -> Html:
-    """A button for one of ACTIONS, with its keys."""
+def action(
+    name: str, label: object, *, pressed: bool | None = None, disabled: bool = False, kind: str = "", hint: str = ""
+) -> Html:
+    """A button for one of ACTIONS, with its keys; its hint is the action's title, or another."""
     known = ACTIONS[name]
     keys = short_keys(known)
-    hint = f"{known.title} ({known.key_text})" if keys else known.title
+    hint = f"{hint or known.title} ({known.key_text})" if keys else hint or known.title
+    kind = "held" if known.held else kind
     return button(label, "action", name, pressed=pressed, disabled=disabled, keys=keys, hint=hint, kind=kind)
 
 
@@ -156,7 +160,7 @@ def line(
         numbers: which cells are aligned at the right, and not broken.
         whole: which others are not broken.
         kind: "here" or "off".
-        command: as a button's, if the row can be pressed.
+        command: as a button's, if the row can be pressed; an `opener` in it is for those without a mouse.
         value: what that gets.
         hint: shown under the pointer.
     """
@@ -165,6 +169,11 @@ def line(
     return tag(
         "tr", joined(*made), class_=f"tcfit-{kind}" if kind else "", data_tcfit=command, data_value=value, title=hint
     )
+
+
+def opener(content: object, command: str, value: str) -> Html:
+    """A button that looks like text, in a row that does the same when it is pressed anywhere."""
+    return tag("button", content, type="button", class_="tcfit-open", data_tcfit=command, data_value=value)
 
 
 class Board:

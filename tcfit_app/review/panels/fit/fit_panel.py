@@ -7,12 +7,13 @@ import numpy as np
 import viser
 from viser import uplot
 
-from tcfit_app.fitting.fits import Shown
+from fitting_core.errors import InputError
+from tcfit_app.fitting.fits import TITLES, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import numbers
-from tcfit_app.review.drawing.status import PHASES, duration
+from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Field
+from tcfit_app.review.panels.elements.field import Number, NumberField
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -43,20 +44,23 @@ class FitPanel:
         self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space")
         self._inputs.add_problems()
         self._everything = Board(tab)
-        self._progress = FitProgress(tab)
         self._again = Board(tab)
-        hint = "So many frames before and after each edited or flagged one are fitted again with it."
-        reach = gui.add_number("Around", tab.state.settings.reach, step=1, hint=hint)
-        self._reach = Field(tab, reach, self._take_reach)
+        hint = f"Frames fitted again before and after each edited or flagged one. {REACH.range.capitalize()}."
+        reach = gui.add_text(REACH.label, REACH.shown(tab.state.settings.reach), hint=hint)
+        self._reach = NumberField(tab, reach, self._take_reach)
+        self._progress = FitProgress(tab)  # below all buttons, which stay where they are when a fit begins
         with gui.add_folder("Shape, solver, prior"):
             self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
-        with gui.add_folder("Body and camera", expand_by_default=False):
+        begins = not tab.session.fits.runs and not tab.session.project.clip.camera.calibrated
+        with gui.add_folder("How it was filmed", expand_by_default=begins):
+            self._inputs.add_camera()
+        with gui.add_folder("Body", expand_by_default=False):
             self._inputs.add_body()
         with gui.add_folder("All settings", expand_by_default=False):
             self._inputs.add_source()
 
-    def _take_reach(self, value: float) -> None:
-        self._tab.set(settings=with_reach(self._tab.state.settings, value))
+    def _take_reach(self, typed: str) -> None:
+        self._tab.set(settings=with_reach(self._tab.state.settings, typed))
 
     def draw(self) -> None:
         """See `Panel.draw`."""
@@ -67,7 +71,7 @@ class FitPanel:
     def _draw_buttons(self) -> None:
         tab = self._tab
         state, session = tab.state, tab.session
-        self._reach.show(state.settings.reach, wrong="reach" in dict(state.settings.problems))
+        self._reach.show(REACH.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
         known = (state.frames, state.b, state.settings, session.edits, session.marked, session.fits.changes)
         if not tab.sent.differs("fit buttons", known):
             return
@@ -76,7 +80,7 @@ class FitPanel:
         windows = self._gestures.fitting.edited_windows(fit) if fit is not None else ()
         frames = state.frames if fit is not None else None
         self._again.show(
-            heading("Fit B again", "" if fit is not None else "there is no fit yet"),
+            heading("Refit B", "" if fit is not None else "there is no fit yet"),
             row(action("rerun", self._frames_label(fit), disabled=not ready or frames is None)),
             row(action("rerun_shape", "Re-run shape", disabled=not ready or fit is None)),
             row(action("rerun_edited", self._edited_label(windows), disabled=not ready or not windows)),
@@ -97,13 +101,17 @@ class FitPanel:
         return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
 
 
-def with_reach(settings: FitSettings, value: float) -> FitSettings:
+REACH = Number(label="Around", low=0, high=1000, whole=True)
+
+
+def with_reach(settings: FitSettings, typed: str) -> FitSettings:
     """Settings with another number of frames around an edit, or with the reason why it cannot be that."""
     problems = {name: why for name, why in settings.problems if name != "reach"}
-    if value != int(value) or not 0 <= value <= 1000:
-        problems["reach"] = f"Frames around edits: {value:g}; expected a whole number, 0 to 1000."
-        return replace(settings, problems=tuple(problems.items()))
-    return replace(settings, reach=int(value), problems=tuple(problems.items()))
+    try:
+        reach = int(REACH.read(typed))
+    except InputError as error:
+        return replace(settings, problems=(*problems.items(), ("reach", str(error))))
+    return replace(settings, reach=reach, problems=tuple(problems.items()))
 
 
 Losses = list[tuple[float, dict[str, float]]]
@@ -112,12 +120,13 @@ TERMS = 5
 """Curves beside the total: of the terms that cost most."""
 POINTS = 240
 """Of a curve; longer ones are thinned."""
-_COLORS = ("#f1f3f5", "#4dabf7", "#ffa94d", "#69db7c", "#da77f2", "#ffd43b")
+_COLORS = ("#868e96", "#228be6", "#e8590c", "#2f9e44", "#be4bdb", "#b08900")
+"""Told apart on light ground and on dark."""
 _LEAST = 0.1
 """Costs below are drawn here: the axis is logarithmic."""
-_AXIS = "#909296"
-_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.08)")
-_FINE_GRID = uplot.Axis_Grid(stroke="rgba(255,255,255,0.035)")
+_AXIS = "#868e96"
+_GRID = uplot.Axis_Grid(stroke="rgba(128,128,128,0.22)")
+_FINE_GRID = uplot.Axis_Grid(stroke="rgba(128,128,128,0.1)")
 """Of the logarithmic axis, which has nine lines for each power of ten."""
 _LABELS = 54
 """Pixels for the labels of costs, which go to 1,000,000."""
@@ -130,7 +139,8 @@ class FitProgress:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         gui = tab.client.gui
-        self._said = Board(tab)
+        # The buttons apart from the text, which changes many times a second: one that has the focus keeps it.
+        self._buttons, self._said = Board(tab), Board(tab)
         self._plot = _empty_plot(gui)
         tab.buttons.on("fit.cancel", self._cancel)
 
@@ -148,16 +158,14 @@ class FitProgress:
             return
         jobs = list(session.jobs.values())
         running = next((job for job in jobs if job.started), None)
+        self._buttons.show(*(_cancelling(running or jobs[0], len(jobs)) if jobs else []))
         self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended)))
         fitted = running if running is not None and running.run is not None else session.ended
         self._draw_plot(fitted.losses if fitted else [])
 
     def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
         waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
-        buttons = [button("Cancel", "fit.cancel", str((job or jobs[0]).number), kind="danger")]
-        if len(jobs) > 1:
-            buttons.append(button(f"Cancel all {len(jobs)}", "fit.cancel", "all", kind="danger"))
-        return [heading("In work"), *(_progress(job) if job else []), *waiting, row(*buttons)]
+        return [*(_progress(job) if job else []), *waiting]
 
     def _name(self, job: RunningJob) -> str:
         run = self._tab.session.fits.run(job.run) if job.run is not None else None
@@ -225,12 +233,20 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     )
 
 
+def _cancelling(job: RunningJob, count: int) -> list[Html]:
+    """What cancels the job that is running, or the next, and what cancels all."""
+    buttons = [button("Cancel", "fit.cancel", str(job.number), kind="danger")]
+    if count > 1:
+        buttons.append(button(f"Cancel all {count}", "fit.cancel", "all", kind="danger"))
+    return [heading("Running"), row(*buttons)]
+
+
 def _progress(job: RunningJob) -> list[Html]:
     progress = job.progress
     if progress is None:
-        return [paragraph(words(job.title, "strong")), paragraph("begins", "dim"), progress_bar(0.0)]
+        return [paragraph(words(job.title, "strong")), paragraph("starting", "dim"), progress_bar(0.0)]
     part = job.phases.index(progress.phase) + 1 if progress.phase in job.phases else 1
-    where = f"phase {part} of {len(job.phases)}: {PHASES[progress.phase]}, {progress.label}"
+    where = f"phase {part} of {len(job.phases)}: {TITLES[progress.phase]}, {progress.label}"
     left = "" if progress.remaining is None else f", about {duration(progress.remaining)} left"
     return [
         paragraph(words(job.title, "strong")),

@@ -11,14 +11,16 @@ import viser
 from fitting_core.body.files.forms import KINDS
 from fitting_core.body.files.registry import GENDERS
 from fitting_core.config.schema import POSE_PRIORS, PRESETS, FitConfig
-from fitting_core.config.settings import changed, settings, value_of
+from fitting_core.config.settings import RANGES, Range, changed, settings, value_of
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.files.registry import list_priors
 from tcfit_app.review.gestures.fitting import camera_of
-from tcfit_app.review.panels.elements.field import Dropdown, Field, only_read
+from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, text
 from tcfit_app.review.panels.elements.html import words as marked
+from tcfit_app.review.panels.fit.focal_picture import LENSES, Perspective, focal_of_lens, focal_picture, metre_in_pixels
+from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
@@ -26,9 +28,9 @@ ORIGIN = "Fit settings"
 """Where wrong values stand, for messages."""
 LABELS = {
     "temporal.weight": "w_T",
-    "temporal.window_size": "Window size",
+    "temporal.window_size": "Window",
     "temporal.mode": "Mode",
-    "temporal.space": "Temporal space",
+    "temporal.space": "Space",
     "shape_sample.size": "Shape frames",
     "shape_sample.strategy": "Chosen by",
     "shape_sample.seed": "Seed",
@@ -36,18 +38,24 @@ LABELS = {
     "pose_prior": "Pose prior",
 }
 """Settings with an input of their own, in short words."""
-_SHORT = {"temporal.window_size": "Window", "temporal.space": "Space", "shape_sample.size": "Frames"}
-"""Labels that would not fit beside their input; what is around them says the rest."""
-_WORDS = {"sliding_window": "sliding window"}
+CHOICE_WORDS = {"sliding_window": "sliding window"}
 """Choices that read better otherwise."""
 _HINTS = {
-    "temporal.weight": "Weight of consistency over time",
+    "temporal.weight": "Weight of consistency over time: the higher, the smoother",
+    "temporal.mode": "Of consistency over time: a sliding window as in the paper, or all frames at once",
     "temporal.window_size": "Frames of a sliding window; mode global has none",
-    "temporal.space": "In which consistency over time compares joints",
+    "temporal.space": "Consistency over time compares joints relative to the body, or in the camera's space",
     "shape_sample.size": "How many frames find the shared shape",
+    "shape_sample.strategy": "How they are chosen: at random, the most confident, or so that all parts are seen",
     "shape_sample.seed": "Of the random choice of frames",
-    "solver": "Levenberg-Marquardt, or L-BFGS as the paper has it",
+    "solver": "lm: Levenberg-Marquardt. lbfgs: L-BFGS, as in the paper",
+    "pose_prior": "What counts as a likely pose",
 }
+_MOST = {"temporal.weight": 1e5, "shape_sample.seed": 999_999_999}
+"""Bounds where the settings themselves have none: beyond, nothing gets better."""
+_FOCAL = (1.0, 1e6)
+_OF_FRAMES = ("temporal.window_size", "shape_sample.size")
+"""Counts of frames, of which there are no more than the clip has."""
 _SOURCE = "All settings"
 
 
@@ -82,6 +90,7 @@ class FitInputs:
         self._tab, self._gui = tab, tab.client.gui
         self._fields: dict[str, Field[Any]] = {}
         self._reads: dict[str, Callable[[FitSettings], Any]] = {}
+        self._metre: float | None = None
 
     # --- elements ---
 
@@ -96,24 +105,36 @@ class FitInputs:
     def add(self, *names: str) -> None:
         """Inputs of settings of LABELS."""
         for name in names:
-            self._add(name, self._input(name), self._taker(name), self._reader(name))
+            value, setting = value_of(self._tab.state.settings.config, name), settings()[name]
+            if isinstance(value, int | float):
+                self._add_number(name, self._number(name), _HINTS[name], self._taker(name), self._reader(name))
+            else:
+                self._add(
+                    name, self._choice(name, value, get_args(setting.type)), self._taker(name), self._reader(name)
+                )
 
     def add_body(self) -> None:
-        """Body model, gender and focal length."""
+        """Body model and gender."""
         now, gui = self._tab.state.settings, self._gui
-        kinds = gui.add_dropdown("Body model", tuple(KINDS), initial_value=now.kind)
+        hint = "The form of the body's file"
+        kinds = gui.add_dropdown("Body model", tuple(KINDS), initial_value=now.kind, hint=hint)
         self._add("kind", kinds, lambda v: self._take_body(kind=v), lambda s: s.kind)
-        genders = gui.add_dropdown("Gender", GENDERS, initial_value=now.gender)
+        genders = gui.add_dropdown("Gender", GENDERS, initial_value=now.gender, hint="Which of its bodies")
         self._add("gender", genders, lambda v: self._take_body(gender=v), lambda s: s.gender)
+
+    def add_camera(self) -> None:
+        """The focal length, and a picture of what it means."""
         clip = self._camera.focal[0]
-        hint = "In pixels. Counts for whole fits; a re-run keeps that of its run."
-        focal = gui.add_number("Focal length", round(float(clip), 2), step=0.01, hint=hint)
-        self._add("focal", focal, self._take_focal, lambda s: round(float(s.focal or clip), 2))
+        number = Number(label="Focal length", low=_FOCAL[0], high=_FOCAL[1], of="pixels")
+        hint = "Counts for whole fits; a re-run keeps that of its run"
+        self._add_number("focal", number, hint, self._take_focal, lambda s: round(float(s.focal or clip), 2))
         self._focal = Board(self._tab)
+        self._tab.buttons.on("fit.lens", self._take_lens, one_of(LENSES))
+        self._tab.buttons.on("fit.clip_focal", lambda _: self._set(focal=None))
 
     def add_source(self) -> None:
         """All settings as a text that can be changed."""
-        self._source = only_read(self._gui.add_text("TOML", "", multiline=True))
+        self._source = self._gui.add_text("TOML", "", multiline=True)
         self._source_of: Hashable = None
         Board(self._tab).show(row(button("Use these settings", "fit.source")))
         self._tab.buttons.on("fit.source", lambda _: self._take_source())
@@ -122,19 +143,34 @@ class FitInputs:
         """What was entered and cannot be used."""
         self._problems = Board(self._tab)
 
-    def _input(self, name: str) -> Any:
-        value, setting = value_of(self._tab.state.settings.config, name), settings()[name]
-        label, hint = _SHORT.get(name, LABELS[name]), _HINTS.get(name, setting.doc)
+    def _choice(self, name: str, value: str, options: tuple[str, ...]) -> Any:
+        label, hint = LABELS[name], _HINTS[name]
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
-        if options := get_args(setting.type):
-            shown = tuple(str(_WORDS.get(option, option)) for option in options)
-            return self._gui.add_dropdown(label, shown, initial_value=_WORDS.get(value, value), hint=hint)
-        # Without bounds: viser would put a wrong number right without a word.
-        return self._gui.add_number(label, value, step=1 if isinstance(value, int) else 0.1, hint=hint)
+        shown = tuple(CHOICE_WORDS.get(option, option) for option in options)
+        return self._gui.add_dropdown(label, shown, initial_value=CHOICE_WORDS.get(value, value), hint=hint)
+
+    def _number(self, name: str) -> Number:
+        """What a setting can be in this clip."""
+        known, whole = RANGES.get(name, Range()), settings()[name].type is int
+        length = self._tab.length
+        if name in _OF_FRAMES:
+            of = f"the clip has {length} frames"
+            return Number(label=LABELS[name], low=known.low, high=max(length, known.low), whole=whole, of=of)
+        return Number(label=LABELS[name], low=known.low, high=_MOST[name], whole=whole)
+
+    def _add_number(
+        self, name: str, number: Number, hint: str, take: Callable[[float], None], read: Callable[[FitSettings], float]
+    ) -> None:
+        now = number.shown(read(self._tab.state.settings))
+        handle = self._gui.add_text(number.label, now, hint=f"{hint}. {number.range.capitalize()}.")
+        self._add(name, handle, lambda typed: take(number.read(typed)), lambda s: number.shown(read(s)))
 
     def _add(self, name: str, handle: Any, take: Callable[[Any], None], read: Callable[[FitSettings], Any]) -> None:
-        kind = Dropdown if isinstance(handle, viser.GuiDropdownHandle) else Field
+        if isinstance(handle, viser.GuiDropdownHandle):
+            kind: type[Field[Any]] = Dropdown
+        else:
+            kind = NumberField
         self._fields[name] = kind(self._tab, handle, lambda value: self._attempt(name, lambda: take(value)))
         self._reads[name] = read
 
@@ -159,13 +195,11 @@ class FitInputs:
         self._set(preset=name, config=PRESETS[name], problems=())
 
     def _taker(self, name: str) -> Callable[[Any], None]:
-        plain = {word: option for option, word in _WORDS.items()}
-        whole = settings()[name].type is int
+        plain = {word: option for option, word in CHOICE_WORDS.items()}
 
         def take(value: Any) -> None:
             value = plain.get(value, value)
             value = self._prior(value) if name == "pose_prior" else value
-            value = int(value) if whole and value == int(value) else value
             self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
 
         return take
@@ -173,7 +207,7 @@ class FitInputs:
     def _reader(self, name: str) -> Callable[[FitSettings], Any]:
         def read(now: FitSettings) -> Any:
             value = value_of(now.config, name)
-            return _WORDS.get(value, value)
+            return CHOICE_WORDS.get(value, value)
 
         return read
 
@@ -191,6 +225,9 @@ class FitInputs:
         now = replace(self._tab.state.settings, focal=None if same else float(value))
         camera_of(now, self._camera)
         self._set(focal=now.focal)
+
+    def _take_lens(self, name: str) -> None:
+        self._attempt("focal", lambda: self._take_focal(round(focal_of_lens(name, self._camera.size), 2)))
 
     def _take_source(self) -> None:
         prior = None
@@ -228,9 +265,22 @@ class FitInputs:
         said = ", ".join(map(words, names)) if len(names) < 8 else f"{len(names)} settings"
         back = row(button("Back to the preset", "fit.preset", hint="Sets all settings as the preset has them"))
         self._changed.show(*([paragraph(joined(text("Changed: "), marked(said, "strong"))), back] if names else []))
-        self._focal.show(paragraph(self._focal_text(now), "dim"))
+        self._draw_focal(now)
         self._problems.show(*(paragraph(problem, "bad") for problem in wrong.values()))
         self._draw_source(now)
+
+    def _draw_focal(self, now: FitSettings) -> None:
+        tab, camera = self._tab, self._camera
+        if tab.sent.differs("size of the person", tab.session.edits):
+            self._metre = metre_in_pixels(tab.session.project.clip.keypoints)
+        seen = Perspective(focal=now.focal or camera.focal[0], size=camera.size, metre=self._metre)
+        lenses = [button(name, "fit.lens", name, kind="mini", hint=f"{mm:g} mm") for name, mm in LENSES.items()]
+        self._focal.show(
+            paragraph(self._focal_text(now), "dim"),
+            row(*lenses, button("as the clip", "fit.clip_focal", kind="mini", disabled=now.focal is None), wrap=True),
+            focal_picture(seen),
+            paragraph(seen.words),
+        )
 
     @property
     def _waiting(self) -> bool:

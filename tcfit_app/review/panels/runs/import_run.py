@@ -8,16 +8,16 @@ import viser
 from fitting_core.body.files.forms import KINDS
 from fitting_core.errors import InputError
 from tcfit_app.imports.results import ImportChoices
-from tcfit_app.project.storage.runs import Run
-from tcfit_app.review.panels.elements.field import frame_number, only_read
+from tcfit_app.project.storage.run_record import Run
+from tcfit_app.review.panels.elements.field import frame_number, take_uploads
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.session.tasks import Task, Work
 from tcfit_app.review.tab.tab import Tab
 
 _OWN = "the result's body"
 _SAID = (
-    "SMPLify-X's output folder, an npz of SMPL-X or AMASS, or a fit.npz: a run to compare with. It must have this "
-    "clip's frames."
+    "SMPLify-X's output folder, an npz of SMPL-X or AMASS, a fit.npz, or what GVHMR, GEM, WHAM, TRAM, PromptHMR, "
+    "4D-Humans, VIBE, ROMP or BEV wrote: a run to compare with. It must have this clip's frames."
 )
 
 
@@ -37,18 +37,18 @@ class ImportRun:
         with gui.add_folder("Import a result", expand_by_default=False):
             Board(tab).show(paragraph(_SAID, "dim"))
             hint = "Of a folder or file on the computer where tcfit runs"
-            self._path = only_read(gui.add_text("Path", "", hint=hint))
+            self._path = gui.add_text("Path", "", hint=hint)
             hint = "Number in the video of the result's first frame; empty: as its files are named"
-            self._first = only_read(gui.add_text("First frame", "", hint=hint))
+            self._first = gui.add_text("First frame", "", hint=hint)
             hint = "Another body keeps the joint angles and leaves out the shape"
-            self._body: Any = only_read(gui.add_dropdown("Posed on", (_OWN, *KINDS), hint=hint))
+            self._body: Any = gui.add_dropdown("Posed on", (_OWN, *KINDS), hint=hint)
             self._buttons = Board(tab)
             self._upload: Any = gui.add_upload_button(
                 "Upload a file …",
                 color="gray",
-                hint="An npz, or a zip of SMPLify-X's results, from this browser's computer",
+                hint="An npz, a zip of SMPLify-X's results, or a learned system's file, from this browser's computer",
             )
-        self._upload.on_upload(self._uploaded)
+        take_uploads(tab, self._upload, self._import_upload)
         tab.buttons.on("import.path", lambda _: self._import_path())
 
     def _choices(self) -> ImportChoices:
@@ -57,15 +57,12 @@ class ImportRun:
 
     def _import_path(self) -> None:
         if not self._path.value.strip():
-            raise InputError("Give the path of a result first; expected a folder of SMPLify-X or an npz.")
+            raise InputError(
+                "Give the path of a result first; expected a folder or a file of one of the programs above."
+            )
         self._tab.refuse_read_only()
         path, choices, session = self._tab.files.path(self._path.value), self._choices(), self._tab.session
         self._begin(lambda report: session.import_run(path, choices, report))
-
-    async def _uploaded(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client is not None:
-            file = event.target.value
-            self._tab.do(lambda: self._import_upload(file))
 
     def _import_upload(self, file: viser.UploadedFile) -> None:
         self._tab.refuse_read_only()

@@ -7,12 +7,13 @@ from fitting_core.camera import Camera
 from fitting_core.config.settings import value_of
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
+from tcfit_app.fitting.fits import own_phases, phase_title
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.project.storage.runs import Run, RunState
-from tcfit_app.review.drawing.status import PHASES, duration
-from tcfit_app.review.panels.elements.html import Html, facts, joined, line, paragraph, tag, text, words
-from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
+from tcfit_app.project.storage.run_record import Run, RunState
+from tcfit_app.review.drawing.status import duration
+from tcfit_app.review.panels.elements.html import Html, facts, joined, line, opener, paragraph, tag, text, words
+from tcfit_app.review.panels.fit.fit_settings import CHOICE_WORDS, differences, nearest_preset
 from tcfit_app.review.panels.fit.fit_settings import words as setting_words
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.session import Session
@@ -33,9 +34,6 @@ LOOKS: dict[RunState, str] = {
     "failed": "bad",
 }
 """How each state is marked."""
-_OWN = {"frames": (3,), "shape": (2, 3), "corrections": ()}
-"""Phases that a run does itself, and whose seconds are its own; the others are its parent's. All, where nothing is
-said. Corrections are patches of their parent's phase 3."""
 _BADGES = {
     name: tag("b", name, class_="tcfit-badge", style=f"background:{css(color)}")
     for name, color in zip("AB", RUN_COLORS, strict=True)
@@ -65,7 +63,7 @@ def seconds_of(run: Run) -> float | None:
         return None
     phases = run.summary.get("seconds", {})
     if phases:
-        own = [f"phase{phase}" for phase in _OWN.get(run.kind, PHASES)]
+        own = [f"phase{phase}" for phase in own_phases(run)]
         return sum(seconds for phase, seconds in phases.items() if phase in own)
     return None if run.ended is None else (run.ended - run.started).total_seconds()
 
@@ -90,7 +88,11 @@ def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
     taken = seconds_of(run)
     time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
     return line(
-        joined(words(run.name, "strong"), badges, tag("div", " · ".join(said), class_="tcfit-dim")),
+        joined(
+            opener(words(run.name, "strong"), "runs.choose", str(run.id)),
+            badges,
+            tag("div", " · ".join(said), class_="tcfit-dim"),
+        ),
         joined(words(_state(listed), LOOKS[run.state]), tag("div", time, class_="tcfit-dim")),
         numbers=(1,),
         kind="here" if here else "",
@@ -132,7 +134,9 @@ def short(value: object) -> str:
     """A setting's value."""
     if isinstance(value, tuple):
         return ", ".join(map(short, value))
-    return f"{value:g}" if isinstance(value, float) else "none" if value is None else str(value)
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "none" if value is None else CHOICE_WORDS.get(str(value), str(value))
 
 
 def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Html]:
@@ -167,16 +171,18 @@ def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
     if run.kind == "imported":
         return {"Read as": fit.pose_prior, "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})"}
     return {
-        "Phases": ", ".join(_phase(p, own=p.phase in _OWN.get(run.kind, PHASES)) for p in fit.phases),
+        "Phases": ", ".join(_phase(run, p, own=p.phase in own_phases(run)) for p in fit.phases),
         "Cost": ", ".join(map(_cost, fit.phases)),
         "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})",
         "Pose prior": fit.pose_prior,
+        "Ground": "" if fit.grounding is None else fit.grounding.text.removeprefix("Ground: "),
     }
 
 
-def _phase(phase: PhaseResult, *, own: bool) -> str:
+def _phase(run: Run, phase: PhaseResult, *, own: bool) -> str:
     """A phase with its time, if the run took it."""
-    return f"{PHASES[phase.phase]} {duration(phase.seconds)}" if own else PHASES[phase.phase]
+    title = phase_title(run, phase.phase)
+    return f"{title} {duration(phase.seconds)}" if own else title
 
 
 def _cost(phase: PhaseResult) -> str:

@@ -9,12 +9,13 @@ import viser
 from fitting_core.config.toml import as_toml
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.storage.runs import Run
+from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown, Field, only_read
+from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, row, table, tag
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.import_run import ImportRun
+from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
 from tcfit_app.review.panels.runs.run_texts import Listed, details, option, result_of, run_line
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SIDES
@@ -57,6 +58,7 @@ class RunsPanel:
         tab = self._tab
         tab.buttons.on("runs.choose", lambda number: setattr(self, "_chosen", number), int)
         tab.buttons.on("runs.show", self._show_as, _side_and_run)
+        tab.buttons.on("runs.parent", lambda number: show_beside_parent(tab, self._pressed(number)), int)
         tab.buttons.on("runs.settings", lambda number: self._use_settings(self._pressed(number)), int)
         tab.buttons.on("runs.cancel", tab.session.cancel, int)
         tab.buttons.on("runs.rename", lambda number: self._rename(self._pressed(number)), int)
@@ -188,6 +190,7 @@ class RunsPanel:
     def _draw_buttons(self, chosen: Listed) -> None:
         off, number = self._tab.session.project.read_only, str(chosen.run.id)
         there = chosen.run in self._tab.session.fits.showable()
+        parent = parent_of(self._tab, chosen.run)
         show = partial(button, command="runs.show", disabled=not there)
         cancel = [row(button("Cancel", "runs.cancel", number, kind="danger"))] if chosen.job is not None else []
         self._buttons.show(
@@ -195,6 +198,15 @@ class RunsPanel:
                 *(
                     show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
                     for side in SIDES
+                )
+            ),
+            row(
+                button(
+                    "Compare with its parent",
+                    "runs.parent",
+                    number,
+                    disabled=not there or parent is None,
+                    hint=f"A: {parent.name}" if parent else "It did not start from another run",
                 )
             ),
             row(
@@ -231,7 +243,7 @@ class DeletedRuns:
         """What it shows."""
         self._folder = gui.add_folder("Deleted runs", expand_by_default=False, visible=False)
         with self._folder:
-            self._choice: Any = only_read(gui.add_dropdown("Deleted", ("",)))
+            self._choice: Any = gui.add_dropdown("Deleted", ("",))
             self._buttons = Board(tab)
         tab.buttons.on("deleted.restore", lambda _: self._restore())
         tab.buttons.on("deleted.ask", lambda _: self._ask())

@@ -26,7 +26,7 @@ from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.priors.files.network import write_network
 from tests.fitting_core.priors.networks import random_network
-from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
+from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of, with_positions
 
 pytest.importorskip("numba", reason="numba is not installed: pip install numba")
 FRAMES = torch.arange(5)
@@ -95,6 +95,21 @@ def test_every_stage_is_the_same(free_body: BodyModel, preset: str, stage: int, 
     made = stages(free_body, config_of(preset, prior))
     state = random_state(made.parametrisation, len(FRAMES))
     assert_same(*both(made, stage, state), state)
+
+
+@pytest.mark.parametrize("stage", [3, 5])
+@pytest.mark.parametrize("body", ["free_body", "tiny_body"])
+def test_known_positions_are_the_same(request: pytest.FixtureRequest, body: str, stage: int):
+    config = config_of("tcfit")
+    config = replace(config, weights=replace(config.weights, relative_position=(8.0,) * 5, held_position=(6.0,) * 5))
+    made = with_positions(stages(request.getfixturevalue(body), config))
+    state = random_state(made.parametrisation, len(FRAMES))
+    fused, plain = both(made, stage, state)
+    assert {"relative_position", "held_position"} < {term.name for term in fused.terms} and not fused.fused.others
+    assert_same(fused, plain, state)
+    other = replace(fused.data, xy=fused.data.xy + 3.0)
+    with without_kernels():
+        assert_same(fused.with_data(other), plain.with_data(other), state)
 
 
 @pytest.mark.parametrize("betas", [True, False])

@@ -12,13 +12,13 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
 from fitting_core.fit.phases.consistency import Consistency, coupled
-from fitting_core.fit.phases.progress import Step
+from fitting_core.fit.provenance import Stopped
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.sequence import Coupling
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.variables.state import State
-from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, random_params, random_state, stages_of
+from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, listed, random_params, random_state, stages_of
 
 FRAMES = 6
 CONFIG = FitConfig(
@@ -36,20 +36,11 @@ def start_of(body: BodyModel, config: FitConfig, frames: int = FRAMES) -> tuple[
     return Consistency(stages, make_solver("lm", config.settings)), state
 
 
-def listed(steps) -> tuple[list[Step], State]:
-    found = []
-    while True:
-        try:
-            found.append(next(steps))
-        except StopIteration as stop:
-            return found, stop.value
-
-
 def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
     consistency, state = start_of(tiny_body, CONFIG)
     steps, _ = listed(consistency.sliding_window(state))
-    labels = list(dict.fromkeys(s.label for s in steps if s.final is None))
-    assert labels == [f"window {w} of 4, stage {s}" for w in (1, 2, 3, 4) for s in (4, 5)]
+    labels = list(dict.fromkeys(s.label for s in steps if s.fitted is None))
+    assert labels == [f"window {w} of 4, stage {s} of 5" for w in (1, 2, 3, 4) for s in (4, 5)]
     shares = [s.share for s in steps]
     assert shares == sorted(shares) and shares[-1] == 1.0
 
@@ -80,7 +71,7 @@ def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
     consistency, state = start_of(tiny_body, CONFIG)
     steps, end = listed(consistency.sliding_window(state))
     params = consistency.stages.parametrisation.to_params(end)
-    told = [s.final for s in steps if s.final is not None]
+    told = [s.fitted for s in steps if s.fitted is not None]
     assert [list(frames) for frames, _ in told] == [[0], [1], [2], [3, 4, 5]]
     for frames, final in told:
         # Decoded among other frames the last digits differ.
@@ -109,6 +100,33 @@ def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel,
     monkeypatch.setattr(BodyPoints, "forward", counted)
     finished(consistency.sliding_window(state))
     assert max(posed) == CONFIG.temporal.window_size + REACH  # the frames before it, which its residuals look at
+
+
+def test_a_long_clip_is_fitted_in_parts_that_overlap(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    """To nearly the cost of the whole; what a part leaves to no other one is final."""
+    frames, config = 16, replace(CONFIG, settings=SolverSettings(iterations=60, sequence_tolerance=1e-9))
+    consistency, state = start_of(tiny_body, config, frames)
+    stages = consistency.stages
+
+    def cost(s: State) -> float:
+        objective = stages.objective(5, state, stages.free(5, betas=False))
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
+
+    best = finished(consistency.all_at_once(state))
+    state = best.moved(0.01 * torch.randn(best.vector.shape, generator=torch.manual_seed(0), dtype=torch.float64))
+    betas = stages.parametrisation.columns.betas
+    state = state.with_columns(betas, best.vector[:, betas])  # which no phase 3 moves
+    monkeypatch.setattr("fitting_core.fit.phases.consistency._PART", 12)
+    monkeypatch.setattr("fitting_core.fit.phases.consistency._SEAM", 8)
+    steps, end = listed(consistency.all_at_once(state))
+    assert [step.label for step in steps][-1] == "part 2 of 2, stage 5 of 5"
+    fitted = [step.fitted for step in steps if step.fitted is not None]
+    assert [(part.start, part.stop) for part, _ in fitted] == [(0, 4)]
+    for part, params in fitted:
+        last = stages.parametrisation.to_params(end[part.start : part.stop])
+        torch.testing.assert_close(params.body_pose, last.body_pose, rtol=0, atol=1e-12)
+    assert cost(end) < 1.001 * cost(best) < 0.9 * cost(state)
+    assert (consistency.stopped != Stopped.UNKNOWN).all()
 
 
 def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):

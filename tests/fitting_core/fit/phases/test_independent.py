@@ -1,6 +1,7 @@
 """Phase 1: filling gaps, the relay between neighbours, side views, and frames that do not know each other."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, _key_frames, _with_fresh_neighbour, fit_frames
 from fitting_core.fit.phases.initialize import guess_depth, turned
@@ -23,7 +25,7 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import Keypoints
 from fitting_core.video.frame_names import spans
-from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, noisy, stages_of
+from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, listed, noisy, stages_of
 
 QUICK = FitConfig(
     pose_prior="axis_angle",
@@ -100,6 +102,26 @@ def test_frames_between_key_frames_start_from_these(free_body: BodyModel, clip: 
     if not rounds:
         first, between = Start.TURNED_0, Start.BETWEEN
         assert found.start.tolist() == [first, between, between, between, first]
+
+
+@pytest.mark.parametrize("yaws", ["four", "side_view"])
+def test_frames_are_fitted_some_after_the_others_with_the_same_result(
+    free_body: BodyModel, clip: Keypoints, monkeypatch: pytest.MonkeyPatch, yaws: Literal["four", "side_view"]
+):
+    """And each can be looked at as soon as it, or the key frames around it, have a fit."""
+    config = replace(QUICK, key_frames_every=2, relay_rounds=0, yaws=yaws)
+    found, told = {}, {}
+    for at_once in (1, 2, 100):
+        monkeypatch.setattr(independent, "_AT_ONCE", at_once)
+        stages = stages_of(free_body, hidden(clip, slice(None), frames=slice(0, 1)), config)
+        told[at_once], found[at_once] = listed(fit_frames(stages, solver_of(stages)))
+    for at_once, ranges in ((1, [[0, 1], [2, 3], [4]]), (2, [[0, 1, 2, 3], [4]]), (100, [[0, 1, 2, 3, 4]])):
+        shown = [step.fitted for step in told[at_once] if step.fitted is not None]
+        assert [list(frames) for frames, _ in shown] == ranges and [len(p) for _, p in shown] == list(map(len, ranges))
+        assert torch.equal(found[at_once].state.vector, found[100].state.vector)
+        assert torch.equal(found[at_once].start, found[100].start)
+        shares = [step.share for step in told[at_once]]
+        assert shares == sorted(shares)
 
 
 def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):
@@ -195,7 +217,7 @@ def test_a_frame_that_fails_is_filled_and_told(free_body: BodyModel, clip: Keypo
     stages = stages_of(free_body, replace(clip, xy=xy), QUICK)
     fits = finished(fit_frames(stages, solver_of(stages)))
     assert fits.cost.isfinite().tolist() == [True, True, False, True, True]
-    assert any("fit failed" in note and note.endswith(": 2") for note in fits.notes)
+    assert any("could not be fitted" in note and note.endswith(": 2") for note in fits.notes)
     between = (fits.state.vector[1] + fits.state.vector[3]) / 2
     torch.testing.assert_close(fits.state.vector[2], between, rtol=0, atol=1e-12)
     assert fits.start.tolist() == [Start.TURNED_0, Start.TURNED_0, Start.FILLED, Start.TURNED_0, Start.TURNED_0]

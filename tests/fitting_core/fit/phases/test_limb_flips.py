@@ -13,6 +13,7 @@ from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames
 from fitting_core.fit.phases.limb_flips import FLIPS, LIMBS, LimbFlips
+from fitting_core.fit.phases.progress import mirrored_label
 from fitting_core.fit.provenance import Start
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -138,3 +139,9 @@ def test_frames_that_failed_are_left_alone(scene: tuple[Stages, State]):
     failed = FrameFits.at(truth, Start.UNKNOWN)
     left = finished(run.flip_limbs(objective, failed))
     assert torch.equal(left.state.vector, truth.vector) and torch.equal(left.cost, failed.cost)
+
+
+def test_what_is_tried_is_named_in_plain_words():
+    labels = [mirrored_label(start) for limb in LIMBS.values() for start in (limb.start, limb.mirrored_hand) if start]
+    assert "trying the right arm mirrored in depth" in labels and len(labels) == 6
+    assert not [label for label in labels if "_" in label or not label.startswith("trying the ")]

@@ -114,4 +114,4 @@ def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[
     built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
     state = random_state(built.parametrisation, 3, 0)
     labels = [s.label for s in fit_shape(built, make_solver("lm", config.settings), state, torch.arange(3))]
-    assert list(dict.fromkeys(labels)) == [f"stage {s}" for s in stages]
+    assert list(dict.fromkeys(labels)) == [f"stage {s} of 5" for s in stages]

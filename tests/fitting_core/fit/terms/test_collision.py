@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
+from fitting_core.body.bounding_tree import build_tree
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, BodyModel
-from fitting_core.fit.terms.collision.broad_phase import build_tree, overlapping_triangles
+from fitting_core.fit.terms.collision.broad_phase import LEAF_SIZE, overlapping_triangles
 from fitting_core.fit.terms.collision.detection import body_collision_finder, collision_finder
 from fitting_core.fit.terms.collision.intersection import orientation, triangles_intersect
 from fitting_core.fit.terms.collision.parts import body_parts, neighbouring_parts, parts_of_faces
@@ -107,7 +108,7 @@ def test_broad_phase_finds_what_all_pairs_find(seed, count, size, n_groups):
     )
     wanted = wanted[wanted.max(axis=1) <= groups.max(initial=-1)]
     other_pose = vertices[np.random.default_rng(seed).permutation(len(vertices))]
-    tree = build_tree(other_pose[faces].mean(axis=1), groups=groups)
+    tree = build_tree(other_pose[faces].mean(axis=1), leaf_size=LEAF_SIZE, groups=groups)
     found = [tuple(pair) for pair in overlapping_triangles(tree, vertices, faces, wanted)]
 
     low, high = vertices[faces].min(axis=1), vertices[faces].max(axis=1)

@@ -20,6 +20,7 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.collision.term import Collision
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.priors import Quadratic
 from fitting_core.fit.terms.table import TERMS
 from fitting_core.fit.terms.temporal import Evenness
@@ -35,6 +36,7 @@ from tests.samples.scenes import (
     random_params,
     random_state,
     stages_of,
+    with_positions,
     without_correctives,
 )
 
@@ -47,15 +49,20 @@ CONFIG = FitConfig(
         body_pose=(0, 0, 0, 0, 3.0), hand_pose=(0, 0, 0, 0, 5.0), shape=(0, 0, 0, 0, 7.0),
         expression=(0, 0, 0, 0, 11.0), jaw_open=(0, 0, 0, 0, 13.0), jaw_sideways=(0, 0, 0, 0, 17.0),
         bending=(0, 0, 0, 0, 19.0), collision=(0,) * 5, lean=(0, 0, 0, 0, 23.0), turn=(0, 0, 0, 0, 29.0),
-        rest=(0, 0, 0, 0, 31.0),
+        rest=(0, 0, 0, 0, 31.0), relative_position=(0, 0, 0, 0, 41.0), held_position=(0, 0, 0, 0, 17.0),
         body_keypoints=(0, 0, 0, 0, 1.5), hand_keypoints=(0, 0, 0, 0, 2.0), face_keypoints=(0, 0, 0, 0, 0.5),
     ),
     pose_prior="relaxed", neck_weight=0.25, hip_weight=0.75, robust_pixels=80.0, robust_pixels_fine=30.0,
-    robust_at_height=1000.0, one_sided_cut_off=True,
+    robust_at_height=1000.0, one_sided_cut_off=True, robust_deviations=2.5,
 )  # fmt: skip
 """Every weight another, so that no term can take another's. Collision and limits have tests of their own."""
 LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
 LEFT_ARM = [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"], kp.LEFT_HAND]
+LOCKED = np.full((T, kp.COUNT, 3), np.nan)
+LOCKED[2, kp.INDEX["right_elbow"]] = (0.1, 1.9, -0.4)
+LOCKED[:3, kp.INDEX["nose"]] = (0.0, 0.3, 0.2)
+LOCKED[3, kp.INDEX["left_knee"]] = (0.0, 0.0, 0.0)
+"""Turns that a person has locked."""
 
 
 class Huddle(Term):
@@ -125,7 +132,8 @@ def make_scene(body: BodyModel, *, latent: bool = False) -> Scene:
     detections.xy[2, kp.INDEX["right_ankle"]] = (300.0, 797.0)
     detections.confidence[2, kp.INDEX["right_ankle"]] = 0.4
     detections.xy[3, kp.INDEX["left_ear"]] = (3.0, 2.0)
-    stages = stages_of(body, detections, CONFIG, latent=latent)
+    detections = replace(detections, turn=LOCKED)
+    stages = with_positions(stages_of(body, detections, CONFIG, latent=latent))
     p = stages.parametrisation
     whole = random_state(p, T, 11)
     depth = torch.tensor([2.0, 3.0, 4.0, 5.0], dtype=torch.float64)
@@ -149,23 +157,22 @@ def rigid_scene(tiny_body: BodyModel) -> Scene:
     return make_scene(without_correctives(tiny_body))
 
 
-def keypoint_in_pixels(scene: Scene, b: int, i: int, vertices: np.ndarray, joints: np.ndarray) -> np.ndarray | None:
-    """Projection of a keypoint of the posed mesh, its place looked up without BodyPoints."""
+def keypoint_in_camera(scene: Scene, b: int, i: int, vertices: np.ndarray, joints: np.ndarray) -> np.ndarray | None:
+    """A keypoint of the posed mesh, its place looked up without BodyPoints."""
     p = scene.stages.fitted.keypoint_points[i]
     if p is None:
         return None
     if isinstance(p, Joint):
-        x, y, z = joints[b, p.joint]
+        return joints[b, p.joint]
     elif isinstance(p, Contour):
         bins = scene.objectives["stage 5"].view.contour_bin
         assert bins is not None
         table = int(bins[FRAMES[b]])
         corners, weights = scene.body.contour_vertices[table, p.landmark], scene.body.contour_weights[table, p.landmark]
-        x, y, z = weights @ vertices[b, corners]
+        return weights @ vertices[b, corners]
     else:
         assert isinstance(p, Surface)
-        x, y, z = np.array(p.weights) @ vertices[b, list(p.vertices)]
-    return np.array([900.0 * x / z + 410.0, 940.0 * y / z + 395.0])
+        return np.array(p.weights) @ vertices[b, list(p.vertices)]
 
 
 def joint_weight(i: int) -> float:
@@ -184,9 +191,11 @@ def data_by_hand(scene: Scene) -> list[float]:
     for b, frame in enumerate(FRAMES.tolist()):
         cost = 0.0
         for i in range(137):
-            pixel = keypoint_in_pixels(scene, b, i, vertices, joints)
-            if pixel is None:
+            point = keypoint_in_camera(scene, b, i, vertices, joints)
+            if point is None:
                 continue
+            x, y, z = point
+            pixel = np.array([900.0 * x / z + 410.0, 940.0 * y / z + 395.0])
             rho = (30.0 if i >= 25 else 80.0) * 800 / 1000
             weight = detections.confidence[frame, i] * joint_weight(i) * 1000 / 800
             for axis in (0, 1):
@@ -210,12 +219,45 @@ def one_side(scene: Scene, frame: int, i: int, axis: int) -> int:
     return 1 if axis == 1 and i == kp.INDEX["mid_hip"] and frame >= 2 else side
 
 
+def relative_position_by_hand(scene: Scene) -> list[float]:
+    mesh, known = Mesh(scene.body, dtype=torch.float64), scene.stages.observations
+    vertices, joints = mesh(scene.params).numpy(), mesh.joints(scene.params).numpy()
+    costs = []
+    for b, frame in enumerate(FRAMES.tolist()):
+        cost = 0.0
+        for i in range(137):
+            deviations = known.relative_position_deviation[frame, i].tolist()
+            point = keypoint_in_camera(scene, b, i, vertices, joints)
+            for axis in np.flatnonzero(np.isfinite(deviations)) if point is not None else ():
+                # The pelvis lies where the mean shape's lies: the camera's translation starts from there.
+                away = point[axis] - float(scene.params.camera_translation[b, axis]) - scene.body.rest_joints[0, axis]
+                error = (away - float(known.relative_position[frame, i, axis])) / deviations[axis]
+                cost += 41.0**2 * 2.5**2 * error**2 / (error**2 + 2.5**2)
+        costs.append(cost)
+    return costs
+
+
+def held_position_by_hand(scene: Scene) -> list[float]:
+    mesh, known = Mesh(scene.body, dtype=torch.float64), scene.stages.observations
+    vertices, joints = mesh(scene.params).numpy(), mesh.joints(scene.params).numpy()
+    costs = []
+    for b, frame in enumerate(FRAMES.tolist()):
+        cost = 0.0
+        for i in np.flatnonzero(known.held_position_deviation[frame].isfinite().numpy()):
+            point = keypoint_in_camera(scene, b, int(i), vertices, joints)
+            assert point is not None
+            for error in (point - known.held_position[frame, i].numpy()) / 0.02:
+                cost += 17.0**2 * 30.0**2 * error**2 / (error**2 + 30.0**2)
+        costs.append(cost)
+    return costs
+
+
 def rest_by_hand(scene: Scene) -> list[float]:
     costs = []
     for b, frame in enumerate(FRAMES.tolist()):
         cost = 0.0
         for j in range(1, 22):
-            if not scene.stages.observed[frame, j]:
+            if not scene.stages.setting.turned[frame, j]:
                 target = neutral_pose(scene)[3 * (j - 1) : 3 * j]
                 cost += 31.0**2 * sum((scene.params.body_pose[b, 3 * (j - 1) : 3 * j].numpy() - target) ** 2)
         costs.append(cost)
@@ -269,6 +311,21 @@ def upright_by_hand(scene: Scene) -> list[float]:
     return costs
 
 
+def locks_by_hand(scene: Scene) -> list[float]:
+    """3 - trace(R_0^T R) is (2 sin(a / 2))^2."""
+    costs = []
+    for b, frame in enumerate(FRAMES.tolist()):
+        turns = rotations.exp(scene.params.body_pose[b].view(21, 3)).numpy()
+        cost = 0.0
+        for keypoint, joint in (("right_elbow", 19), ("nose", 15), ("left_knee", 4)):
+            lock = LOCKED[frame, kp.INDEX[keypoint]]
+            if np.isfinite(lock).all():
+                there = rotations.exp(torch.as_tensor(lock)).numpy()
+                cost += (6 / np.radians(2)) ** 2 * (3 - np.trace(there.T @ turns[joint - 1]))
+        costs.append(cost)
+    return costs
+
+
 def depth_by_hand(scene: Scene) -> list[float]:
     guesses = [2.0, 3.0, 4.0, 5.0]
     depths = scene.params.camera_translation[:, 2].tolist()
@@ -277,6 +334,8 @@ def depth_by_hand(scene: Scene) -> list[float]:
 
 BY_HAND = {
     "data": data_by_hand,
+    "relative_position": relative_position_by_hand,
+    "held_position": held_position_by_hand,
     "body_pose": body_pose_by_hand,
     "hand_pose": lambda s: squares(torch.cat([s.params.left_hand_pose, s.params.right_hand_pose], 1), 5.0),
     "shape": lambda s: squares(s.params.betas, 7.0),
@@ -286,6 +345,7 @@ BY_HAND = {
     "bending": bending_by_hand,
     "upright": upright_by_hand,
     "rest": rest_by_hand,
+    "locks": locks_by_hand,
     "depth": depth_by_hand,
 }
 """Cost of each term in FRAMES, from the formulas of the method."""
@@ -293,7 +353,7 @@ BY_HAND = {
 
 def test_every_term_is_written_out_by_hand(scene: Scene):
     tested, elsewhere = {type(scene.term(name)) for name in BY_HAND}, {Limits, Collision, Evenness}
-    assert tested == {Data, *(entry.kind for entry in TERMS.values())} - elsewhere
+    assert tested == {Data, RelativePosition, HeldPosition, *(entry.kind for entry in TERMS.values())} - elsewhere
     assert {t.name for o in scene.objectives.values() for t in (*o.terms, *o.shared)} == set(BY_HAND)
 
 
@@ -310,7 +370,7 @@ NEEDED = {
 @pytest.mark.parametrize("name", TERMS)
 def test_terms_are_what_the_table_says_and_have_what_they_declare(free_body: BodyModel, name: str):
     weights = replace(CONFIG.weights, limits=(37.0,) * 5, collision=(1.0,) * 5)
-    detections = hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS)
+    detections = replace(hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS), turn=LOCKED[:2])
     stages = stages_of(free_body, detections, replace(CONFIG, weights=weights))
     term = TERMS[name].make(stages.setting, 4)
     assert type(term) is TERMS[name].kind and term.name == name
@@ -381,7 +441,7 @@ def test_gradient_is_exact(name: str, free: Free, which: str, request: pytest.Fi
 
 
 @pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
-@pytest.mark.parametrize("name", [*(name for name in BY_HAND if name != "data"), Huddle.name])
+@pytest.mark.parametrize("name", [*sorted(set(BY_HAND) - {"data", "relative_position", "held_position"}), Huddle.name])
 @pytest.mark.parametrize("which", ["scene", "latent_scene"])
 def test_matrix_is_gauss_newton(name: str, free: Free, which: str, request: pytest.FixtureRequest):
     """J^T J; Huddle gives no closed form and takes the automatic path."""
@@ -406,6 +466,24 @@ def test_matrix_of_the_data_term_is_reweighted_least_squares(rigid_scene: Scene,
     jacobian = scene.jacobian("pixels", free)
     expected = torch.einsum("bnrd,bnr,bnre->bde", jacobian, weight, jacobian)
     matrix = scene.alone(data, free).normal(scene.state, FRAMES).matrix
+    torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
+
+
+@pytest.mark.parametrize("name", ["relative_position", "held_position"])
+@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
+def test_matrix_of_positions_is_reweighted_least_squares(rigid_scene: Scene, name: str, free: Free):
+    """As of the data term; relative positions do not move with the camera's translation."""
+    scene, term = rigid_scene, rigid_scene.term(name)
+    assert isinstance(term, RelativePosition | HeldPosition)
+    moved = differentiated(
+        lambda s: term.points(scene.estimate(s)),
+        scene.state,
+        free.index(scene.stages.parametrisation.columns),
+    )
+    error, rho = term.errors(scene.estimate()), term.rho[FRAMES]
+    weight = term.weight[FRAMES] ** 2 * rho**4 / (error**2 + rho**2) ** 2
+    expected = torch.einsum("bnrd,bnr,bnre->bde", moved, weight, moved)
+    matrix = scene.alone(term, free).normal(scene.state, FRAMES).matrix
     torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
 
 
@@ -441,7 +519,7 @@ def test_normal_equations_add_up(scene: Scene):
 def test_chunks_change_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch):
     objective = scene.objectives["stage 5"]
     whole = objective.normal(scene.state, FRAMES)
-    monkeypatch.setattr("fitting_core.fit.objective.CHUNK", 2)
+    monkeypatch.setattr("fitting_core.fit.objective.jacobians_at_once", lambda _: 2)
     parts = objective.normal(scene.state, FRAMES)
     for name in ("cost", "gradient", "matrix"):
         expected = getattr(whole, name)
@@ -488,7 +566,7 @@ def test_undetected_keypoints_do_not_count(scene: Scene):
     detections = scene.stages.keypoints
     moved = detections.xy.copy()
     moved[detections.confidence == 0] = -1234.5
-    stages = stages_of(scene.body, replace(detections, xy=moved), CONFIG, camera=CAMERA)
+    stages = with_positions(stages_of(scene.body, replace(detections, xy=moved), CONFIG, camera=CAMERA))
     whole = random_state(stages.parametrisation, T, 11)
     before, after = (s.objective(5, whole, Free()).normal(whole[FRAMES], FRAMES) for s in (scene.stages, stages))
     for name in ("cost", "gradient", "matrix"):

@@ -6,8 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINTS, BodyModel
+from fitting_core.ground.level import Level
+from fitting_core.ground.level import upright as make_upright
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.glb import write_glb
 from fitting_core.io.motion.morphs import corrective_morphs
@@ -71,6 +74,19 @@ def test_the_camera_sees_what_the_fit_s_camera_sees(played: Player, upright: Mot
     below = height / 2 - point[1] / -point[2] * (height / 2 / np.tan(lens.yfov / 2))
     in_camera = point * (1, -1, -1)
     assert below == pytest.approx(910.0 * in_camera[1] / in_camera[2] + height / 2)
+
+
+@pytest.mark.parametrize("height", [None, 1.6])
+def test_the_camera_stands_above_the_floor_as_it_was_held(free_body: BodyModel, tmp_path: Path, height: float | None):
+    level = Level(turn=make_upright(np.array([0.1, -0.9, -0.4])), height=height, text="")
+    motion = replace(swinging(free_body), level=level)
+    write_glb(tmp_path / "x.glb", motion)
+    player = Player.of(tmp_path / "x.glb")
+    node = next(node for node in player.document.nodes if node.camera is not None)
+    # A glTF camera looks along its own -z with y up.
+    seen = (motion.in_axes("y-up").joints() - node.translation) @ Rotation.from_quat(node.rotation).as_matrix()
+    assert np.allclose(seen * (1, -1, -1), motion.joints(), atol=1e-5)
+    assert node.translation[1] == pytest.approx(height or 0.0)
 
 
 def test_trimesh_reads_the_rest_pose(upright: Motion, tmp_path: Path):

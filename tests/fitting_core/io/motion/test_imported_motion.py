@@ -21,6 +21,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.ground.level import Level, upright
 from fitting_core.io import read_motion
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.fitted_motion import Motion
@@ -62,12 +63,20 @@ def test_smplifyx_results_read_back(tiny_body: BodyModel, seed: int, frames: int
     assert found.camera == CAMERA and found.frame_rate == 25 and found.body_hash == tiny_body.hash
 
 
+FLOOR = Level(turn=upright(np.array([0.1, -0.9, -0.4])), height=1.3, text="a floor")
+
+
 @settings(max_examples=20)
-@given(seed=st.integers(0, 10**6), axes=st.sampled_from(["camera", "y-up", "z-up"]), hands=st.sampled_from([12, 45]))
-def test_animations_read_back(tiny_body: BodyModel, seed: int, axes: str, hands: int):
+@given(
+    seed=st.integers(0, 10**6),
+    axes=st.sampled_from(["camera", "y-up", "z-up"]),
+    hands=st.sampled_from([12, 45]),
+    level=st.sampled_from([None, FLOOR]),
+)
+def test_animations_read_back(tiny_body: BodyModel, seed: int, axes: str, hands: int, level: Level | None):
     motion = Motion(
         body=tiny_body, params=params(seed, 3, hands=hands, angle=0.4), camera=CAMERA, frame_rate=29.97, name="w",
-        first_frame=7,
+        first_frame=7, level=level,
     ).one_shape  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "walk.npz"

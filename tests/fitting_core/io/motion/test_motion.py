@@ -8,6 +8,7 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
+from fitting_core.ground.level import Level, upright
 from fitting_core.io.motion.fitted_motion import AXES, stated, stated_by_frame
 from tests.fitting_core.io.motion.motions import meshes, swinging
 
@@ -78,3 +79,44 @@ def test_all_that_users_miss_elsewhere_is_stated(tiny_body: BodyModel):
 def test_unknown_axes_are_named(tiny_body: BodyModel):
     with pytest.raises(InputError, match="camera, y-up, z-up"):
         swinging(tiny_body).in_axes("x-up")
+
+
+TILT = np.radians(20)
+UP = np.array([0.0, -np.cos(TILT), -np.sin(TILT)])
+"""In a camera that looks down by 20 degrees."""
+FLOOR = Level(turn=upright(UP), height=1.6, text="as it is")
+
+
+@pytest.mark.parametrize(("axes", "vertical"), [("y-up", 1), ("z-up", 2)])
+def test_with_a_floor_heights_are_heights_above_it(free_body: BodyModel, axes: str, vertical: int):
+    camera = replace(swinging(free_body), level=FLOOR)
+    world = camera.in_axes(axes)
+    assert np.allclose(world.joints()[..., vertical], camera.joints() @ UP + 1.6, atol=1e-5)
+    assert np.allclose(meshes(world)[..., vertical], meshes(camera) @ UP + 1.6, atol=1e-5)
+    assert (
+        world.camera_place[vertical] == pytest.approx(1.6) and abs(np.delete(world.camera_place, vertical)).max() == 0
+    )
+    assert "floor is at height 0" in stated(world)["axes_text"] and stated(world)["ground"] == "as it is"
+
+
+@pytest.mark.parametrize("start", AXES)
+@pytest.mark.parametrize("axes", AXES)
+def test_what_is_stated_gets_from_the_camera_into_the_world(tiny_body: BodyModel, start: str, axes: str):
+    camera = replace(swinging(tiny_body), level=FLOOR)
+    said = stated(camera.in_axes(start).in_axes(axes))
+    expected = camera.joints() @ np.array(said["camera_to_world"]).T + said["camera_place"]
+    assert np.allclose(camera.in_axes(start).in_axes(axes).joints(), expected, atol=1e-5)
+
+
+def test_gravity_alone_turns_and_moves_nothing(tiny_body: BodyModel):
+    camera = replace(swinging(tiny_body), level=replace(FLOOR, height=None))
+    world = camera.in_axes("y-up")
+    assert np.allclose(world.joints()[..., 1], camera.joints() @ UP, atol=1e-5)
+    said = stated(world)
+    assert said["camera_place"] == [0, 0, 0] and "by gravity" in said["axes_text"] and "floor" not in said["axes_text"]
+
+
+def test_without_a_level_the_camera_counts_as_held_level(tiny_body: BodyModel):
+    said = stated(swinging(tiny_body).in_axes("y-up"))
+    assert said["camera_to_world"] == [list(row) for row in AXES["y-up"].from_camera]
+    assert "the camera stands at the origin" in said["axes_text"] and "not known" in said["ground"]

@@ -1,5 +1,6 @@
 """Picture, body and keypoints of a frame reach the screen together, in a real browser."""
 
+import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -110,10 +111,12 @@ def test_no_drawing_mixes_two_frames(scene: Scene):
 
 
 def test_a_frame_is_drawn_once(scene: Scene):
+    began = time.monotonic()
     scene.show(30)
     scene.until_shown(30)
-    # viser itself draws now and then, once a second.
-    assert len(scene.drawn()) <= 2
+    drawn = scene.drawn()
+    # viser itself draws once a second, and a busy machine may take seconds to come here.
+    assert len(drawn) <= 2 + int(time.monotonic() - began)
 
 
 def test_frames_that_come_faster_than_they_are_decoded_keep_their_order(scene: Scene):

@@ -1,11 +1,14 @@
 """How far a job is, in the timeline."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from fitting_core.fit.provenance import Provenance
+from fitting_core.keypoints import INDEX
+from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.fitting.job_progress import RunningJob
-from tcfit_app.review.drawing.timeline import PLOTTED, fit_spans, origins
-from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.drawing.timeline import fit_spans, keyframes, origins, suspicions
 
 
 def job(phase: int | None, *windows: range) -> RunningJob:
@@ -19,6 +22,11 @@ def spans(found: RunningJob, frames: range) -> list[tuple[int, int, str]]:
 def test_a_whole_fit_covers_the_clip_phase_by_phase():
     clip = range(100)
     assert spans(job(None), clip) == spans(job(1), clip) == [(0, 99, "fitting")]
+    assert spans(job(1, range(0, 13), range(13, 40)), clip) == [
+        (0, 12, "phase1"),
+        (13, 39, "phase1"),
+        (40, 99, "fitting"),
+    ]
     assert spans(job(2), clip) == [(0, 99, "phase1")]
     assert spans(job(3, range(0, 20), range(20, 27)), clip) == [(0, 19, "done"), (20, 26, "done"), (27, 99, "phase2")]
     assert spans(job(3, clip), clip) == [(0, 99, "done")]
@@ -39,5 +47,16 @@ def test_where_frames_came_from_is_told_once_for_all_alike():
     assert told[0] == told[2] != told[3]
 
 
-def test_the_curve_of_a_new_page_can_be_plotted():
-    assert TabState().curve in PLOTTED
+def test_suspicions_come_in_the_order_of_frames():
+    late = Suspect(frame=7, frames=range(6, 9), score=4.123, kind="cost", reason="late", joints=(), also=())
+    early = replace(late, frame=2, frames=range(2, 3), score=1.5, reason="early")
+    first, last = suspicions([late, early]).found
+    assert (first.reason, last.reason) == ("early", "late")
+    assert (last.first, last.last, last.frame, last.score) == (6, 8, 7, 4.12)
+
+
+def test_keyframes_say_whose_they_are():
+    wrist, elbow = INDEX["right_wrist"], INDEX["right_elbow"]
+    found = [keyframes(np.array([3, 5]), joints) for joints in ((), (wrist,), (wrist, elbow))]
+    assert {state.frames for state in found} == {(3, 5)}
+    assert [state.subject for state in found] == ["a keypoint", "right wrist", "one of 2 selected keypoints"]

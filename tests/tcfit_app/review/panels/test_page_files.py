@@ -1,5 +1,6 @@
 """Everything typed into a page that is a path: a page that is open elsewhere reads no file of the user's."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from tcfit_app.server.page_files import PageFiles
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_video
 from tests.samples.spot_clips import empty_project, spot_video
+from tests.tcfit_app.hostile.paths import hostile_paths
 
 PRESSED = {
     "video": ("New place", "review.relink"),
@@ -82,10 +84,22 @@ def test_with_a_folder_for_them_what_lies_elsewhere_is_refused(page: LonePage, n
     assert untouched(page) and not page.page.tab.session.source.busy
 
 
-@pytest.mark.parametrize("path", ["/dev/zero", "a\0b", 5000 * "x", "~nosuchuser/x"])
-def test_what_is_no_file_is_told_as_the_users_mistake(page: LonePage, named: str, path: str):
-    name(page, named, path)
-    assert [notice.title for notice in page.notices] == ["That cannot be done"]
+def test_what_is_no_such_file_is_told_as_the_users_mistake(page: LonePage, named: str, tmp_path: Path):
+    """Every kind of path that commands are tried with, and one that no command line can have."""
+    for kind, path in {**hostile_paths(tmp_path / "hostile"), "NUL": "a\0b"}.items():
+        if "UTF-8" in kind:
+            path = path.encode("utf-8", "replace").decode()  # as a browser sends what is no text
+        began = time.monotonic()
+        name(page, named, path)
+        page.until(lambda: not page.page.tab.session.source.busy)
+        going = page.page.tab.session.source.going
+        told = [(notice.title, notice.text) for notice in page.notices]
+        if going is not None and going.state == "failed":
+            told.append((going.title, going.text))
+            page.page.tab.session.source.going = None
+        assert told and "Something went wrong" not in str(told), (kind, told)
+        assert time.monotonic() - began < 20, kind
+    assert untouched(page)
 
 
 @pytest.mark.parametrize("named", ["video"], indirect=True)

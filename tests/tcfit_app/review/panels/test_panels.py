@@ -13,14 +13,12 @@ from viser._icons import svg_from_icon
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
-from tcfit_app.analysis.curves import BETWEEN, Curve
-from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.project.project import Project
-from tcfit_app.review.browser.page_events import Drag
-from tcfit_app.review.drawing.timeline import PLOTTED
-from tcfit_app.review.gestures.actions import surroundings, zoom_to_selection
+from tcfit_app.review.browser.page_events import Drag, LookAt
+from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
@@ -51,7 +49,8 @@ def suspect(frame: int, *, reason: str = "left wrist 42 px off", joints: tuple[i
 
 
 def with_suspects(tested: LonePage, *found: Suspect) -> None:
-    tested.page.tab.desk.suspects = lambda shown: found  # pyright: ignore[reportAttributeAccessIssue]
+    queue = ReviewQueue(left=found, looked_at=1)
+    tested.page.tab.data.queue = lambda shown: queue  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_nothing_is_sent_when_nothing_has_changed(tested: LonePage):
@@ -82,27 +81,26 @@ def test_only_keypoints_in_the_picture_are_zoomed_to(tested: LonePage, monkeypat
 def test_zooming_leaves_room_and_stays_in_the_picture(size: tuple[int, int]):
     width, height = size
     middle, diagonal = np.array([[width / 2, height / 2]]), np.hypot(*size)
-    assert np.allclose(surroundings(middle, size), middle + diagonal / 12 * np.array([[-1], [1]]))
+    assert np.allclose(surroundings(middle, size), middle + diagonal / 30 * np.array([[-1], [1]]))
     corners = np.array([[0.0, 1.0], [width, height - 1]])
     assert np.allclose(surroundings(corners, size), [[0, 0], [width, height]])
-    assert np.allclose(surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 12)])
+    assert np.allclose(surroundings(np.array([[-9.0, 1.0]]), size)[0], [-9, max(0, 1 - diagonal / 30)])
     length, along = max(size), int(np.argmax(size))
     far = np.ones((2, 2))
     far[:, along] = length / 4, 3 * length / 4
-    assert np.allclose(surroundings(far, size)[:, along], [length / 8, 7 * length / 8])
+    assert np.allclose(surroundings(far, size)[:, along], [0.15 * length, 0.85 * length])
 
 
-def test_in_3d_nothing_that_is_not_on_show_gets_selected(tested: LonePage):
+def test_keypoints_are_selected_in_every_mode_but_not_while_they_are_hidden(tested: LonePage):
     page = tested.page
-    page.tab.set(mode="space")
-    with pytest.raises(InputError, match="In 3D no keypoints are on show"):
+    page.tab.set(keypoints=False)
+    with pytest.raises(InputError, match="Keypoints are hidden"):
         page.gestures.correcting.select_all()
     assert page.tab.state.selection == ()
-    page.tab.set(mode="ab")
+    page.tab.set(mode="space", keypoints=True)
     page.gestures.correcting.select_all()
     chosen = page.tab.state.selection
-    page.tab.set(mode="space")
-    page.gestures.correcting.toggle_bad()  # chosen where it could be seen
+    page.gestures.correcting.toggle_bad()
     assert chosen and page.tab.session.project.corrected.bad[0, list(chosen)].all()
 
 
@@ -183,12 +181,7 @@ def test_view_inputs(tested: LonePage):
     tested.enter("Frame", FIRST + 4)
     assert page.tab.state.frame == 4
     tested.enter("Min. conf.", 0.35)
-    tested.enter("Timeline", "Jitter (mm/frame²)")
-    assert (page.tab.state.minimum, page.tab.state.curve) == (0.35, "jitter")
-    for title in tested.field("Timeline").options:
-        tested.enter("Timeline", title)
-        tested.draw()
-    assert page.tab.state.curve == list(PLOTTED)[-1]
+    assert page.tab.state.minimum == 0.35
 
 
 def test_view_buttons(tested: LonePage):
@@ -239,7 +232,10 @@ def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     assert f"apply to frames {FIRST + 1}–{FIRST + 3}<" in tested.html()
     tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
+    assert f">Restore, frames {FIRST + 1}–{FIRST + 3}</span><kbd>X</kbd>" in tested.html()
+    page.tab.set(frames=None)
     assert ">Restore</span><kbd>X</kbd>" in tested.html()
+    page.tab.set(frames=range(1, 4))
     tested.press("keypoints.bad", "left_hand")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=tuple(range(25, 46)))
     tested.press("keypoints.restore", "left_hand")
@@ -331,7 +327,7 @@ def test_history(tested: LonePage):
     tested.press("action", "redo")
     page.tab.author = "another"
     tested.press("action", "undo")
-    assert page.tab.message[0].endswith("(made in another tab)")
+    assert page.tab.message[0].endswith("(made in another browser)")
     shown = tested.html()
     assert "Nothing to undo" in shown and f"Redo: right wrist marked bad, frame {FIRST}<" in shown
     assert 'class="tcfit-off"' in shown
@@ -339,23 +335,27 @@ def test_history(tested: LonePage):
     tested.press("keypoints.visit", str(page.tab.session.project.log[0].id))
     assert page.tab.state.frame == 0 and page.tab.state.selection == (4,) and not page.tab.state.suggested
     tested.press("keypoints.follow")
-    assert not page.tab.session.following.after_edits
+    assert not page.tab.session.edit_follower.after_edits
 
 
 def test_the_review_queue(tested: LonePage):
     page = tested.page
     with_suspects(tested, suspect(4), replace(suspect(2), reason="nose off", joints=(0,)))
     shown = tested.html()
-    assert "2 left, 0 flagged, 0 checked" in shown and "left wrist 42 px off" in shown
+    assert "1 of 3 looked at; flagged frames: 0" in shown and "left wrist 42 px off" in shown
     tested.press("review.go", "2 cost")
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (2, (0,), True)
     assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost"' in tested.html()
+    page.receive(LookAt(frame=4, kind="cost"))
+    assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (4, (7,), True)
+    page.receive(LookAt(frame=3, kind="cost"))
+    assert page.tab.state.frame == 4, "there is no such entry any more"
+    tested.press("review.go", "2 cost")
     tested.press("action", "flag")
     tested.press("action", "next_suspect")
     assert page.tab.state.frame == 4
     tested.press("action", "fine")
-    shown = tested.html()
-    assert "1 flagged, 1 checked" in shown
+    assert "flagged frames: 1" in tested.html()
     page.tab.seek(0)
     tested.press("review.frame", "2")
     assert page.tab.state.frame == 2 and "Take flag away" in tested.html()
@@ -381,6 +381,25 @@ def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
     assert not marks.all()
 
 
+def test_undo_takes_flags_and_looks_fine_back(tested: LonePage):
+    page, marks = tested.page, tested.page.tab.session.project.marks
+    with_suspects(tested)
+    known = page.tab.session.edits
+    page.tab.seek(2)
+    tested.press("action", "flag")
+    page.tab.seek(3)
+    tested.press("action", "fine")
+    assert f"Undo: marked as looking fine, frame {FIRST + 3}" in tested.html()
+    page.tab.seek(0)
+    tested.press("action", "undo")
+    assert list(marks.all()) == [2] and page.tab.state.frame == 3
+    assert page.tab.message[0] == f"Undone: marked as looking fine, frame {FIRST + 3}"
+    tested.press("action", "undo")
+    assert not marks.all() and page.tab.state.frame == 2 and f"Redo: flagged, frame {FIRST + 2}" in tested.html()
+    tested.press("action", "redo")
+    assert marks.all()[2].state == "flag" and page.tab.session.edits == known, "no keypoint is another"
+
+
 def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
     page, queue = tested.page, [suspect(frame) for frame in (4, 2, 5, 3)]
     with_suspects(tested, *queue)
@@ -388,12 +407,13 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
         tested.press("action", "next_suspect")
     assert page.tab.state.frame == 2
 
-    def made_anew(shown: object) -> tuple[Suspect, ...] | None:
+    def made_anew(shown: object) -> ReviewQueue | None:
         checked = page.tab.session.project.marks.all()
-        return tuple(found for found in queue if found.frame not in checked) if ready else None
+        left = tuple(found for found in queue if found.frame not in checked)
+        return ReviewQueue(left=left, looked_at=len(checked)) if ready else None
 
     ready = True
-    page.tab.desk.suspects = made_anew  # pyright: ignore[reportAttributeAccessIssue]
+    page.tab.data.queue = made_anew  # pyright: ignore[reportAttributeAccessIssue]
     mark = page.tab.session.mark
 
     def marked(*given: Any, **named: Any) -> None:
@@ -412,7 +432,7 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
 
 
 def test_the_review_queue_while_there_is_none(tested: LonePage):
-    tested.page.tab.desk.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.data.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     assert "Looking for suspicious frames" in tested.html()
 
 
@@ -475,16 +495,29 @@ def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LoneP
     assert sorted(page.tab.session.project.marks.all()) == [1, 2, 3]
 
 
-def test_the_distance_between_a_and_b_in_the_timeline(tested: LonePage):
-    page = tested.page
-    found = Curve(name=BETWEEN, title="", unit="mm", values=np.arange(6.0))
-    page.tab.desk.between = lambda a, b: found  # pyright: ignore[reportAttributeAccessIssue]
-    page.tab.set(curve=BETWEEN)
-    page.tab.look()
-    page.timeline.draw()
-    calls = [call.args[0].source for call in page.tab.client._websock_connection.queue_message.call_args_list]  # pyright: ignore[reportAttributeAccessIssue]
-    timeline = next(source for source in reversed(calls) if '"timeline"' in source)
-    assert "Distance between A and B" in timeline and "[0.0,1.0,2.0,3.0,4.0,5.0]" in timeline
+def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
+    page, project = tested.page, tested.page.tab.session.project
+    page.tab.set(frames=range(1, 4), selection=(4,))
+    page.tab.seek(5)
+    page.gestures.correcting.nudge(1.0, 0.0)  # of the frame on show alone
+    known = len(project.log)
+    changing = ("bad", "reset", "copy", "interpolate", "swap_body", "mirror_depth", "clear_depth", "fine", "flag")
+    for name in changing:
+        with pytest.raises(InputError, match=f"frames {FIRST + 1}–{FIRST + 3}, and frame {FIRST + 5} is on show"):
+            tested.press("action", name)
+    for command in (("keypoints.confidence", ""), ("keypoints.bad", "face"), ("keypoints.swap", "legs")):
+        with pytest.raises(InputError, match="is on show"):
+            tested.press(*command)
+    assert len(project.log) == known and not project.marks.all()
+    assert "nothing is changed" in tested.html()
+    tested.press("frames.go")
+    assert page.tab.state.frame == 1 and "nothing is changed" not in tested.html()
+    tested.press("action", "bad")
+    assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=(4,))
+    page.tab.seek(5)
+    tested.press("frames.none")
+    tested.press("action", "flag")
+    assert list(project.marks.all()) == [5]
 
 
 def test_icons_are_viser_s_own(monkeypatch: pytest.MonkeyPatch):

@@ -30,6 +30,7 @@ def test_buttons_work_and_show_their_state(opened: Reviewing):
     assert opened.page.tab.state.mode == "space"
     opened.tab.locator("[data-value=edit]").click()
     until(lambda: opened.page.tab.state.mode == "edit")
+    until(lambda: opened.tab.locator("[data-value=edit][aria-pressed=true]").count() > 0, "the panel as it is in Edit")
 
 
 def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
@@ -76,6 +77,11 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
     opened.tab.get_by_text("Keypoints", exact=True).first.click()
     opened.tab.locator("tr[data-tcfit='keypoints.visit']").first.click()
     until(lambda: opened.page.tab.state.frame == 3)
+    opened.page.tab.do(lambda: opened.page.tab.seek(0))
+    until(lambda: opened.page.tab.state.frame == 0)
+    opened.tab.locator("tr button[data-tcfit='keypoints.visit']").first.focus()
+    opened.tab.keyboard.press("Enter")
+    until(lambda: opened.page.tab.state.frame == 3)
     opened.tab.locator("[data-value=undo]").click()
     until(lambda: opened.tab.locator("tr.tcfit-off").count() == 1)
 
@@ -84,19 +90,31 @@ def test_a_row_leads_to_its_frame(opened: Reviewing):
     "keys", [["Backspace"], ["7", "Backspace"], ["7", "Backspace", "-"], ["End", *3 * ["Backspace"]]]
 )
 def test_an_emptied_number_field_gets_its_value_back(opened: Reviewing, keys: list[str]):
-    def weight() -> float:
-        return opened.page.tab.state.settings.config.temporal.weight
-
-    opened.tab.get_by_role("tab", name="Fit").click()
+    opened.tab.get_by_role("tab", name="View", exact=True).click()
     field = opened.tab.locator(".mantine-NumberInput-input:visible").first
-    field.fill("250")
-    until(lambda: weight() == 250)
+    field.fill("7")
+    until(lambda: opened.frame + opened.page.tab.first_frame == 7, "frame 7")
     field.press("Control+a")
     for key in keys:
         field.press(key)
     assert field.input_value() in ("", "-")
     field.press("Tab")
-    until(lambda: field.input_value() == "250" and weight() == 250)
+    until(lambda: field.input_value() == "7" and opened.frame + opened.page.tab.first_frame == 7)
+    opened.tab.evaluate("document.activeElement.blur()")
+
+
+def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Fit").click()
+    field = opened.tab.get_by_label("w_T", exact=True)
+    field.press("Control+a")
+    opened.tab.keyboard.type("1e3")
+    until(lambda: opened.page.tab.state.settings.config.temporal.weight == 1000)
+    assert field.input_value() == "1e3"
+    field.press("Control+a")
+    opened.tab.keyboard.type("1e9")
+    opened.tab.get_by_text("w_T is 1e9; expected a number, 0 to 100,000.").wait_for()
+    field.fill("100")
+    until(lambda: not opened.page.tab.state.settings.problems)
     opened.tab.evaluate("document.activeElement.blur()")
 
 

@@ -15,7 +15,7 @@ from fitting_core.config.toml import as_toml
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.review.panels.fit.fit_panel import POINTS, FitPanel, charted, curves
-from tcfit_app.review.panels.fit.fit_settings import differences, nearest_preset
+from tcfit_app.review.panels.fit.fit_settings import LABELS, differences, nearest_preset
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.samples.sessions import QUICK
@@ -29,10 +29,10 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
 
 def test_what_is_entered_is_in_the_run(tested: LonePage):
     page = tested.page
-    tested.enter("w_T", 42.5)
+    tested.enter("w_T", "42.5")
     tested.enter("Mode", "sliding window")
-    tested.enter("Window", 3)
-    tested.enter("Focal length", 1000.0)
+    tested.enter("Window", "3")
+    tested.enter("Focal length", "1000")
     tested.click("Fit everything")
     (job,) = page.tab.session.jobs.values()
     assert job.run is not None
@@ -60,15 +60,22 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
 @pytest.mark.parametrize(
     ("label", "value", "said"),
     [
-        ("Window", 1, "expected 2 or more"),
-        ("Window", 2.5, "whole number"),
-        ("w_T", -1.0, "0 or more"),
-        ("Focal length", 0.0, "above 0"),
+        ("Window", "1", "Window is 1; expected a whole number, 2 to "),
+        ("Window", "500", "Window is 500; expected a whole number, 2 to {frames} (the clip has {frames} frames)."),
+        ("Window", "2.5", "Window is 2.5; expected a whole number"),
+        ("w_T", "1e9", "w_T is 1e9; expected a number, 0 to 100,000."),
+        ("w_T", "-1", "w_T is -1; expected a number, 0 to 100,000."),
+        ("w_T", "nan", "w_T is nan; expected"),
+        ("w_T", " ", "w_T is empty; expected"),
+        ("Seed", "1.5", "Seed is 1.5; expected a whole number"),
+        ("Shape frames", "0", "Shape frames is 0; expected a whole number, 1 to {frames}"),
+        ("Focal length", "0", "Focal length is 0; expected a number, 1 to 1,000,000 (pixels)."),
         ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
-        ("Around", -1, "0 to 1000"),
+        ("Around", "-1", "Around is -1; expected a whole number, 0 to 1,000."),
     ],
 )
 def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, value: object, said: str):
+    said = said.format(frames=tested.page.tab.length)
     tested.enter(label, value)
     assert said in tested.html()
     assert tested.field(label).value == value, "it stays, to be put right"
@@ -86,13 +93,13 @@ def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, va
 def test_a_preset_sets_everything_and_changes_are_named(tested: LonePage):
     tested.enter("Preset", "tcfit")
     assert tested.page.tab.state.settings.config == PRESETS["tcfit"] and "Back to the preset" not in tested.html()
-    tested.enter("w_T", 5.0)
-    tested.enter("Window", 9)
-    assert "w_T, window size" in tested.html()
+    tested.enter("w_T", "5")
+    tested.enter("Window", "3")
+    assert "w_T, window" in tested.html()
     tested.click("Back to the preset")
     tested.draw()
     assert tested.page.tab.state.settings.config == PRESETS["tcfit"]
-    assert tested.field("w_T").value == 100.0 and tested.field("Window").value == 7
+    assert tested.field("w_T").value == "100" and tested.field("Window").value == "7"
 
 
 def test_all_settings_as_a_text(tested: LonePage):
@@ -120,7 +127,7 @@ def test_echoes_of_the_server_are_ignored(tested: LonePage):
 
 def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
     assert not tested.draw()
-    tested.enter("w_T", 5.0)
+    tested.enter("w_T", "5")
     assert tested.draw()
     assert not tested.draw()
 
@@ -129,14 +136,28 @@ def test_typing_on_is_not_overwritten(tested: LonePage):
     """Two values come in before the drawing thread takes the first."""
     waiting: list = []
     tested.page.tab._do = waiting.append
-    tested.enter("w_T", 1.0)
-    tested.enter("w_T", 12.0)
+    tested.enter("w_T", "1")
+    tested.enter("w_T", "12")
     waiting.pop(0)()
     tested.draw()
-    assert tested.field("w_T").value == 12.0
+    assert tested.field("w_T").value == "12"
     waiting.pop(0)()
     tested.draw()
-    assert tested.field("w_T").value == 12.0 == tested.page.tab.state.settings.config.temporal.weight
+    assert tested.field("w_T").value == "12" and tested.page.tab.state.settings.config.temporal.weight == 12.0
+
+
+def test_a_number_that_is_being_typed_stays_as_it_is(tested: LonePage):
+    for typed, value in (("5.", 5.0), ("1e2", 100.0), ("0.50", 0.5)):
+        tested.enter("w_T", typed)
+        tested.draw()
+        assert tested.field("w_T").value == typed and tested.page.tab.state.settings.config.temporal.weight == value
+
+
+def test_every_field_has_a_hint_and_numbers_their_range(tested: LonePage):
+    for name in ("Preset", *LABELS.values(), "Body model", "Gender", "Focal length", "Around"):
+        assert tested.field(name).hint, name
+    for name in ("w_T", "Window", "Shape frames", "Seed", "Focal length", "Around"):
+        assert " to " in tested.field(name).hint, name
 
 
 def test_cancel_and_what_remains_to_be_seen(tested: LonePage):
@@ -152,6 +173,24 @@ def test_cancel_and_what_remains_to_be_seen(tested: LonePage):
     assert [run.state for run in session.fits.runs] == ["cancelled"] * 2
     shown = tested.html()
     assert "cancelled" in shown and "fit.cancel" not in shown
+
+
+def test_cancel_is_left_alone_while_the_progress_goes_on(tested: LonePage):
+    """A button that is made anew loses the focus; and no button moves when a fit begins."""
+    session = tested.page.tab.session
+    tested.click("Fit everything")
+    tested.until(lambda: next(iter(session.jobs.values())).progress)
+    progress = next(panel for panel in tested.panels if isinstance(panel, FitPanel))._progress
+    button, said = progress._buttons._content, set()
+    while session.jobs and len(said) < 5:
+        tested.draw()
+        said.add(progress._said._content)
+        assert progress._buttons._content == button or not session.jobs
+        session.take_news()
+    assert "fit.cancel" in button and len(said) == 5
+    shown = tested.html()
+    assert shown.index("Fit everything") < shown.index("Re-run shape") < shown.index("fit.cancel")
+    tested.until(lambda: not session.jobs)
 
 
 def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
@@ -192,7 +231,7 @@ def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
     assert session.frames_edited_since(run) == set() and session.edits_since(run) == 0
     session.redo(author="test")
     session.mark([5], "flag", author="test")
-    tested.enter("Around", 0)
+    tested.enter("Around", "0")
     tested.click("Re-run around edits: 1, 5")
     tested.until(lambda: not session.jobs)
     again = session.fits.fit(session.fits.runs[-1]).last.params.body_pose

@@ -22,9 +22,10 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.motion.fitted_motion import Progress
 from tcfit_app.analysis.curves import peaks
+from tcfit_app.analysis.run_metrics import Metric
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
-from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.project.edits.kinds import MoveKeypoint
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
@@ -32,6 +33,7 @@ from tcfit_app.review.browser.page_events import Press
 from tcfit_app.review.panels import compare_panel as compare
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.export_panel import ExportPanel
+from tcfit_app.review.panels.runs.run_texts import short
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tcfit_app.review.panels.view_panel import run_names
 from tcfit_app.review.tab.state import FitSettings
@@ -131,7 +133,7 @@ def test_corrections_have_no_times_of_their_parent_and_a_cost_for_each_phase(pan
     tested.until(lambda: "<dt>Phases</dt>" in tested.html())
     shown = tested.html()
     assert "<dt>Took</dt>" not in shown
-    assert "<dt>Phases</dt><dd>every frame, shape, over time</dd>" in shown
+    assert "<dt>Phases</dt><dd>per frame, shared shape, temporal</dd>" in shown
     costs = shown.partition("<dt>Cost</dt><dd>")[2].partition("</dd>")[0].split(", ")
     assert len(costs) == 3 and costs[2] == f"{fit.last.frame_cost.mean():.4g} without the temporal term"
 
@@ -148,6 +150,15 @@ def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
     tested.click("Use its settings")
     settings = tested.page.tab.state.settings
     assert (settings.config, settings.preset, settings.focal) == (QUICK, "paper", None)
+
+
+def test_choices_of_a_setting_read_as_in_its_field():
+    assert [short(value) for value in ("sliding_window", 2.5, None, (1, 2))] == [
+        "sliding window",
+        "2.5",
+        "none",
+        "1, 2",
+    ]
 
 
 def test_a_run_without_a_name_is_refused(panel_of: Opener):
@@ -176,10 +187,57 @@ def test_two_fits_are_compared(panel_of: Opener, monkeypatch: pytest.MonkeyPatch
     tested = panel_of(ComparePanel)
     assert "There is none yet" in tested.html()
     tested.fit()
-    assert "Being measured" in tested.html()
+    assert "Measuring" in tested.html()
     tested.until(lambda: "Jitter" in tested.html() and "compare.frame" in tested.html())
     tested.press("compare.frame", "3")
     assert tested.page.tab.state.frame == 3
+
+
+def test_the_selected_frames_have_figures_of_their_own(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(compare, "SETTLING", 0.0)
+    tested = panel_of(ComparePanel)
+    tested.fit()
+    assert "Selected" not in tested.html()
+    tab = tested.page.tab
+    tab.set(frames=range(2, 6))
+    tested.until(lambda: tested.html().count("B − A") >= 2)
+    first = tab.first_frame
+    assert f"Selected frames {first + 2}–{first + 5}" in tested.html() and "Whole clip" in tested.html()
+    shown = tab.look().b
+    assert shown is not None and shown.result is not None
+    values = {metric.name: metric.value for metric in _metrics(tested, shown, range(2, 6))}
+    errors = tab.data.posed(shown)().errors[2:6]
+    assert values["reprojection_median"] == pytest.approx(np.nanmedian(errors))
+    assert "seconds" not in values and not any(name.startswith("cost_") for name in values)
+    tab.set(frames=None)
+    assert "Selected" not in tested.html()
+
+
+def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    first = tested.fit()
+    tab, session = tested.page.tab, tested.page.tab.session
+    assert tested.button("Compare with its parent").disabled
+    tab.set(frames=range(2, 5))
+    tested.page.gestures.fitting.frames()
+    rerun = session.fits.runs[-1]
+    assert (tab.state.a.run, tab.state.b.run) == (first.id, rerun.id)
+    tested.until(lambda: not session.jobs)
+    a, b = tab.look().a, tab.look().b
+    assert a is not None and b is not None and (a.run.id, b.run.id) == (first.id, rerun.id)
+    seconds = {metric.name: metric.value for metric in _metrics(tested, b)}["seconds"]
+    assert b.result is not None and seconds == pytest.approx(b.result.seconds), "its own, not its parent's"
+    tab.set(a=FitChoice(), b=FitChoice())
+    tested.draw()
+    tested.click("Compare with its parent")
+    assert (tab.state.mode, tab.state.a.run, tab.state.b.run) == ("ab", first.id, rerun.id)
+
+
+def _metrics(tested: LonePage, shown: Shown, frames: range | None = None) -> tuple[Metric, ...]:
+    found: list[tuple[Metric, ...] | None] = []
+    tested.until(lambda: found.append(tested.page.tab.data.metrics(shown, frames)) or found[-1] is not None)
+    assert found[-1] is not None
+    return found[-1]
 
 
 def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -302,7 +360,7 @@ def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of
     tested.press("export.side", "A")
     tested.page.tab.set(frames=range(2, 5))
     tested.press("export.frames", "selected")
-    assert name("npz") == f"-run{run.id}-SMPLify-X-2-4.smplx.npz"
+    assert name("npz") == f"-run{run.id}-per-frame-2-4.smplx.npz"
     assert name("figures") == "-2-4.figures.csv", "it shows A and B"
     assert name("pose") == "-2-4.pose" and name("project") == ".tcfit.zip"
     tested.page.tab.set(frames=None, a=FitChoice(phase=2))

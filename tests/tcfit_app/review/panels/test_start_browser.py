@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import viser
 
 from fitting_core.detect import known_models
 from fitting_core.keypoints import INDEX
+from tcfit_app.server.uploads import UPLOAD_BYTES, Uploads
 from tests.drivers.review_page import Reviewing, opened, reviewing, until
 from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_model, spot_video
 
@@ -71,6 +73,30 @@ def test_an_archive_is_uploaded(review: Reviewing, tmp_path: Path):
     chooser.value.set_files(archive)
     until(lambda: review.session.project.has_detections)
     until(lambda: drawn(review) == 137)
+
+
+def test_a_file_that_is_too_large_stays_here_and_the_next_one_is_uploaded(
+    review: Reviewing, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    archive = shutil.make_archive(str(tmp_path / "kp"), "zip", keypoint_files(tmp_path / "kp"))
+    large = tmp_path / f"{'very ' * 20}large 🎥.zip"
+    with large.open("wb") as file:
+        file.truncate(UPLOAD_BYTES + 1)
+    begun: list[int] = []
+    begin = Uploads.begin
+    monkeypatch.setattr(Uploads, "begin", lambda self, file: begun.append(file.size_bytes) or begin(self, file))
+    for path in (large, archive):
+        with review.tab.expect_file_chooser() as chooser:
+            review.tab.get_by_text("Upload a file or ZIP").click()
+        chooser.value.set_files(path)
+        if path == large:
+            review.tab.get_by_text("expected at most 256 MB").wait_for()
+            assert "large 🎥.zip cannot be uploaded" in review.tab.inner_text("body")
+    until(lambda: review.session.project.has_detections)
+    assert begun == [Path(archive).stat().st_size]
+    inputs = review.page.tab.client.gui._gui_input_handle_from_uuid.values()
+    files = [handle.value.content for handle in inputs if isinstance(handle, viser.GuiUploadButtonHandle)]
+    assert files and not any(files), "viser keeps none"
 
 
 def test_detection_runs_beside_the_video(review: Reviewing, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

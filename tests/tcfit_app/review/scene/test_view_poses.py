@@ -9,43 +9,47 @@ import numpy as np
 import pytest
 from viser import _messages
 
-from tcfit_app.review.scene.poses import POSTER_FOV, Pose, Window, overview_pose, poster_pose, space_pose
+from fitting_core.camera import Camera
+from fitting_core.ground.level import upright
+from tcfit_app.review.scene.poses import (
+    POSTER_FOV,
+    SPACE_FROM,
+    Pose,
+    Rectangle,
+    Window,
+    filming_pose,
+    named_pose,
+    overview_pose,
+    poster_pose,
+    space_pose,
+)
 from tcfit_app.review.scene.scene import Cameras
+from tcfit_app.review.scene.space import frustum
+from tcfit_app.review.scene.windows import Division, divide
 
-ONE = (-0.8, -0.5, 0.8, 0.5)
-TWO = (-1.7, -0.5, 1.7, 0.5)
+WIDTH = 1.6
+CORNERS = (-0.8, -0.5), (0.8, 0.5)
 BOUNDS = np.array([[-0.4, -0.9, 3.0], [0.5, 0.9, 3.6]])
 WINDOW = Window(width=1440, height=900, covered=132)
 
 
-def on_screen(pose: Pose, point: tuple[float, float], window: Window) -> tuple[float, float]:
-    """Where a point of the poster plane is seen in the window."""
-    scale = window.height / (2 * -pose.position[2] * math.tan(pose.fov / 2))
+def on_screen(pose: Pose, point: tuple[float, float], window: Rectangle, canvas: Window) -> tuple[float, float]:
+    """Where a point of the picture is seen in a window of the canvas."""
+    scale = canvas.height / (2 * -pose.position[2] * math.tan(pose.fov / 2))
+    left, top, right, bottom = window
     return (
-        window.width / 2 + scale * (point[0] - pose.position[0]),
-        window.height / 2 + scale * (point[1] - pose.position[1]),
+        (left + right) / 2 + scale * (point[0] - pose.position[0]),
+        (top + bottom) / 2 + scale * (point[1] - pose.position[1]),
     )
-
-
-@pytest.mark.parametrize("size", [(1440, 900), (1920, 1080), (900, 1000), (500, 300)])
-@pytest.mark.parametrize("rectangle", [ONE, TWO, (0.1, -0.2, 0.3, 0.1)])
-def test_posters_fill_the_part_that_is_not_covered(size: tuple[int, int], rectangle: tuple):
-    window = Window(width=size[0], height=size[1], covered=132)
-    pose = poster_pose(rectangle, TWO, window)
-    left, top = on_screen(pose, rectangle[:2], window)
-    right, bottom = on_screen(pose, rectangle[2:], window)
-    free = size[1] - 132
-    assert (left + right) / 2 == pytest.approx(size[0] / 2, abs=0.1)
-    assert (top + bottom) / 2 == pytest.approx(free / 2, abs=0.1)
-    assert max((right - left) / size[0], (bottom - top) / free) == pytest.approx(1 / 1.03, abs=1e-3)
-    assert pose.near < pose.least_distance < pose.distance < pose.most_distance < pose.far
 
 
 def test_depth_shifts_nothing_even_when_zoomed_in():
     """A relief of a fifth of the image's height, at the edge of a window zoomed in 20-fold."""
-    pose = poster_pose((0.0, 0.0, 0.05, 0.05), ONE, WINDOW)
+    whole = divide(WINDOW, pictures=1, width=WIDTH).scale
+    pose = poster_pose((0.0, 0.0), 20 * whole, whole=whole, canvas=WINDOW)
     assert pose.fov == POSTER_FOV
     assert 0.2 / -pose.position[2] * WINDOW.width / 2 < 1.0
+    assert pose.near < pose.least_distance < pose.distance < pose.most_distance < pose.far
 
 
 def extent(pose: Pose, box: np.ndarray) -> tuple[float, float, float, float]:
@@ -69,6 +73,29 @@ def test_bodies_in_space_are_seen_above_what_is_covered():
 def test_the_overview_holds_bodies_and_video_camera():
     pose = overview_pose(BOUNDS, WINDOW)
     assert all(-1 < edge < 1 for box in (BOUNDS, np.zeros((2, 3))) for edge in extent(pose, box))
+
+
+@pytest.mark.parametrize("name", SPACE_FROM)
+def test_presets_look_at_the_bodies_from_their_side(name: str):
+    pose = named_pose(name, BOUNDS, WINDOW)
+    assert all(-1 < edge < 1 for edge in extent(pose, BOUNDS))
+    way = np.subtract(pose.position, pose.look_at) / pose.distance
+    assert way @ {"front": [0, 0, -1], "side": [1, 0, 0], "top": [0, -1, 0]}[name] > 0.99
+
+
+@pytest.mark.parametrize("window", [WINDOW, Window(width=600, height=900)])
+def test_as_the_camera_looks_all_of_the_picture_is_in_the_window(window: Window):
+    camera = Camera(focal=(900.0, 900.0), center=(640.0, 360.0), size=(1280, 720))
+    turn = upright(np.array([0.1, -0.9, -0.3]) / np.sqrt(0.91))
+    pose = filming_pose(camera, turn, BOUNDS, window, near=0.9)
+    corners = frustum(camera, 3.0) @ turn.T
+    forward = np.subtract(pose.look_at, pose.position) / pose.distance
+    np.testing.assert_allclose(forward, turn[:, 2], atol=1e-12)
+    np.testing.assert_allclose(pose.up, -turn[:, 1], atol=1e-12)
+    scale = 1 / (3.0 * math.tan(pose.fov / 2))
+    x = corners @ turn[:, 0] * scale * window.height / window.width
+    y = corners @ turn[:, 1] * scale
+    assert max(abs(x).max(), abs(y).max() * window.height / (window.height - window.covered)) == pytest.approx(1 / 1.03)
 
 
 class Tab:
@@ -104,6 +131,13 @@ class Tab:
         self.camera.look_at = np.add(self.camera.look_at, (*shift[:2], 0.0))
 
 
+def show(view: Cameras, pictures: int = 1) -> Division:
+    """Draws posters once more; their windows."""
+    division = divide(view.window, pictures=pictures, width=WIDTH)
+    view.show_posters(division)
+    return division
+
+
 @pytest.fixture
 def tab() -> Tab:
     return Tab()
@@ -114,7 +148,7 @@ def view(tab: Tab) -> Cameras:
     """With one poster, all settled."""
     view = Cameras(tab)  # type: ignore[arg-type]
     view.follow(covered=WINDOW.covered)
-    view.enter(ONE)
+    show(view)
     tab.obey()
     view.follow()
     assert not view.moved
@@ -124,26 +158,32 @@ def view(tab: Tab) -> Cameras:
 def test_a_new_window_is_refitted_unless_the_user_has_zoomed(tab: Tab, view: Cameras):
     tab.camera.image_width = 700
     view.follow()
+    show(view)
     assert tab.sent
     tab.obey()
     view.touched()
     tab.move(0.1, 0.0, 500.0)
     view.follow()
+    show(view)
     assert view.moved
     tab.camera.image_width = 1440
     view.follow()
+    show(view)
     assert not tab.sent and view.moved
 
 
 def test_posters_make_room_for_what_is_laid_over_the_bottom(tab: Tab, view: Cameras):
-    view.follow((1000, 700), 0.0)
+    view.follow((1000, 600), 0.0)
+    show(view)
     tab.obey()
-    for covered, lowest in ((34.0, 700 - 34), (0.0, 700)):
-        view.follow((1000, 700), covered)
+    for covered, lowest in ((34.0, 600 - 34), (0.0, 600)):
+        view.follow((1000, 600), covered)
+        (window,) = show(view).windows
         assert tab.sent
         tab.obey()
-        assert on_screen(view.pose, ONE[2:], Window(width=1000, height=700))[1] < lowest
+        assert on_screen(view.pose, CORNERS[1], window, view.window)[1] < lowest
     view.follow()
+    show(view)
     assert not tab.sent
 
 
@@ -168,12 +208,12 @@ def test_every_scene_remembers_where_its_user_was(tab: Tab, view: Cameras):
     view.touched()
     tab.move(0.2, 0.1, 800.0)
     was = tab.camera.position
-    for go in (lambda: view.show_space(BOUNDS), lambda: view.enter(TWO), lambda: view.enter(ONE)):
+    for go in (lambda: view.show_space(BOUNDS), lambda: show(view, 2), lambda: show(view, 1)):
         go()
         tab.obey()
         view.follow()
     np.testing.assert_allclose(tab.camera.position, was)
-    view.enter(ONE)  # the next frame
+    show(view)  # the next frame
     assert not tab.sent
 
 
@@ -182,7 +222,7 @@ def test_a_turned_camera_comes_back_straight(tab: Tab, view: Cameras):
     view.touched()
     tab.camera.position = np.add(tab.camera.position, (300.0, 0.0, 20.0))
     view.show_space(BOUNDS)
-    view.enter(ONE)
+    show(view)
     tab.obey()
     np.testing.assert_allclose(tab.camera.look_at, looked_at)
     np.testing.assert_allclose(tab.camera.position[:2], looked_at[:2])
@@ -230,7 +270,7 @@ def test_in_space_a_camera_that_was_moved_or_shows_the_overview_stays(tab: Tab, 
 
 
 def test_poses_are_told_apart_within_a_pixel():
-    pose = poster_pose(ONE, ONE, WINDOW)
+    pose = poster_pose((0.0, 0.0), 500.0, whole=500.0, canvas=WINDOW)
     x, y, z = pose.position
     pixel = pose.height / WINDOW.height
     for shift, same in ((0.02 * pixel, True), (0.5 * pixel, False)):

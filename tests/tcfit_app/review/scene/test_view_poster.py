@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import BodyLayer, color_index, color_table, drawable
-from tcfit_app.review.scene.poster import GAP, Poster, Posters, relief, world_of_pixels
-from tcfit_app.review.scene.space import Space, extent, frustum
+from tcfit_app.review.scene.poster import relief, world_of_pixels
+from tcfit_app.review.scene.room import extent
+from tcfit_app.review.scene.space import Space, frustum
 from tests.samples.posters import pixels_of_world
 
 CAMERA = Camera(focal=(900.0, 950.0), center=(300.0, 410.0), size=(1280, 720))
@@ -32,17 +33,10 @@ def test_pixels_count_from_the_corner():
     np.testing.assert_allclose(world_of_pixels(corners, CAMERA.size), expected)
 
 
-@given(st.floats(-2000, 2000), st.floats(-2000, 2000), st.floats(-3, 3))
-def test_there_and_back(u: float, v: float, x: float):
-    there = world_of_pixels(np.array([u, v]), CAMERA.size, x)
-    np.testing.assert_allclose(pixels_of_world(there, CAMERA.size, x), [u, v], atol=1e-9)
-
-
-def test_two_posters_stand_side_by_side():
-    posters = Posters(camera=CAMERA, posters=(Poster(), Poster()))
-    left, right = posters.places
-    assert right - left == pytest.approx(1280 / 720 + GAP) and left == -right
-    assert posters.bounds == pytest.approx((left - 640 / 720, -0.5, right + 640 / 720, 0.5))
+@given(st.floats(-2000, 2000), st.floats(-2000, 2000))
+def test_there_and_back(u: float, v: float):
+    there = world_of_pixels(np.array([u, v]), CAMERA.size)
+    np.testing.assert_allclose(pixels_of_world(there, CAMERA.size), [u, v], atol=1e-9)
 
 
 def test_a_relief_lies_on_its_pixels():

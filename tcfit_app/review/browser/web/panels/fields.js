@@ -1,6 +1,7 @@
-// viser's fields in the panels: a number that was erased comes back, and Enter presses the button that is meant for it.
+// viser's fields in the panels: a number that was erased comes back, Enter presses the button that is meant for it, and
+// a file that is too large stays here.
 
-import { emit } from "../connection.js";
+import { emit, largestUpload } from "../connection.js";
 import { NUMBER_INPUT, TEXT_INPUT } from "../viser/bridge.js";
 import { swallow } from "../keys.js";
 import { commandOf } from "./buttons.js";
@@ -53,4 +54,14 @@ window.addEventListener("keydown", (event) => {
   if (!button) return;
   swallow(event);
   setTimeout(emit, HELD_BACK, commandOf(button));
+}, true);
+
+// --- files: viser would send all of it, and show for ever that it does ---
+
+window.addEventListener("change", (event) => {
+  const { target } = event;
+  const file = target instanceof HTMLInputElement && target.type === "file" ? target.files?.[0] : null;
+  if (!file || file.size <= largestUpload) return;
+  event.stopImmediatePropagation();
+  emit({ type: "too_large", name: [...file.name].slice(-64).join(""), size: file.size });
 }, true);

@@ -1,6 +1,7 @@
 // The panel on show stays on show over a reload and a new connection, for which viser makes all of them anew.
 
 import { watch } from "../connection.js";
+import { TEXT_INPUT } from "../viser/bridge.js";
 
 const PANEL = "tcfit-panel"; // in the session's storage
 const LOOKING = 100; // ms between two looks for it
@@ -32,6 +33,28 @@ window.addEventListener("click", ({ target }) => {
   const tab = allTabs().find((each) => target instanceof Node && each.contains(target));
   if (tab) sessionStorage.setItem(PANEL, tab.title);
 }, true);
+/** Shows a panel and lets the user type into one of its fields, once they are there.
+ * @param {string} panel its title @param {string} name the field's label @param {number} looks that are left */
+function leadTo(panel, name, looks) {
+  const tab = allTabs().find(({ title }) => title === panel);
+  if (tab && tab.getAttribute("aria-selected") !== "true") {
+    pressTab(tab);
+    sessionStorage.setItem(PANEL, panel);
+  }
+  const fields = [...document.querySelectorAll(TEXT_INPUT)].filter((field) => field instanceof HTMLInputElement);
+  const field = fields.find((each) => isShown(each) && nameOf(each) === name);
+  if (field) field.focus();
+  else if (looks) setTimeout(leadTo, LOOKING, panel, name, looks - 1);
+}
+
+/** @param {HTMLInputElement} field */
+const isShown = (field) => field.getClientRects().length > 0;
+/** @param {HTMLInputElement} field */
+const nameOf = (field) => field.getAttribute("aria-label") ?? field.labels?.[0]?.textContent ?? "";
+
+watch("typing", (typing) => {
+  if (typing) leadTo(typing.panel, typing.field, LOOKS);
+});
 watch("skeleton", (skeleton) => {
   if (skeleton) setTimeout(bringPanelBack, LOOKING, LOOKS, 0);
 });

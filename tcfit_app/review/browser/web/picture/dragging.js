@@ -1,30 +1,41 @@
-// The left button on a poster: it selects and drags keypoints, and never moves viser's camera.
+// The left button: it selects and drags keypoints, and widens the side view. viser's camera it turns in 3D alone.
 
-/** @import { Gesture } from "./picking.js" */
+/** @import { Gesture, Place } from "./picking.js" */
 /** @import { Held } from "./skeleton.js" */
 /** @import { Drag } from "../wire" */
 
 import { PATIENCE, emit, emitLast, emitSoon, invalidate, known, states, watch } from "../connection.js";
 import { DRAG_THRESHOLD, leaveField } from "../elements.js";
-import { canvas, keepCameraFlat } from "../viser/bridge.js";
-import { REACH, TOUCH_REACH, canvasPlace, overPoster, pick, pointer, within } from "./picking.js";
-import { drawn, toImage } from "./projection.js";
-import { chosen, groupShown, position, select, skeletonReady } from "./skeleton.js";
+import { canvas, canvasSize, keepCameraFlat, moveWheel } from "../viser/bridge.js";
+import { beginDepthDrag, endDepthDrag, followInDepth } from "./depth.js";
+import {
+  REACH, TOUCH_REACH, borderAt, canvasPlace, inPicture, overPoster, overScene, pick, pointer, within,
+} from "./picking.js";
+import { drawn, inBox, toImage } from "./projection.js";
+import { badJoints, chosen, groupShown, isSide, position, select, skeletonReady } from "./skeleton.js";
+
+const [NARROWEST, WIDEST] = [0.01, 100]; // what the server takes; it has bounds of its own
 
 /** @param {PointerEvent} event */
 function press(event) {
-  if (pointer.gesture || event.button !== 0 || !overPoster(event) || !skeletonReady()) return;
+  if (pointer.gesture || event.button !== 0 || !overScene(event) || !skeletonReady()) return;
   const place = canvasPlace(event);
   const touch = event.pointerType === "touch";
   const found = pick(place, touch ? TOUCH_REACH : REACH);
-  if (touch && !found) return; // fingers pan and zoom the picture
+  if (!found && (touch || !overPoster(event))) return; // that pans and zooms the picture, or turns 3D
   const anchor = found && toImage(drawn.maps[found.poster], place.x, place.y);
-  const kind = found ? beginOnJoint(found.joint, event.shiftKey) : event.shiftKey ? "marquee" : "empty";
+  const kind = found ? beginOnJoint(found.joint, event.shiftKey) : beginBesides(place, event.shiftKey);
   pointer.gesture = { pointer: event.pointerId, x0: place.x, y0: place.y, ...place, found, anchor, kind };
   pointer.hovered = found;
   canvas().setPointerCapture(event.pointerId);
   invalidate("overlay");
   event.stopPropagation();
+}
+
+/** @param {Place} place where there is no keypoint @param {boolean} shift */
+function beginBesides(place, shift) {
+  if (borderAt(place)) return "widen";
+  return shift ? "marquee" : "empty";
 }
 
 /** Selects what was pressed; a press on one of several that the user has selected may begin to drag them all.
@@ -49,20 +60,39 @@ function move(event) {
   const gesture = gestureOf(event);
   if (!gesture) return;
   const way = Math.hypot(gesture.x - gesture.x0, gesture.y - gesture.y0);
-  if (gesture.kind === "press" && way >= DRAG_THRESHOLD) beginDrag(gesture);
+  if (gesture.kind === "press" && way >= DRAG_THRESHOLD) {
+    if (inPicture(gesture.found)) beginDrag(gesture);
+    else beginDepthDrag(gesture);
+  }
   if (gesture.kind === "drag") followPointer(gesture);
+  if (gesture.kind === "depth") followInDepth(gesture);
   invalidate("overlay");
   event.stopPropagation();
 }
 
 /** @param {Gesture} gesture */
 function beginDrag(gesture) {
-  const joints = [...chosen.joints].filter(groupShown).sort((a, b) => a - b);
+  const joints = withHands([...chosen.joints].filter(groupShown)).sort((a, b) => a - b);
   gesture.kind = "drag";
   const from = Object.fromEntries(joints.map((joint) => [joint, position(joint)]));
   chosen.held = { joints: new Set(joints), from, dx: 0, dy: 0, frame: known("keypoints").frame, left: false };
   emit(dragEvent("start", chosen.held));
 }
+
+/** With the hands whose wrists are among them, if these go along. @param {number[]} joints */
+function withHands(joints) {
+  const all = new Set(joints);
+  const hands = known("style").hand_along ? known("skeleton").hands : [];
+  for (const [wrist, start, stop] of hands) {
+    if (!all.has(wrist) && !all.has(start)) continue;
+    for (let joint = start; joint < stop; joint++) if (detected(joint)) all.add(joint);
+    if (detected(wrist)) all.add(wrist);
+  }
+  return [...all];
+}
+
+/** @param {number} joint */
+const detected = (joint) => known("keypoints").confidence[joint] > 0 && !badJoints.has(joint);
 
 /** @param {Gesture} gesture */
 function followPointer({ found, anchor, x, y }) {
@@ -97,9 +127,14 @@ function release(event) {
     followPointer(gesture);
     if (chosen.held) endDrag("end", chosen.held);
   }
+  if (gesture.kind === "depth") {
+    followInDepth(gesture);
+    endDepthDrag("end");
+  }
   if (gesture.kind === "press" && gesture.found && chosen.joints.size > 1) select([gesture.found.joint], "replace");
   if (gesture.kind === "empty" && chosen.joints.size) select([], "replace");
   if (gesture.kind === "marquee") selectWithin(gesture);
+  if (gesture.kind === "widen") widenSide(gesture);
   endGesture();
   event.stopPropagation();
 }
@@ -108,6 +143,15 @@ function release(event) {
 function selectWithin(gesture) {
   const joints = within(gesture);
   if (joints.length) select(joints, "add");
+}
+
+/** Its left border is where the pointer let it go. @param {Gesture} gesture */
+function widenSide({ x, x0 }) {
+  const side = drawn.maps.find(isSide);
+  if (!side || x === x0) return;
+  const { left, right } = side.window; // as wide as the plate is where all of the picture is seen
+  const width = (side.poster.width * (right - x)) / (right - left);
+  emit({ type: "widen", width: Math.min(Math.max(width, NARROWEST), WIDEST) });
 }
 
 function endGesture() {
@@ -119,6 +163,7 @@ function endGesture() {
 export function cancelGesture() {
   const { gesture } = pointer;
   if (gesture?.kind === "drag" && chosen.held) endDrag("cancel", chosen.held);
+  if (gesture?.kind === "depth") endDepthDrag("cancel");
   if (gesture) endGesture();
   return gesture !== null;
 }
@@ -127,6 +172,8 @@ export function cancelGesture() {
 const interrupted = (event) => {
   if (event.pointerId === pointer.gesture?.pointer) cancelGesture();
 };
+
+let layoutForm = ""; // of the last layout
 
 window.addEventListener("pointerdown", press, true);
 window.addEventListener("pointermove", move, true);
@@ -139,9 +186,10 @@ window.addEventListener("mousedown", (event) => {
   leaveField();
 }, true);
 
-// Another frame, another layout or another connection ends a drag.
+// Another frame, another layout or another connection ends a drag; another title of a picture does not.
 watch("keypoints", (keypoints) => {
-  if (pointer.gesture?.kind !== "drag" || keypoints?.frame === chosen.held?.frame) return;
+  const frame = (chosen.held ?? chosen.inDepth)?.frame;
+  if (!["drag", "depth"].includes(pointer.gesture?.kind ?? "") || keypoints?.frame === frame) return;
   cancelGesture();
   chosen.held = null;
 });
@@ -150,6 +198,9 @@ watch("lost", () => {
   chosen.held = null; // whether the server took what was let go just now is not known
 });
 watch("layout", (layout) => {
+  const form = JSON.stringify(layout, (name, value) => (name === "label" ? undefined : value));
+  if (form === layoutForm) return;
+  layoutForm = form;
   cancelGesture();
   drawn.maps = [];
   keepCameraFlat(layout?.mode === "poster");
@@ -166,4 +217,14 @@ function tellCameraGesture(event) {
 }
 
 window.addEventListener("wheel", tellCameraGesture, { capture: true, passive: true });
+// viser zooms about the pointer: about what lies there in a poster's window, as if that were the whole canvas.
+moveWheel((event) => {
+  const place = canvasPlace(event);
+  const map = drawn.maps.find(({ seen }) => inBox(seen, place));
+  if (!map || states.layout?.mode !== "poster") return null;
+  const { width, height } = canvasSize();
+  const { left, top, right, bottom } = map.window;
+  const x = isSide(map) ? 0 : place.x - (left + right) / 2; // depth is not what the picture has there
+  return { x: width / 2 + x, y: height / 2 + place.y - (top + bottom) / 2 };
+});
 window.addEventListener("pointerdown", tellCameraGesture, true);

@@ -1,20 +1,27 @@
-// Draws keypoints and bones over each poster, in step with viser's own drawing.
+// Draws keypoints and bones over each picture, in step with viser's own drawing; over the side view see side.js.
 
-/** @import { Poster } from "../wire" */
-/** @import { PosterMap } from "./projection.js" */
+/** @import { Box, PosterMap } from "./projection.js" */
 /** @import { Gesture } from "./picking.js" */
 /** @typedef {CanvasRenderingContext2D} Context */
 
-import { addPainter, known, paint, states } from "../connection.js";
+import { addPainter, invalidate, known, paint, states, watch } from "../connection.js";
 import { cleared, overlayCanvas, placeTooltip, shortenedName, tooltip } from "../elements.js";
 import { COLORS, FONT } from "../style.js";
-import { canvas, canvasSize, onSceneDrawn } from "../viser/bridge.js";
-import { REACH, pick, pointer, within } from "./picking.js";
-import { drawn, posterMaps, toScreen, viewChanged } from "./projection.js";
+import { beforeSceneDrawn, canvas, canvasSize, onSceneDrawn, redrawScene } from "../viser/bridge.js";
+import { drawInWindow, leaveOut } from "../viser/windows.js";
+import { placeDivider } from "./divider.js";
+import { REACH, borderAt, inPicture, pick, pointer, within } from "./picking.js";
+import { peeking } from "./peeking.js";
+import { drawn, placeInWorld, posterMaps, toScreen, viewChanged } from "./projection.js";
 import { circle, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
+import { wayOf } from "./depth.js";
+import { fitLine } from "./fits.js";
+import { drawBorder, drawFits, drawSide } from "./side.js";
 import {
-  badJoints, chosen, editedJoints, groupOf, groupShown, located, position, shown, shownJoints, skeletonReady,
+  badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, jointRadius, located, placesOf, position,
+  shown, shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
+import { drawTrail } from "./trail.js";
 
 const CONFIDENCE_COLORS = [
   [224, 58, 50],
@@ -23,6 +30,7 @@ const CONFIDENCE_COLORS = [
 ];
 
 const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
+const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow picture
 const PLAIN_BONES = "#c3cad4";
 
 /** Red over yellow to green, in twenty steps. @param {number} confidence */
@@ -32,14 +40,6 @@ function confidenceColor(confidence) {
   const mixed = CONFIDENCE_COLORS[from].map((c, i) => c + (CONFIDENCE_COLORS[from + 1][i] - c) * (place - from));
   return `rgb(${mixed.map(Math.round).join(", ")})`;
 }
-
-const USUAL_HEIGHT = 700; // CSS pixels of a poster that fills a window
-
-/** Points keep their size on the screen, but for a little growth when zoomed in. @param {PosterMap} map */
-const zoomFactor = (map) => Math.min(Math.max(0.5 + (0.5 * map.height) / USUAL_HEIGHT, 0.6), 1.9);
-
-/** @param {number} joint @param {PosterMap} map */
-const jointRadius = (joint, map) => known("skeleton").groups[groupOf[joint]].radius * zoomFactor(map);
 
 /** @param {number} joint */
 function jointPaint(joint) {
@@ -51,23 +51,54 @@ function jointPaint(joint) {
 function drawOverlay() {
   const context = cleared(overlayCanvas);
   drawn.maps = posterMaps();
-  drawFitNames(context);
+  placeDivider(drawn.maps, Boolean(states.layout?.wipe));
   tooltip.hidden = true;
   if (skeletonReady()) drawSkeleton(context);
+  drawFitNames(context);
   showPointerShape();
+}
+
+/** What is drawn of a poster: what its window shows, or less. @param {PosterMap} map @returns {Box} */
+function drawnPart({ seen, ox, oy, width, height, poster }) {
+  if (!poster.clipped) return seen;
+  return {
+    left: Math.max(seen.left, ox),
+    top: Math.max(seen.top, oy),
+    right: Math.min(seen.right, ox + width),
+    bottom: Math.min(seen.bottom, oy + height),
+  };
+}
+
+/** Draws what is on a poster, and nothing beyond its window.
+ * @param {Context} context @param {PosterMap} map @param {() => void} draw */
+function inWindow(context, { seen: { left, top, right, bottom } }, draw) {
+  context.save();
+  context.beginPath();
+  context.rect(left, top, right - left, bottom - top);
+  context.clip();
+  draw();
+  context.restore();
 }
 
 /** @param {Context} context */
 function drawSkeleton(context) {
   if (!pointer.gesture) pointer.hovered = pick(pointer.place, REACH);
   const joints = shownJoints();
-  for (const map of drawn.maps) {
-    if (known("style").ghosts) drawGhosts(context, map);
-    if (known("style").bones) drawBones(context, map);
-    for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top
-  }
+  for (const map of drawn.maps) inWindow(context, map, () => drawOnPoster(context, map, joints));
   drawHovered(context);
   if (pointer.gesture?.kind === "marquee") drawMarquee(context, pointer.gesture);
+  drawBorder(context);
+}
+
+/** @param {Context} context @param {PosterMap} map @param {number[]} joints */
+function drawOnPoster(context, map, joints) {
+  if (isSide(map)) return drawSide(context, map);
+  if (!isPicture(map)) return drawFits(context, map);
+  if (peeking.now) return;
+  if (known("style").ghosts) drawGhosts(context, map);
+  if (known("style").bones) drawBones(context, map);
+  drawTrail(context, map);
+  for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top
 }
 
 /** @param {Context} context @param {PosterMap} map */
@@ -139,13 +170,19 @@ function drawGhosts(context, map) {
 
 /** @param {Context} context */
 function drawHovered(context) {
-  if (!pointer.hovered || !shown(pointer.hovered.joint)) return;
-  const { joint, poster } = pointer.hovered;
-  const places = drawn.maps.map((map) => toScreen(map, position(joint)));
-  drawn.maps.forEach((map, i) => ring(context, ...places[i], jointRadius(joint, map) + 1.5, COLORS.hover, 1.8));
-  if (!places[poster]) return;
-  tooltip.textContent = jointLine(joint);
-  placeTooltip(tooltip, ...places[poster], false);
+  const { hovered } = pointer;
+  if (!hovered) return;
+  const { joint, poster, body } = hovered;
+  if (inPicture(hovered) && (peeking.now || !shown(joint))) return;
+  for (const map of drawn.maps)
+    inWindow(context, map, () => {
+      for (const { x, y } of !isPicture(map) || shown(joint) ? placesOf(map, [joint]) : [])
+        ring(context, x, y, jointRadius(joint, map) + 1.5, COLORS.hover, 1.8);
+    });
+  const place = drawn.maps[poster] && placesOf(drawn.maps[poster], [joint]).find((placed) => placed.body === body);
+  if (!place) return;
+  tooltip.textContent = inPicture(hovered) ? jointLine(joint) : fitLine(joint, body, chosen.joints);
+  placeTooltip(tooltip, place.x, place.y, false);
 }
 
 /** "right wrist  0.83  edited" @param {number} joint */
@@ -166,19 +203,22 @@ function drawMarquee(context, gesture) {
   context.fillRect(x0, y0, x - x0, y - y0);
   context.strokeRect(x0, y0, x - x0, y - y0);
   for (const joint of within(gesture))
-    for (const map of drawn.maps) {
-      const [px, py] = toScreen(map, position(joint));
-      ring(context, px, py, 1.5 * jointRadius(joint, map) + 1.8, COLORS.selected, 1.2);
-    }
+    for (const map of drawn.maps)
+      inWindow(context, map, () => {
+        for (const place of placesOf(map, [joint]))
+          ring(context, place.x, place.y, 1.5 * jointRadius(joint, map) + 1.8, COLORS.selected, 1.2);
+      });
 }
 
 /** @type {{ [kind: string]: string }} */
-const GESTURE_SHAPES = { drag: "grabbing", marquee: "crosshair" };
+const GESTURE_SHAPES = { drag: "grabbing", depth: "grabbing", marquee: "crosshair", widen: "col-resize" };
 let pointerShape = "";
 
 /** Sets the pointer's shape, and leaves it alone while it is viser's to set. */
 function showPointerShape() {
-  const usual = pointer.hovered ? "grab" : "";
+  const { hovered, place } = pointer;
+  const besides = borderAt(place) ? "col-resize" : "";
+  const usual = !hovered ? besides : inPicture(hovered) || wayOf(hovered) ? "grab" : "pointer";
   const shape = skeletonReady() ? (GESTURE_SHAPES[pointer.gesture?.kind ?? ""] ?? usual) : "";
   if (shape !== pointerShape) canvas().style.cursor = shape;
   pointerShape = shape;
@@ -187,38 +227,52 @@ function showPointerShape() {
 /** In their upper right corners: viser's messages come up at the upper left, chips and legend lie below.
  * @param {Context} context */
 function drawFitNames(context) {
-  context.font = `600 12.5px ${FONT}`;
+  context.font = `600 13px ${FONT}`;
   context.textBaseline = "middle";
   const { width } = canvasSize();
   const layout = states.layout;
   if (layout?.mode === "space")
     layout.posters.forEach((poster, i) => drawFitName(context, poster, width, 28 * i, width));
-  for (const { ox, oy, ux, poster } of drawn.maps) {
-    const across = ux * known("layout").image[0];
-    drawFitName(context, poster, Math.min(ox + across, width), Math.max(oy, 0), across);
+  for (const { seen, ox, width: across, poster } of layout?.mode === "poster" ? drawn.maps : []) {
+    const right = Math.min(seen.right, Math.max(ox + across, seen.left + NAME_ROOM));
+    drawFitName(context, poster, right, seen.top, right - seen.left);
   }
 }
 
 /** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`.
- * @param {Context} context @param {Poster} poster @param {number} right @param {number} top @param {number} across */
-function drawFitName(context, { label, color }, right, top, across) {
-  const text = shortenedName(context, label, across - 60);
+ * @param {Context} context @param {PosterMap["poster"]} poster @param {number} right @param {number} top
+ * @param {number} across */
+function drawFitName(context, { label, color, kind }, right, top, across) {
+  const dot = kind === "side" ? 0 : 14;
+  const text = shortenedName(context, label, across - 32 - 2 * dot);
   if (!text) return;
-  const width = context.measureText(text).width + 32;
+  const width = context.measureText(text).width + 18 + dot;
   const [x, y] = [right - width - 8, top + 8];
   context.fillStyle = "rgba(16, 19, 24, 0.82)";
   context.beginPath();
   context.roundRect(x, y, width, 24, 6);
   context.fill();
   context.fillStyle = color;
-  context.fill(circle(x + 13, y + 12, 4.5));
+  if (dot) context.fill(circle(x + 13, y + 12, 4.5));
   context.fillStyle = "#eef2f6";
-  context.fillText(text, x + 23, y + 12.5);
+  context.fillText(text, x + 9 + dot, y + 12.5);
 }
 
 addPainter("overlay", drawOverlay);
 
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
+beforeSceneDrawn(() => {
+  if (states.layout?.mode === "space") return;
+  for (const map of posterMaps()) {
+    drawInWindow(map.poster.node, placeInWorld(map), drawnPart(map));
+    if (peeking.now && !isSide(map)) map.poster.bodies.forEach(leaveOut);
+  }
+});
 onSceneDrawn(() => {
   if (viewChanged()) paint("overlay");
 });
+for (const name of /** @type {const} */ (["layout", "focus"]))
+  watch(name, () => {
+    invalidate("overlay");
+    redrawScene(); // posters have other places
+  });

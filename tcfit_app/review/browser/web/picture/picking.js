@@ -1,9 +1,11 @@
 // Which keypoint the pointer means: hovering, clicking, and choosing several with a rectangle.
 
+/** @import { PosterMap } from "./projection.js" */
+
 import { invalidate, states } from "../connection.js";
 import { canvas } from "../viser/bridge.js";
-import { drawn, toScreen } from "./projection.js";
-import { groupOf, position, shownJoints } from "./skeleton.js";
+import { drawn, inBox } from "./projection.js";
+import { groupOf, isPicture, isSide, placedOn } from "./skeleton.js";
 
 export const REACH = 12; // CSS pixels
 export const TOUCH_REACH = 24;
@@ -11,11 +13,12 @@ export const TOUCH_REACH = 24;
 const RANK_HANDICAP = 1.5;
 
 /** @typedef {{ x: number, y: number }} Place in CSS pixels of the canvas */
-/** @typedef {{ joint: number, poster: number }} Found a keypoint, and in which of the posters it was met */
+/** @typedef {{ joint: number, poster: number, body: number }} Found a keypoint, and in which of the posters it was met,
+ * in the side view on which of the bodies */
 /**
  * A press of the left button.
  * @typedef {Place & { x0: number, y0: number, pointer: number,
- *   kind: "press" | "drag" | "marquee" | "empty" | "toggled",
+ *   kind: "press" | "drag" | "depth" | "marquee" | "empty" | "toggled" | "widen",
  *   found: Found | null, anchor: [u: number, v: number] | null }} Gesture
  */
 
@@ -32,22 +35,41 @@ export const pointer = {
 export function pick(place, reach) {
   /** @type {(Found & { score: number }) | null} */
   let best = null;
+  const bodies = states.bodies?.bodies.length ?? 0;
   if (!place) return best;
-  for (const joint of shownJoints())
-    for (const [poster, map] of drawn.maps.entries()) {
-      const [x, y] = toScreen(map, position(joint));
+  for (const [poster, map] of drawn.maps.entries()) {
+    if (!inBox(map.seen, place)) continue;
+    for (const { joint, x, y, body } of placedOn(map)) {
       const distance = Math.hypot(x - place.x, y - place.y);
-      const score = distance + RANK_HANDICAP * groupOf[joint];
-      if (distance <= reach && (!best || score < best.score)) best = { joint, poster, score };
+      const other = isPicture(map) ? 0 : bodies - 1 - body; // the body that is corrected is meant where they meet
+      const score = distance + RANK_HANDICAP * (groupOf[joint] + other);
+      if (distance <= reach && (!best || score < best.score)) best = { joint, poster, body, score };
     }
+  }
   return best;
+}
+
+/** Whether what was met is in a picture, where keypoints are dragged. @param {Found | null} found */
+export const inPicture = (found) => found !== null && isPicture(drawn.maps[found.poster]);
+
+const BORDER = 5; // CSS pixels
+
+/** The side view's map, if this place is on its left border. @param {Place | null} place */
+export function borderAt(place) {
+  const side = drawn.maps.find(isSide);
+  if (!place || !side) return undefined;
+  const { left, top, bottom } = side.window;
+  const beside = Math.abs(place.x - left) <= BORDER && place.y >= top && place.y <= bottom;
+  return beside ? side : undefined;
 }
 
 /** Keypoints within a gesture's rectangle, in any poster. @param {Gesture} gesture */
 export function within({ x0, y0, x, y }) {
-  /** @param {number[]} point */
-  const inside = ([px, py]) => (px - x0) * (px - x) <= 0 && (py - y0) * (py - y) <= 0;
-  return shownJoints().filter((joint) => drawn.maps.some((map) => inside(toScreen(map, position(joint)))));
+  /** @param {Place} place */
+  const inside = (place) => (place.x - x0) * (place.x - x) <= 0 && (place.y - y0) * (place.y - y) <= 0;
+  /** @param {PosterMap} map */
+  const seen = (map) => placedOn(map).filter((place) => inside(place) && inBox(map.seen, place));
+  return [...new Set(drawn.maps.flatMap(seen).map(({ joint }) => joint))];
 }
 
 /** Of an event, over the canvas. @param {MouseEvent} event @returns {Place} */
@@ -59,9 +81,12 @@ export function canvasPlace(event) {
 /** @param {Event} event */
 export const overPoster = (event) => event.target === canvas() && states.layout?.mode === "poster";
 
+/** Over a poster or over 3D. @param {Event} event */
+export const overScene = (event) => event.target === canvas() && Boolean(states.layout);
+
 /** @param {PointerEvent} event */
 function hover(event) {
-  const now = overPoster(event) && event.pointerType !== "touch" && event.buttons === 0 ? canvasPlace(event) : null;
+  const now = overScene(event) && event.pointerType !== "touch" && event.buttons === 0 ? canvasPlace(event) : null;
   if (!now && !pointer.place) return;
   pointer.place = now;
   invalidate("overlay");

@@ -5,30 +5,67 @@
 
 import { states } from "../connection.js";
 import { canvasPoint, canvasSize, worldToCanvas } from "../viser/bridge.js";
+import { sideMiddle } from "./following.js";
 
+/** @typedef {{ left: number, top: number, right: number, bottom: number }} Box in CSS pixels of the canvas */
 /**
- * The affine map (a poster faces the camera) from its image's pixels to CSS pixels.
- * @typedef {{ ox: number, oy: number, ux: number, uy: number, vx: number, vy: number, height: number,
- *   poster: Poster }} PosterMap
+ * The affine map (a poster faces the camera) from its image's pixels to CSS pixels, its size in these, its window, and
+ * what is seen of that: all but what is across the divider.
+ * @typedef {{ ox: number, oy: number, ux: number, uy: number, vx: number, vy: number, width: number, height: number,
+ *   window: Box, seen: Box, poster: Omit<Poster, "kind"> & { kind: Poster["kind"] | "space" } }} PosterMap
  */
 
-/** One for each poster. @returns {PosterMap[]} */
+/** @type {PosterMap["poster"]} */
+const ROOM = {
+  node: "", bodies: [], window: [0, 0, 1, 1], width: 0, kind: "space", clipped: false, label: "", color: "",
+};
+
+/** Where A ends and B begins, as a share of their window's width. */
+export const divider = { share: 0.5 };
+
+/** One for each poster; in 3D one for the whole canvas, whose pixels are CSS pixels. @returns {PosterMap[]} */
 export function posterMaps() {
   const layout = states.layout;
-  if (layout?.mode !== "poster") return [];
-  const [width, height] = layout.image;
+  const canvas = canvasSize();
+  if (layout?.mode === "space") {
+    const window = { left: 0, top: 0, right: canvas.width, bottom: canvas.height };
+    return [{ ox: 0, oy: 0, ux: 1, uy: 0, vx: 0, vy: 1, ...canvas, window, seen: window, poster: ROOM }];
+  }
+  if (!layout) return [];
   const matrix = worldToCanvas();
-  return layout.posters.map((poster) => {
-    /** @param {number} u @param {number} v */
-    const corner = (u, v) =>
-      canvasPoint(matrix, [(u - width / 2) / height + poster.x, (v - height / 2) / height, 0]);
-    const [ox, oy] = corner(0, 0);
-    const [rx, ry] = corner(width, 0);
-    const [bx, by] = corner(0, height);
-    const [ux, uy, vx, vy] = [(rx - ox) / width, (ry - oy) / width, (bx - ox) / height, (by - oy) / height];
-    return { ox, oy, ux, uy, vx, vy, height: by - oy, poster };
+  const [x, y] = canvasPoint(matrix, [0, 0, 0]);
+  const scale = canvasPoint(matrix, [1, 0, 0])[0] - x; // of an image's height
+  const { focus } = states;
+  const [width, height] = layout.image;
+  const [followedX, followedY] = focus ? [(focus.x - width / 2) / height, (focus.y - height / 2) / height] : [0, 0];
+  const seenFrom = {
+    x: (canvas.width / 2 - x) / scale + followedX, y: (canvas.height / 2 - y) / scale + followedY, scale,
+  };
+  return layout.posters.map((poster, i) => {
+    const window = windowOf(poster, canvas);
+    const { x: u, y: v } = poster.kind === "side" ? sideMiddle(poster, window, seenFrom) : seenFrom;
+    const pixel = scale / height; // of the image
+    const across = poster.width * scale;
+    const ox = (window.left + window.right) / 2 - u * scale - across / 2;
+    const oy = (window.top + window.bottom) / 2 - v * scale - scale / 2;
+    const seen = layout.wipe && poster.kind === "picture" ? besideDivider(window, i) : window;
+    return { ox, oy, ux: pixel, uy: 0, vx: 0, vy: pixel, width: across, height: scale, window, seen, poster };
   });
 }
+
+/** @param {Poster} poster @param {{ width: number, height: number }} canvas @returns {Box} */
+function windowOf({ window: [left, top, right, bottom] }, { width, height }) {
+  return { left: left * width, top: top * height, right: right * width, bottom: bottom * height };
+}
+
+/** @param {Box} window @param {number} i which of the two pictures @returns {Box} */
+function besideDivider(window, i) {
+  const x = window.left + divider.share * (window.right - window.left);
+  return i === 0 ? { ...window, right: x } : { ...window, left: x };
+}
+
+/** @param {Box} box @param {{ x: number, y: number }} place */
+export const inBox = ({ left, top, right, bottom }, { x, y }) => x >= left && x <= right && y >= top && y <= bottom;
 
 /** The posters' maps as they were drawn last: what the pointer meets. */
 export const drawn = { maps: /** @type {PosterMap[]} */ ([]) };
@@ -45,6 +82,13 @@ export function toImage(map, x, y) {
 
 /** @type {{ matrix: Matrix4, width: number, height: number } | null} */
 let lastView = null;
+
+/** Where a poster's middle lies in viser's world when it is drawn there.
+ * @param {PosterMap} map @returns {[x: number, y: number]} */
+export function placeInWorld(map) {
+  const [x, y] = canvasPoint(worldToCanvas(), [0, 0, 0]);
+  return [(map.ox + map.width / 2 - x) / map.height, (map.oy + map.height / 2 - y) / map.height];
+}
 
 /** Whether the camera or the canvas is another than when this was last asked. */
 export function viewChanged() {

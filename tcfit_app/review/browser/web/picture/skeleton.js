@@ -1,8 +1,11 @@
 // Which keypoints there are, where they are drawn, which of them are on show, and which are chosen.
 
+/** @import { PosterMap } from "./projection.js" */
 /** @import { Keypoints } from "../wire" */
 
 import { emit, invalidate, known, states, watch } from "../connection.js";
+import { fitPlaces } from "./fits.js";
+import { toScreen } from "./projection.js";
 
 /**
  * Keypoints that are drawn where the pointer has put them.
@@ -15,6 +18,16 @@ import { emit, invalidate, known, states, watch } from "../connection.js";
  * @property {boolean} left whether they were let go, and wait for the server to show them there
  */
 
+/**
+ * A keypoint of a fit that is dragged in depth.
+ * @typedef {object} InDepth
+ * @property {number} joint
+ * @property {number[]} from where the pointer took it, in CSS pixels
+ * @property {number[]} way where it goes from there for each metre away from the camera
+ * @property {number} metres so far
+ * @property {number} frame
+ */
+
 /** What the pointer does with keypoints. */
 export const chosen = {
   /** @type {Set<number>} */
@@ -22,6 +35,8 @@ export const chosen = {
   suggested: false, // not the user has selected them
   /** @type {Held | null} */
   held: null,
+  /** @type {InDepth | null} */
+  inDepth: null,
 };
 
 /** @type {number[]} */
@@ -48,7 +63,8 @@ watch("keypoints", (keypoints) => {
   if (held?.left && (keypoints?.frame !== held.frame || arrived(held, keypoints))) chosen.held = null;
   invalidate("overlay");
 });
-for (const name of /** @type {const} */ (["style", "layout"])) watch(name, () => invalidate("overlay"));
+for (const name of /** @type {const} */ (["style", "layout", "side", "space", "bodies"]))
+  watch(name, () => invalidate("overlay"));
 
 /** Whether the server shows the held keypoints where they were left; it rounds to a hundredth of a pixel.
  * @param {Held} held @param {Keypoints} keypoints */
@@ -101,7 +117,47 @@ export function shown(joint) {
 }
 
 /** Whether there is all there is to draw. */
-export const skeletonReady = () =>
-  states.layout?.mode === "poster" && Boolean(states.skeleton && states.style && states.keypoints);
+export const skeletonReady = () => Boolean(states.layout && states.skeleton && states.style && states.keypoints);
 
 export const shownJoints = () => (skeletonReady() ? groupOf.map((_, joint) => joint).filter(shown) : []);
+
+// --- on the screen ---
+
+/**
+ * A keypoint on one of the posters, in CSS pixels.
+ * @typedef {{ joint: number, x: number, y: number, body: number }} Placed and outside pictures, on which of the bodies
+ */
+
+/** @param {PosterMap} map */
+export const isSide = (map) => map.poster.kind === "side";
+
+/** @param {PosterMap} map */
+export const isPicture = (map) => map.poster.kind === "picture";
+
+/** Where keypoints are on a poster: in a picture once, in the side view and in 3D on each of the fits on show.
+ * @param {PosterMap} map @param {number[]} joints @returns {Placed[]} */
+export function placesOf(map, joints) {
+  if (!isPicture(map)) return fitPlaces(map, joints);
+  return joints.map((joint) => {
+    const [x, y] = toScreen(map, position(joint));
+    return { joint, x, y, body: 0 };
+  });
+}
+
+/** The keypoints on show on a poster. @param {PosterMap} map @returns {Placed[]} */
+export function placedOn(map) {
+  if (!skeletonReady()) return [];
+  const joints = groupOf.map((_, joint) => joint);
+  const { points } = known("style");
+  /** @param {number} joint */
+  const seen = (joint) => groupShown(joint) && (points || chosen.joints.has(joint));
+  return placesOf(map, joints.filter(isPicture(map) ? shown : seen));
+}
+
+const USUAL_HEIGHT = 700; // CSS pixels of a poster that fills a window
+
+/** Points keep their size on the screen, but for a little growth when zoomed in. @param {PosterMap} map */
+export const zoomFactor = (map) => Math.min(Math.max(0.5 + (0.5 * map.height) / USUAL_HEIGHT, 0.6), 1.9);
+
+/** @param {number} joint @param {PosterMap} map */
+export const jointRadius = (joint, map) => known("skeleton").groups[groupOf[joint]].radius * zoomFactor(map);

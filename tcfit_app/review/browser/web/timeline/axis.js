@@ -2,12 +2,12 @@
 
 /** @import { Curve } from "../wire" */
 
-import { invalidate, known, states } from "../connection.js";
+import { known, states } from "../connection.js";
 import { strip } from "../elements.js";
 
-export const GUTTER = 62; // left of frame 0, for labels
+export const GUTTER = 178; // left of frame 0, for labels
 export const MARGIN = 14; // right of the last frame
-const FEWEST = 12; // frames that are shown at the closest
+export const FEWEST = 12; // frames that are shown at the closest
 
 export let axis = { first: 0, last: 1 }; // edges of frames: frame f covers f to f + 1
 
@@ -24,12 +24,22 @@ const clampFrame = (frame) => Math.min(Math.max(frame, 0), clipLength() - 1);
 /** @param {number} x */
 export const frameAt = (x) => clampFrame(Math.floor(edgeAt(x)));
 
+/** @type {(() => void)[]} */
+const watchers = [];
+/** Calls back whenever other frames are shown. @param {() => void} change */
+export const onAxisChange = (change) => void watchers.push(change);
+
+/** @param {number} first @param {number} last */
+function setAxis(first, last) {
+  axis = { first, last };
+  for (const change of watchers) change();
+}
+
 /** Shows that many frames from there on, as far as the clip has them. @param {number} first @param {number} count */
 export function showFrames(first, count) {
   const shown = Math.min(Math.max(count, Math.min(FEWEST, clipLength())), clipLength());
   const start = Math.min(Math.max(first, 0), clipLength() - shown);
-  axis = { first: start, last: start + shown };
-  invalidate("timeline");
+  setAxis(start, start + shown);
 }
 
 export const shownCount = () => axis.last - axis.first;
@@ -43,7 +53,7 @@ export function zoomAxis(factor, x) {
 
 /** Shows the whole clip. */
 export function showAll() {
-  axis = { first: 0, last: Math.max(clipLength(), 1) };
+  setAxis(0, Math.max(clipLength(), 1));
 }
 
 /** Turns the page where the cursor has left it. @param {number} frame */
@@ -63,8 +73,9 @@ export function niceStep(extent, count) {
 const firstShown = () => Math.max(Math.floor(axis.first), 0);
 const lastShown = () => Math.min(Math.ceil(axis.last), clipLength()) - 1;
 
-/** Lowest and highest value on show, with some room; from zero where that is not far. @param {Curve[]} curves */
-export function valueScale(curves) {
+/** The axis of values: from zero to a round number above what is on show, and below zero where values can be.
+ * Null without values. @param {Curve[]} curves @param {boolean} signed */
+export function valueScale(curves, signed) {
   let [low, high] = [Infinity, -Infinity];
   for (const { values } of curves)
     for (let frame = firstShown(); frame <= lastShown(); frame++) {
@@ -74,9 +85,11 @@ export function valueScale(curves) {
       if (value > high) high = value;
     }
   if (low > high) return null;
-  if (low > 0 && low < 0.6 * high) low = 0;
-  if (low === high) [low, high] = [low - Math.max(Math.abs(low), 1) * 0.1, high + Math.max(Math.abs(high), 1) * 0.1];
-  return { low, high: high + (high - low) * 0.08 };
+  const extent = Math.max(high, 0) - Math.min(low, 0) || 1;
+  const step = niceStep(extent, 4);
+  const top = Math.ceil(high / step - 1e-9) * step;
+  const bottom = Math.floor(low / step + 1e-9) * step;
+  return { low: Math.min(bottom, signed ? -step : 0), high: Math.max(top, step), step };
 }
 
 /** A curve as a path. Where several frames share a pixel, from their lowest to their highest value.

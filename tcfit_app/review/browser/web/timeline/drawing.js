@@ -1,258 +1,185 @@
-// Draws the strip below the canvas: ruler, curves, marks, the running fit, the chosen range, the cursor.
+// Draws the strip below the canvas: on one canvas what stays while the clip plays, on another the cursor, the selected
+// frames and the pointer.
 
-/** @import { ChosenRange, Curve } from "../wire" */
-/** @typedef {CanvasRenderingContext2D} Context */
+/** @import { Context } from "./paint.js" */
 
-import { addPainter, known, states } from "../connection.js";
-import { cleared, placeTooltip, shortenedName, strip, stripCanvas, stripTooltip } from "../elements.js";
-import { stroke } from "../picture/shapes.js";
+import { addPainter, invalidate, known, states } from "../connection.js";
+import { cleared, placeTooltip, strip, stripCanvas, stripFront, stripTooltip } from "../elements.js";
 import { COLORS, FIT_COLORS, FIT_NAMES, FONT } from "../style.js";
+import { tones } from "../theme.js";
 import {
-  GUTTER, MARGIN, axis, clockText, curvePath, edgeX, frameAt, frameNumber, frameX, niceStep, plotWidth, shownCount,
-  valueScale, valueText,
+  GUTTER, axis, clockText, edgeX, frameAt, frameNumber, frameX, niceStep, plotWidth, shownCount,
 } from "./axis.js";
+import { partAt, worstPart } from "./heat.js";
+import { drawKey, drawLaneNames, drawLanes, drawMarks, markAt, marksOf } from "./lanes.js";
+import { LANES, fitBand, laneBand, overview, rowBand, ruler, within } from "./layout.js";
+import { drawOverview, markOverview } from "./overview.js";
+import { NAMES, clipToPlot, fillBox, fillFrames, write } from "./paint.js";
+import { chosenRange, cursorFrame, pointed } from "./pointed.js";
+import { drawRows } from "./rows.js";
 
-export const RULER = 19;
-const LEGEND = { top: 20, height: 16 }; // above the curves, whose peaks are what is looked for
-const CURVES = { top: 37, bottom: 88 };
-/** @type {{ name: "edited" | "bad" | "flagged" | "checked" | "apart", y: number }[]} */
-const MARK_ROWS = [
-  { name: "edited", y: 94 },
-  { name: "bad", y: 104 },
-  { name: "flagged", y: 114 },
-  { name: "checked", y: 124 },
-  { name: "apart", y: 134 },
-];
-const ROW = 7; // height of a mark
-const FIT_ROW = 145;
-const LEGEND_ENTRY = 170; // widest, where the plot is not four times as wide
-export const FULL_HEIGHT = 156;
+const TICKS = 118; // CSS pixels between two numbers in the ruler
+const RULER_MIDDLE = (ruler.top + ruler.bottom) / 2 + 0.5;
+const CURSOR_FONT = `600 13px ${FONT}`;
+const GRIP = 4; // width of the handle at an end of the selected frames
+const whole = () => ({ top: ruler.top, bottom: strip.clientHeight });
 
-/** What the user does with the timeline. */
-export const pointed = {
-  collapsed: sessionStorage.getItem("tcfit-collapsed") === "yes",
-  /** @type {number | null} */
-  cursor: null, // the frame that is being pointed at
-  /** @type {ChosenRange | null | undefined} */
-  range: undefined, // what is being chosen, if something is
-  /** @type {number | null} */
-  x: null, // of the pointer over the strip
-};
-
-export const cursorFrame = () => pointed.cursor ?? states.cursor?.frame ?? null;
-const chosenRange = () => (pointed.range === undefined ? states.range : pointed.range) ?? null;
-
-function drawTimeline() {
+function drawBack() {
   if (!states.timeline || strip.hidden) return;
   const context = cleared(stripCanvas);
   drawRuler(context);
-  drawRange(context);
   if (!pointed.collapsed) {
-    clipToPlot(context, () => drawMarks(context));
-    drawLabels(context);
-    drawCurves(context);
+    drawFit(context);
+    drawRows(context);
+    drawLanes(context);
+    clipToPlot(context, whole(), () => drawMarks(context));
+    drawLaneNames(context);
+    drawOverview(context);
   }
+  invalidate("cursor");
+}
+
+function drawFront() {
+  if (!states.timeline || strip.hidden) return;
+  const context = cleared(stripFront);
+  drawRange(context);
   drawCursor(context);
   drawPointer(context);
 }
 
-/** Nothing is drawn over the labels. @param {Context} context @param {() => void} draw */
-function clipToPlot(context, draw) {
-  context.save();
-  context.beginPath();
-  context.rect(GUTTER, 0, plotWidth(), FULL_HEIGHT);
-  context.clip();
-  draw();
-  context.restore();
-}
-
-/** @param {Context} context @param {string} text @param {number} x @param {number} y @param {string} color
- * @param {CanvasTextAlign} [align] @param {number} [size] */
-function write(context, text, x, y, color, align = "left", size = 10.5) {
-  context.font = `${size}px ${FONT}`;
-  context.textAlign = align;
-  context.textBaseline = "middle";
-  context.fillStyle = color;
-  context.fillText(text, x, y);
-}
-
-/** @param {Context} context @param {string} color @param {number} x @param {number} y @param {number} width
- * @param {number} height */
-function fillBox(context, color, x, y, width, height) {
-  context.fillStyle = color;
-  context.fillRect(x, y, width, height);
-}
+/** Number and time in the ruler: where they begin, where the number ends, and where the time does.
+ * @type {{ number: string, x: number, middle: number, end: number }[]} */
+let ticks = [];
 
 /** @param {Context} context */
 function drawRuler(context) {
-  fillBox(context, "#1b1f26", 0, 0, strip.clientWidth, RULER);
-  const step = Math.max(niceStep(shownCount(), plotWidth() / 110), 1);
+  fillBox(context, tones.bed, 0, ruler.top, strip.clientWidth, ruler.bottom - ruler.top);
+  const step = Math.max(niceStep(shownCount(), plotWidth() / TICKS), 1);
   const offset = known("timeline").first_frame;
-  const pill = cursorPill(context);
   const start = Math.ceil((axis.first + offset) / step) * step - offset;
+  const bottom = pointed.collapsed ? ruler.bottom : overview().top;
+  ticks = [];
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
     const x = frameX(frame);
-    if (x > strip.clientWidth - 90) break; // for the buttons
-    fillBox(context, COLORS.line, Math.round(x), 0, 1, pointed.collapsed ? RULER : CURVES.bottom);
-    drawTick(context, frame, x + 4, pill);
+    fillBox(context, tones.line, Math.round(x), ruler.top, 1, bottom - ruler.top);
+    const number = frameNumber(frame);
+    write(context, number, x + 4, RULER_MIDDLE, tones.text);
+    const after = x + 10 + context.measureText(number).width;
+    write(context, clockText(frame), after, RULER_MIDDLE, tones.dim);
+    ticks.push({ number, x: x + 4, middle: after - 6, end: after + context.measureText(clockText(frame)).width });
   }
-  write(context, "frame", GUTTER - 8, RULER / 2, COLORS.dim, "right");
+  fillBox(context, tones.bed, GUTTER + plotWidth(), ruler.top, strip.clientWidth, ruler.bottom - ruler.top);
+  write(context, "Frame", NAMES, RULER_MIDDLE, tones.dim);
 }
 
-/** Frame number and time, each unless the cursor's number lies on it.
- * @param {Context} context @param {number} frame @param {number} x @param {ReturnType<typeof cursorPill>} pill */
-function drawTick(context, frame, x, pill) {
-  /** @param {number} left @param {number} right */
-  const free = (left, right) => !pill || right < pill.left || left > pill.left + pill.width;
-  const number = frameNumber(frame);
-  context.font = `10.5px ${FONT}`;
-  const after = x + context.measureText(number).width + 4;
-  if (free(x, after - 4)) write(context, number, x, RULER / 2, COLORS.text);
-  context.font = `9.5px ${FONT}`;
-  const clock = clockText(frame);
-  const end = after + context.measureText(clock).width;
-  if (free(after, end)) write(context, clock, after, RULER / 2, "#667080", "left", 9.5);
+/** @param {Context} context */
+function drawFit(context) {
+  const { top, bottom } = fitBand;
+  clipToPlot(context, fitBand, () => {
+    for (const { first, last, state } of states.fit?.spans ?? [])
+      fillFrames(context, FIT_COLORS[state], first, last, top, bottom - top - 1);
+  });
 }
+
+// --- what moves ---
 
 /** @param {Context} context */
 function drawRange(context) {
+  if (!pointed.collapsed) markOverview(context);
   const range = chosenRange();
   if (!range) return;
-  clipToPlot(context, () => {
+  const band = { top: ruler.top, bottom: pointed.collapsed ? ruler.bottom : overview().top };
+  clipToPlot(context, band, () => {
     const [left, right] = [edgeX(range.first), edgeX(range.last + 1)];
-    fillBox(context, "rgba(40, 140, 220, 0.2)", left, 0, right - left, strip.clientHeight);
-    for (const x of [left, right - 1]) fillBox(context, COLORS.accent, x, 0, 1.5, strip.clientHeight);
+    fillBox(context, "rgba(40, 140, 220, 0.14)", left, band.top, right - left, band.bottom - band.top);
+    for (const x of [left, right - 1]) fillBox(context, COLORS.accent, x, band.top, 1.5, band.bottom - band.top);
+    for (const x of [left, right - GRIP]) fillBox(context, COLORS.accent, x, band.top, GRIP, ruler.bottom - ruler.top);
   });
-}
-
-/** @param {Context} context */
-function drawMarks(context) {
-  for (const { name, y } of MARK_ROWS) {
-    fillBox(context, "#1b1f26", GUTTER, y, plotWidth(), ROW);
-    for (const [first, last] of states.marks?.[name] ?? []) drawSpan(context, first, last, y, COLORS[name]);
-  }
-  fillBox(context, "#1b1f26", GUTTER, FIT_ROW, plotWidth(), ROW);
-  for (const { first, last, state } of states.fit?.spans ?? [])
-    drawSpan(context, first, last, FIT_ROW, FIT_COLORS[state]);
-}
-
-/** At least two pixels wide: a single marked frame of ten thousand must be seen.
- * @param {Context} context @param {number} first @param {number} last @param {number} y @param {string} color */
-function drawSpan(context, first, last, y, color) {
-  const [left, right] = [edgeX(first), edgeX(last + 1)];
-  fillBox(context, color, left, y, Math.max(right - left - (right - left > 6 ? 1 : 0), 2), ROW);
-}
-
-/** @param {Context} context */
-function drawLabels(context) {
-  for (const { name, y } of MARK_ROWS) {
-    const some = (states.marks?.[name] ?? []).length > 0;
-    write(context, name, GUTTER - 8, y + ROW / 2 + 0.5, some ? COLORS[name] : "#667080", "right", 9.5);
-  }
-  write(context, "fit", GUTTER - 8, FIT_ROW + ROW / 2 + 0.5, "#667080", "right", 9.5);
-}
-
-/** @param {Context} context */
-function drawCurves(context) {
-  const { curves } = known("timeline");
-  const scale = valueScale(curves);
-  if (scale) {
-    const y = valueY(scale);
-    drawValueLabels(context, scale, y);
-    clipToPlot(context, () => {
-      context.lineJoin = "round";
-      for (const { values, color } of curves) stroke(context, curvePath(values, y), color, 1.4);
-    });
-  } else write(context, known("timeline").empty, GUTTER + 12, (CURVES.top + CURVES.bottom) / 2, COLORS.dim, "left", 12);
-  drawCurveLegend(context, curves);
-}
-
-/** @param {{ low: number, high: number }} scale @returns {(value: number) => number} */
-const valueY = ({ low, high }) => (value) =>
-  CURVES.bottom - ((value - low) / (high - low)) * (CURVES.bottom - CURVES.top);
-
-/** @param {Context} context @param {{ low: number, high: number }} scale @param {(value: number) => number} y */
-function drawValueLabels(context, scale, y) {
-  const step = niceStep(scale.high - scale.low, 4);
-  for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
-    if (y(value) < CURVES.top + 3) break;
-    fillBox(context, "#222730", GUTTER, Math.round(y(value)), plotWidth(), 1);
-    write(context, valueText(value, step), GUTTER - 8, y(value), COLORS.dim, "right", 10);
-  }
-}
-
-/** @param {Context} context @param {Curve[]} curves */
-function drawCurveLegend(context, curves) {
-  const { title, unit } = known("timeline");
-  context.font = `11px ${FONT}`;
-  const widest = Math.max(LEGEND_ENTRY, plotWidth() / 4);
-  const entries = curves.map(({ label, color }) => ({ text: shortenedName(context, label, widest), color }));
-  const heading = unit && title ? `${title} [${unit}]` : title || unit;
-  if (heading) entries.unshift({ text: heading, color: "" });
-  const widths = entries.map(({ text, color }) => context.measureText(text).width + (color ? 30 : 14));
-  const whole = widths.reduce((sum, width) => sum + width, 0);
-  let x = strip.clientWidth - MARGIN - whole;
-  fillBox(context, "rgba(20, 23, 28, 0.82)", x - 6, LEGEND.top, whole + 6, LEGEND.height);
-  entries.forEach(({ text, color }, i) => {
-    if (color) fillBox(context, color, x, LEGEND.top + 6.5, 11, 3);
-    write(context, text, x + (color ? 16 : 0), LEGEND.top + 8.5, color ? COLORS.text : COLORS.dim, "left", 11);
-    x += widths[i];
-  });
-}
-
-const CURSOR_FONT = `600 11px ${FONT}`;
-
-/** The cursor's number in the ruler, and where; null while the cursor is not on show. @param {Context} context */
-function cursorPill(context) {
-  const frame = cursorFrame();
-  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return null;
-  context.font = CURSOR_FONT;
-  const width = context.measureText(frameNumber(frame)).width + 12;
-  const left = Math.min(Math.max(frameX(frame) - width / 2, 2), strip.clientWidth - width - 2);
-  return { text: frameNumber(frame), x: frameX(frame), left, width };
 }
 
 /** @param {Context} context */
 function drawCursor(context) {
-  const pill = cursorPill(context);
-  if (!pill) return;
-  fillBox(context, COLORS.cursor, pill.x - 0.75, 0, 1.5, strip.clientHeight);
+  const frame = cursorFrame();
+  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return;
+  const [x, number] = [frameX(frame), frameNumber(frame)];
+  const bottom = pointed.collapsed ? ruler.bottom : overview().top;
+  fillBox(context, tones.cursor, x - 0.75, ruler.top, 1.5, bottom - ruler.top);
+  context.font = CURSOR_FONT;
+  const width = context.measureText(number).width + 12;
+  const left = Math.min(Math.max(x - width / 2, 2), strip.clientWidth - width - 2);
+  hideTicks(context, left - 4, left + width + 4);
   context.beginPath();
-  context.roundRect(pill.left, 1.5, pill.width, RULER - 3, 4);
+  context.roundRect(left, ruler.top + 1.5, width, ruler.bottom - ruler.top - 3, 4);
+  context.fillStyle = tones.cursor;
   context.fill();
   context.font = CURSOR_FONT;
   context.textAlign = "center";
-  context.fillStyle = "#10131a";
-  context.fillText(pill.text, pill.left + pill.width / 2, RULER / 2 + 0.5);
+  context.textBaseline = "middle";
+  context.fillStyle = tones["on-cursor"];
+  context.fillText(number, left + width / 2, RULER_MIDDLE);
+}
+
+/** No number below the cursor's is half seen. @param {Context} context @param {number} left @param {number} right */
+function hideTicks(context, left, right) {
+  for (const { number, x, middle, end } of ticks) {
+    if (end < left || x > right) continue;
+    fillBox(context, tones.bed, x - 1, ruler.top, end - x + 2, ruler.bottom - ruler.top);
+    if (middle < left || x > right) write(context, number, x, RULER_MIDDLE, tones.text);
+  }
 }
 
 /** A thin line and a list of what there is at the pointer. @param {Context} context */
 function drawPointer(context) {
   stripTooltip.hidden = true;
-  if (pointed.x === null || pointed.x < GUTTER || pointed.x > GUTTER + plotWidth()) return;
-  const frame = frameAt(pointed.x);
-  fillBox(context, "rgba(255, 255, 255, 0.35)", frameX(frame) - 0.5, 0, 1, strip.clientHeight);
-  stripTooltip.textContent = frameLines(frame).join("\n");
+  const { x, y } = pointed;
+  if (x === null || x < GUTTER || x > GUTTER + plotWidth() || y < ruler.top || y >= overview().top) return;
+  const found = pointed.key !== null ? null : markAt(x, y);
+  const frame = found ? found.frame : frameAt(x);
+  if (pointed.key !== null) {
+    const { top, bottom } = laneBand(LANES.indexOf("Keys"));
+    drawKey(context, frameX(pointed.key), top, bottom, tones.selected);
+  }
+  fillBox(context, tones.hair, frameX(frame) - 0.5, ruler.top, 1, overview().top - ruler.top);
+  const about = found ? [frameTitle(frame), found.mark.text] : pointed.collapsed ? [] : heatLines(frame, y);
+  stripTooltip.textContent = (about.length ? about : frameLines(frame)).join("\n");
   placeTooltip(stripTooltip, frameX(frame), 0, true);
 }
 
 /** @param {number} frame */
+const frameTitle = (frame) => `Frame ${frameNumber(frame)}  ${clockText(frame)}`;
+
+/** @param {{ part: string, value: number }} found @param {string} unit */
+const valueOf = ({ part, value }, unit) => `${part} ${value}${unit && ` ${unit}`}`;
+
+/** What the heat map under the pointer has in a frame. @param {number} frame @param {number} y */
+function heatLines(frame, y) {
+  return (states.rows?.rows ?? []).flatMap(({ title, unit, heat }, index) => {
+    const found = heat && within(rowBand(index), y) ? partAt(heat, rowBand(index), y, frame) : null;
+    return found ? [frameTitle(frame), `${title}  ${valueOf(found, unit)}`] : [];
+  });
+}
+
+/** @param {number} frame */
 function frameLines(frame) {
-  const { curves, unit } = known("timeline");
-  const lines = [`Frame ${frameNumber(frame)}  ${clockText(frame)}`];
-  for (const { label, values } of curves) {
-    const value = values[frame] ?? null;
-    if (value !== null) lines.push(`${label}  ${Number(value.toPrecision(3))} ${unit}`);
+  const lines = [frameTitle(frame)];
+  for (const { title, unit, curves, signed, heat } of states.rows?.rows ?? []) {
+    const worst = heat && worstPart(heat, frame);
+    if (worst) lines.push(`${title}  ${valueOf(worst, unit)}`);
+    const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
+    const said = there.map(({ label, values }) => {
+      const value = Number(Number(values[frame]).toPrecision(3));
+      return [label, `${signed && value > 0 ? "+" : ""}${value}`.replace("-", "−"), unit].filter(Boolean).join(" ");
+    });
+    if (said.length) lines.push(`${title}  ${said.join("   ")}`);
   }
   for (const { label, texts, which } of states.provenance?.fits ?? [])
     if (which[frame] !== undefined) lines.push(`${label}  ${texts[which[frame]]}`);
-  const marked = MARK_ROWS.map(({ name }) => name).filter((name) =>
-    (states.marks?.[name] ?? []).some(([first, last]) => first <= frame && frame <= last),
-  );
-  if (marked.length) lines.push(marked.join(", "));
+  const marks = marksOf(frame).map(({ text }) => text);
+  if (marks.length) lines.push(marks.join(", "));
   const fitted = (states.fit?.spans ?? []).find(({ first, last }) => first <= frame && frame <= last);
   if (fitted) lines.push(`fit: ${FIT_NAMES[fitted.state]}`);
   return lines;
 }
 
-addPainter("timeline", drawTimeline);
+addPainter("timeline", drawBack);
+addPainter("cursor", drawFront);

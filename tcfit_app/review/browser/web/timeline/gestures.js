@@ -1,52 +1,109 @@
-// The timeline's gestures: seek, choose a range, zoom and move the axis, fold.
+// The timeline's gestures: seek, select frames, zoom and move the axis.
 
-import { PATIENCE, emitLast, emitSoon, invalidate, states, watch } from "../connection.js";
-import { DRAG_THRESHOLD, leaveField, setStripHeight, strip, stripCanvas, stripToggle } from "../elements.js";
+/** @import { Mark } from "./lanes.js" */
+
+import { emit, emitLast, emitSoon, invalidate, states, watch } from "../connection.js";
+import { DRAG_THRESHOLD, leaveField, strip, stripCanvas } from "../elements.js";
 import {
-  axis, clipLength, followCursor, frameAt, plotWidth, showAll, showFrames, shownCount, zoomAxis,
+  FEWEST, GUTTER, MARGIN, axis, clipLength, edgeX, followCursor, frameAt, plotWidth, showAll, showFrames, shownCount,
+  zoomAxis,
 } from "./axis.js";
-import { FULL_HEIGHT, RULER, cursorFrame, pointed } from "./drawing.js";
+import { clearRange, letGo, showChosen } from "./head.js";
+import { markAt } from "./lanes.js";
+import { fitBand, overview, ruler, within } from "./layout.js";
+import { bringWindowTo, grabbedAt, overviewEdge } from "./overview.js";
+import { chosenRange, cursorFrame, pointed } from "./pointed.js";
 
-/** @typedef {{ kind: "seek" | "range" | "pan", pointer: number, x: number, start: number, anchor: number,
- *   moved: boolean }} StripGesture */
+/** "key" moves a keyframe, "view" the overview's window, "start" and "end" the ends of that.
+ * @typedef {"seek" | "range" | "key" | "pan" | "view" | "start" | "end"} Kind
+ * @typedef {{ kind: Kind, pointer: number, x: number, start: number, anchor: number, grabbed: boolean,
+ *   moved: boolean, mark: Mark | null }} StripGesture `grabbed`: an end of the selected frames, of which `anchor` is
+ *   the other; `mark`: what was pressed */
+
+const GRAB = 6; // CSS pixels around an end of the selected frames where it is grabbed
 
 /** @type {StripGesture | null} */
 let gesture = null;
 
 /** @param {MouseEvent} event */
-const stripX = (event) => event.clientX - strip.getBoundingClientRect().left;
+const placeOf = (event) => {
+  const { left, top } = strip.getBoundingClientRect();
+  return { x: event.clientX - left, y: event.clientY - top };
+};
 
-/** @param {PointerEvent} event @returns {StripGesture["kind"] | null} */
-const kindOf = ({ button, shiftKey }) => (button === 1 ? "pan" : button !== 0 ? null : shiftKey ? "range" : "seek");
+/** The frame at the other end of the selected ones, where the pointer grabs an end of them; else null.
+ * @param {number} x @param {number} y */
+function otherEnd(x, y) {
+  const range = chosenRange();
+  if (!range || !within({ top: ruler.top, bottom: fitBand.bottom }, y)) return null;
+  const [left, right] = [Math.abs(x - edgeX(range.first)), Math.abs(x - edgeX(range.last + 1))];
+  if (Math.min(left, right) > GRAB) return null;
+  return left < right ? range.last : range.first;
+}
+
+/** What a press of the left button begins.
+ * @param {number} x @param {number} y @param {boolean} shift @returns {Kind} */
+function kindAt(x, y, shift) {
+  if (within(overview(), y)) return grabbedAt(x);
+  return shift || within({ top: ruler.top, bottom: fitBand.bottom }, y) ? "range" : "seek";
+}
 
 /** @param {PointerEvent} event */
 function press(event) {
-  const kind = kindOf(event);
-  if (!kind || gesture || event.target !== stripCanvas || !states.timeline) return;
+  if (gesture || event.target !== stripCanvas || !states.timeline || event.button > 1) return;
+  const { x, y } = placeOf(event);
+  if (x < GUTTER - GRAB || x > GUTTER + plotWidth() + MARGIN) return;
   event.preventDefault();
   leaveField();
   stripCanvas.setPointerCapture(event.pointerId);
-  const x = stripX(event);
-  gesture = { kind, pointer: event.pointerId, x, start: x, anchor: frameAt(x), moved: false };
-  MOVES[kind](gesture, x);
+  const mark = markAt(x, y);
+  const at = kindAt(x, y, event.shiftKey);
+  const kind = event.button === 1 ? "pan" : at === "seek" && mark?.mark.key ? "key" : at;
+  const other = kind === "range" ? otherEnd(x, y) : null;
+  const anchor = other ?? mark?.frame ?? frameAt(x);
+  const grabbed = other !== null;
+  gesture = { kind, pointer: event.pointerId, x, start: x, anchor, grabbed, moved: false, mark: mark?.mark ?? null };
+  if (kind === "view") bringWindowTo(x);
+  if ((kind === "seek" || kind === "key") && mark) seekTo(mark.frame);
+  else MOVES[kind](gesture, x);
 }
 
-/** @type {{ [kind in StripGesture["kind"]]: (gesture: StripGesture, x: number) => void }} */
+/** @param {number} frame */
+function seekTo(frame) {
+  pointed.cursor = frame;
+  emitSoon({ type: "seek", frame });
+  invalidate("cursor");
+}
+
+/** @type {{ [kind in Kind]: (gesture: StripGesture, x: number) => void }} */
 const MOVES = {
-  seek(_, x) {
-    pointed.cursor = frameAt(x);
-    emitSoon({ type: "seek", frame: pointed.cursor });
-    invalidate("timeline");
-  },
+  seek: (_, x) => seekTo(frameAt(x)),
   range({ anchor, moved }, x) {
     if (!moved) return;
     pointed.range = between(anchor, frameAt(x));
     emitSoon({ type: "range", ...pointed.range });
-    invalidate("timeline");
+    showChosen();
+  },
+  key({ moved }, x) {
+    pointed.key = moved ? frameAt(x) : null;
+    invalidate("cursor");
   },
   pan(panned, x) {
     showFrames(axis.first - ((x - panned.x) / plotWidth()) * shownCount(), shownCount());
     panned.x = x;
+  },
+  view(moved, x) {
+    showFrames(axis.first + ((x - moved.x) / plotWidth()) * clipLength(), shownCount());
+    moved.x = x;
+  },
+  start({ moved }, x) {
+    const { last } = axis;
+    const first = Math.min(Math.max(overviewEdge(x), 0), last - FEWEST);
+    if (moved) showFrames(first, last - first);
+  },
+  end({ moved }, x) {
+    const last = Math.min(overviewEdge(x), clipLength());
+    if (moved) showFrames(axis.first, last - axis.first);
   },
 };
 
@@ -55,40 +112,66 @@ const between = (a, b) => ({ first: Math.min(a, b), last: Math.max(a, b) });
 
 /** @param {PointerEvent} event */
 function move(event) {
-  pointed.x = stripX(event);
-  invalidate("timeline");
-  if (event.pointerId !== gesture?.pointer) return;
-  gesture.moved ||= Math.abs(pointed.x - gesture.start) >= DRAG_THRESHOLD;
-  MOVES[gesture.kind](gesture, pointed.x);
+  const { x, y } = placeOf(event);
+  Object.assign(pointed, { x: event.target === stripCanvas ? x : null, y });
+  invalidate("cursor");
+  if (!gesture) return void (stripCanvas.style.cursor = cursorAt(x, y));
+  if (event.pointerId !== gesture.pointer) return;
+  gesture.moved ||= Math.abs(x - gesture.start) >= DRAG_THRESHOLD;
+  if (gesture.moved || gesture.kind !== "seek") MOVES[gesture.kind](gesture, x);
 }
+
+/** The pointer's shape, which says what a press would do. @param {number} x @param {number} y */
+function cursorAt(x, y) {
+  if (x < GUTTER - GRAB || x > GUTTER + plotWidth() + GRAB) return "default";
+  if (otherEnd(x, y) !== null) return "ew-resize";
+  if (within(overview(), y)) return grabbedAt(x) === "view" ? "grab" : "ew-resize";
+  if (within({ top: ruler.top, bottom: fitBand.bottom }, y)) return "text"; // as where text is selected
+  return markAt(x, y) ? "pointer" : "default";
+}
+
+function tellCursor() {
+  if (pointed.cursor !== null) emitLast({ type: "seek", frame: pointed.cursor });
+}
+
+/** What a release does.
+ * @type {{ [kind in Kind]?: (gesture: StripGesture, x: number, shift: boolean) => void }} */
+const ENDS = {
+  seek({ mark, moved }) {
+    tellCursor();
+    if (mark?.suspicion && mark.frame !== undefined && !moved)
+      emit({ type: "look_at", frame: mark.frame, kind: mark.suspicion });
+  },
+  range({ anchor, moved, grabbed }, x, shift) {
+    if (!moved && !shift) {
+      if (!grabbed) seekTo(frameAt(x)); // a click in the ruler
+      return tellCursor();
+    }
+    if (!moved) pointed.range = between(cursorFrame() ?? anchor, anchor);
+    if (pointed.range) emitLast({ type: "range", ...pointed.range });
+  },
+  key({ anchor }) {
+    tellCursor();
+    if (pointed.key !== null && pointed.key !== anchor) emit({ type: "move_key", frame: anchor, to: pointed.key });
+    pointed.key = null;
+  },
+};
 
 /** @param {PointerEvent} event */
 function release(event) {
   if (event.pointerId !== gesture?.pointer) return;
-  const { kind, anchor, moved } = gesture;
-  if (kind === "range" && !moved) pointed.range = between(cursorFrame() ?? anchor, anchor); // Shift and a click
+  const ended = gesture;
   gesture = null;
-  if (kind === "seek" && pointed.cursor !== null) emitLast({ type: "seek", frame: pointed.cursor });
-  if (kind === "range" && pointed.range) emitLast({ type: "range", ...pointed.range });
+  ENDS[ended.kind]?.(ended, placeOf(event).x, event.shiftKey);
   letGo();
 }
 
-/** What was pointed at stays as it is until the server says the same, or has had its time. */
-function letGo() {
-  const { cursor, range } = pointed;
-  setTimeout(() => {
-    if (gesture) return;
-    if (pointed.cursor === cursor) pointed.cursor = null;
-    if (pointed.range === range) pointed.range = undefined;
-    invalidate("timeline");
-  }, PATIENCE);
-  invalidate("timeline");
-}
-
-function clearRange() {
-  pointed.range = null;
-  emitLast({ type: "range", first: null, last: null });
-  letGo();
+/** @param {MouseEvent} event */
+function doubleClick(event) {
+  const { x, y } = placeOf(event);
+  if (within(overview(), y)) return showFrames(0, clipLength());
+  if (x < GUTTER || otherEnd(x, y) !== null) return;
+  clearRange();
 }
 
 /** @param {WheelEvent} event */
@@ -99,18 +182,18 @@ function wheel(event) {
   const [dx, dy] = [event.deltaX * way, event.deltaY * way];
   const sideways = event.shiftKey ? dx || dy : Math.abs(dx) > Math.abs(dy) ? dx : 0;
   if (sideways) showFrames(axis.first + (sideways / plotWidth()) * shownCount(), shownCount());
-  else zoomAxis(Math.exp(Math.max(-1, Math.min(1, dy * 0.002))), stripX(event));
+  else zoomAxis(Math.exp(Math.max(-1, Math.min(1, dy * 0.002))), placeOf(event).x);
 }
 
 function leave() {
   pointed.x = null;
-  invalidate("timeline");
+  invalidate("cursor");
 }
 
 /** @param {PointerEvent} event */
 function interrupted(event) {
   if (event.pointerId !== gesture?.pointer) return;
-  gesture = null;
+  gesture = pointed.key = null;
   letGo();
 }
 
@@ -121,44 +204,26 @@ strip.addEventListener("pointercancel", interrupted);
 strip.addEventListener("lostpointercapture", interrupted);
 strip.addEventListener("pointerleave", leave);
 strip.addEventListener("wheel", wheel, { passive: false });
-stripCanvas.addEventListener("dblclick", clearRange);
+stripCanvas.addEventListener("dblclick", doubleClick);
 new ResizeObserver(() => invalidate("timeline")).observe(strip);
-
-/** Folds the strip, or unfolds it. */
-function toggleCollapsed() {
-  pointed.collapsed = !pointed.collapsed;
-  sessionStorage.setItem("tcfit-collapsed", pointed.collapsed ? "yes" : "no");
-  layOut();
-}
-
-function layOut() {
-  const { collapsed } = pointed;
-  setStripHeight(clipLength() ? (collapsed ? RULER + 3 : FULL_HEIGHT) : 0);
-  stripToggle.textContent = collapsed ? "▴" : "▾";
-  stripToggle.title = collapsed ? "Show curves and marks" : "Hide curves and marks";
-  invalidate("timeline");
-}
-
-stripToggle.addEventListener("click", toggleCollapsed);
 
 let shownLength = 0;
 watch("timeline", () => {
   if (clipLength() !== shownLength) showAll();
   shownLength = clipLength();
-  layOut();
 });
 watch("cursor", (cursor) => {
   if (!gesture && pointed.cursor === cursor?.frame) pointed.cursor = null;
   if (cursor && states.timeline && !gesture) followCursor(cursor.frame);
-  invalidate("timeline");
+  invalidate("cursor");
 });
 watch("lost", () => {
-  gesture = pointed.cursor = null;
+  gesture = pointed.cursor = pointed.key = null;
   pointed.range = undefined;
   leave();
 });
 watch("range", () => {
   if (!gesture) pointed.range = undefined;
-  invalidate("timeline");
+  showChosen();
 });
-for (const name of /** @type {const} */ (["marks", "fit"])) watch(name, () => invalidate("timeline"));
+watch("fit", () => invalidate("timeline"));

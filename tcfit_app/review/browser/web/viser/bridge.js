@@ -10,6 +10,10 @@ export const KNOWN_VERSION = "1.1.x";
 export const TEXT_INPUT = "input.mantine-TextInput-input";
 export const NUMBER_INPUT = "input.mantine-NumberInput-input";
 export const DROPDOWN_INPUT = "input[aria-haspopup=listbox]";
+/** Of messages and windows, without a name yet. */
+export const CLOSE_BUTTON = ":is(.mantine-Notification-closeButton, .mantine-Modal-close):not([aria-label])";
+/** The label beside a field. */
+export const FIELD_LABEL = 'div[style*="flex-shrink: 0"]:has(> p > label)';
 export const WINDOW_SURROUNDINGS = ".mantine-Modal-inner, .mantine-Modal-overlay";
 
 /** How viser's own elements look here. A plot of viser's learns its width only after it has been drawn: until then its
@@ -20,8 +24,13 @@ body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
 .uplot-container .uplot { width: 100%; }
-div[style*="flex-shrink: 0"]:has(> p > label) { width: 78px !important; padding-right: 4px; }
-div[style*="flex-shrink: 0"] > p:has(> label) { font-size: 12px !important; letter-spacing: 0 !important; }
+button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: var(--tcfit-text) !important; }
+[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: var(--tcfit-detected) !important; }
+button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
+${FIELD_LABEL} { width: 84px !important; padding-right: 4px; }
+${FIELD_LABEL} > p { font-size: 13px !important; letter-spacing: 0 !important; }
+:is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; }
+${FIELD_LABEL} label { color: var(--tcfit-dim); }
 `;
 
 /** viser's own references and functions; for this folder alone. */
@@ -38,6 +47,8 @@ const PARTS = [
   ["cameraControl", (viser) => "cameraControl" in viser],
   ["scene", ({ scene }) => isFunction(scene.__r3f?.root.getState().invalidate)],
   ["nodeRefFromName", ({ nodeRefFromName }) => nodeRefFromName[""]?.matrixWorld.elements.length === 16],
+  ["nodeRefFromName.position", ({ nodeRefFromName }) => isFunction(nodeRefFromName[""]?.position.set)],
+  ["scene.gl", ({ scene }) => isFunction(scene.__r3f?.root.getState().gl.setScissor)],
   ["messageQueue", ({ messageQueue }) => Array.isArray(messageQueue)],
   ["drainMessageQueue", (viser) => "drainMessageQueue" in viser],
   ["getRenderRequestState", (viser) => typeof viser.getRenderRequestState === "string"],
@@ -67,7 +78,10 @@ function holds(claim) {
 export const canvas = () => viewer().canvas;
 
 /** In CSS pixels. */
-export const canvasSize = () => ({ width: canvas().clientWidth, height: canvas().clientHeight });
+export function canvasSize() {
+  // The canvas itself follows its box some frames later.
+  return { width: canvas().clientWidth, height: Math.min(canvas().clientHeight, canvasBox().clientHeight) };
+}
 
 /**
  * viser's box around its canvas: a stacking context, so what is put into it stays below panels and messages.
@@ -126,11 +140,25 @@ export function onOtherConnection(change) {
 /** Has viser draw its scene soon. */
 export const redrawScene = () => viewer().requestRender();
 
+/** Calls back right before each drawing of the scene, where everything has its place. @param {() => void} change */
+export function beforeSceneDrawn(change) {
+  viewer().scene.onBeforeRender = (_renderer, _scene, camera) => {
+    if (camera === viewer().camera) change();
+  };
+}
+
 /** Calls back right after each drawing of the scene. @param {() => void} change */
 export function onSceneDrawn(change) {
   viewer().scene.onAfterRender = (_renderer, _scene, camera) => {
     if (camera === viewer().camera) change();
   };
+}
+
+/** viser's canvas with the scene drawn on it just now: what is on it is gone once the browser has shown it. */
+export function drawnCanvas() {
+  const { scene, camera, canvas: drawn } = viewer();
+  scene.__r3f?.root.getState().gl.render(scene, camera);
+  return drawn;
 }
 
 /** From viser's world (which three.js turns so that its upward axis is up) to the canvas, each -1 to 1. */
@@ -148,9 +176,20 @@ export function worldToCanvas() {
  * @returns {[x: number, y: number]}
  */
 export function canvasPoint(matrix, point) {
+  const [x, y] = scenePoint(matrix, point);
+  return [x, y];
+}
+
+/**
+ * The same, and its depth: between -1 and 1 if it lies ahead of the viewer, neither too near nor too far.
+ * @param {Matrix4} matrix of `worldToCanvas`
+ * @param {[x: number, y: number, z: number]} point
+ * @returns {[x: number, y: number, depth: number]}
+ */
+export function scenePoint(matrix, point) {
   const { width, height } = canvasSize();
-  const { x, y } = viewer().camera.position.clone().set(...point).applyMatrix4(matrix);
-  return [((x + 1) / 2) * width, ((1 - y) / 2) * height];
+  const { x, y, z } = viewer().camera.position.clone().set(...point).applyMatrix4(matrix);
+  return [((x + 1) / 2) * width, ((1 - y) / 2) * height, z];
 }
 
 /** @type {{ mouse: { [button: string]: number }, touch: { [fingers: string]: number }, cursor: boolean } | null} */
@@ -167,6 +206,25 @@ export function keepCameraFlat(flat) {
   Object.assign(control.touches, touch, flat ? { one: touch.three } : {});
   control.dollyToCursor = flat || cursor;
 }
+
+/** Where the wheel is turned over the canvas, viser takes the pointer to be elsewhere.
+ * @param {(event: WheelEvent) => { x: number, y: number } | null} place CSS pixels of the canvas; null: where it is */
+export function moveWheel(place) {
+  window.addEventListener("wheel", (event) => {
+    if (!event.isTrusted || event.target !== canvas()) return;
+    const there = place(event);
+    if (!there) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const { left, top } = canvas().getBoundingClientRect();
+    const { deltaX, deltaY, deltaMode, ctrlKey, shiftKey, altKey, metaKey } = event;
+    const turn = { deltaX, deltaY, deltaMode, ctrlKey, shiftKey, altKey, metaKey, bubbles: true, cancelable: true };
+    canvas().dispatchEvent(new WheelEvent("wheel", { ...turn, clientX: left + there.x, clientY: top + there.y }));
+  }, { capture: true, passive: false });
+}
+
+/** A node of the scene, if it is there. @param {string} name */
+export const nodeOf = (name) => viewer().nodeRefFromName[name] ?? null;
 
 /** The mesh of a node of the scene, if it is there. @param {string} name @returns {Mesh | null} */
 export function meshOf(name) {

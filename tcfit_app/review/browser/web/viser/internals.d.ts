@@ -11,6 +11,7 @@ export interface Matrix4 {
 export interface Vector3 {
   x: number;
   y: number;
+  z: number;
   clone(): Vector3;
   set(x: number, y: number, z: number): Vector3;
   applyMatrix4(matrix: Matrix4): Vector3;
@@ -31,7 +32,10 @@ export interface Material {
   map?: Texture | null;
   color: { setScalar(value: number): void };
   vertexColors: boolean;
+  colorWrite: boolean;
+  transparent: boolean;
   needsUpdate: boolean;
+  userData: Record<string, unknown>;
   clone(): Material;
 }
 
@@ -47,14 +51,17 @@ export interface Object3D {
   renderOrder: number;
   userData: { [name: string]: any };
   isMesh?: boolean;
+  position: Vector3;
   add(child: Object3D): void;
+  updateMatrixWorld(force: boolean): void;
   traverse(visit: (child: any) => void): void;
 }
 
 export interface Mesh extends Object3D {
   material: Material;
   geometry: { attributes: { [name: string]: Attribute }; setAttribute(name: string, attribute: Attribute): void };
-  onBeforeRender: () => void;
+  onBeforeRender: (renderer: Renderer) => void;
+  onAfterRender: (renderer: Renderer) => void;
   raycast: () => void;
 }
 
@@ -64,8 +71,15 @@ export interface Camera {
   matrixWorldInverse: Matrix4;
 }
 
+export interface Renderer {
+  setScissor(x: number, y: number, width: number, height: number): void;
+  setScissorTest(on: boolean): void;
+  render(scene: Scene, camera: Camera): void;
+}
+
 export interface Scene {
-  __r3f?: { root: { getState(): { invalidate(): void } } };
+  onBeforeRender?: (renderer: unknown, scene: Scene, camera: Camera) => void;
+  __r3f?: { root: { getState(): { invalidate(): void; gl: Renderer } } };
   onAfterRender?: (renderer: unknown, scene: Scene, camera: Camera) => void;
 }
 

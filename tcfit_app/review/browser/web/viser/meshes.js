@@ -1,6 +1,6 @@
 // What viser's meshes cannot do: pictures that are shown at once, colours at vertices, clean transparency, dark plates.
 
-/** @import { Mesh, Texture } from "./internals" */
+/** @import { Mesh, Renderer, Texture } from "./internals" */
 
 import { canvas, meshOf, redrawScene } from "./bridge.js";
 
@@ -62,6 +62,8 @@ const shrinks = (name, bitmap) => !name.startsWith("/posters/") || bitmap.width 
  * @typedef {object} Dress
  * @property {string | null} [colors] lines of the colour table by vertex, one byte each, in base64; null for none
  * @property {boolean} [front] whether it hides its own far side although it is transparent, or a wireframe
+ * @property {boolean} [nothing] whether it is not drawn, but hides what is behind it
+ * @property {boolean} [last] draw it after the bodies
  * @property {boolean} [dark] draw it dark, and not white, until its first picture is there
  */
 
@@ -70,7 +72,10 @@ let table = []; // linear red, green, blue, 0 to 1, one after the other
 /** @type {{ [name: string]: Dress }} */
 const wishes = {};
 /** @type {{ [wish: string]: (mesh: Mesh, dress: Dress) => void }} */
-const PARTS = { colors: paint, front: cover, dark: (mesh, { dark }) => void (mesh.userData.tcfitDark = dark) };
+const PARTS = {
+  colors: paint, front: cover, nothing: empty, last: (mesh) => void (mesh.renderOrder = 3),
+  dark: (mesh, { dark }) => void (mesh.userData.tcfitDark = dark),
+};
 const TRIES = 1000; // for a mesh that viser has not made yet
 const SPACING = 5; // ms between them
 
@@ -87,8 +92,7 @@ export function dress(name, wish) {
 function dressMesh(name, wish, tries) {
   const mesh = meshOf(name);
   if (!mesh) return void (tries && setTimeout(dressMesh, SPACING, name, wish, tries - 1));
-  // viser makes a new material when opacity or wireframe change, so it is looked at before each drawing.
-  mesh.onBeforeRender = () => prepare(mesh);
+  hookOf(mesh);
   const now = /** @type {{ [part: string]: unknown }} */ (wishes[name]);
   for (const [part, value] of Object.entries(wish)) if (now[part] === value) PARTS[part](mesh, wish);
   redrawScene();
@@ -118,6 +122,12 @@ function cover(mesh, { front }) {
   if (depth) depth.visible = Boolean(front);
 }
 
+/** After the picture behind it, and before the lines that it hides. @param {Mesh} mesh @param {Dress} dress */
+function empty(mesh, { nothing }) {
+  mesh.userData.tcfitNothing = nothing;
+  mesh.renderOrder = 2;
+}
+
 /** @param {Mesh} mesh @returns {Mesh} */
 function depthOnly(mesh) {
   const depth = new /** @type {any} */ (mesh).constructor(mesh.geometry, mesh.material.clone());
@@ -129,9 +139,42 @@ function depthOnly(mesh) {
   return (mesh.userData.tcfitDepth = depth);
 }
 
+/** @typedef {{ left: number, top: number, right: number, bottom: number }} Box in CSS pixels of the canvas */
+/** @typedef {{ window: Box | null }} Hook how a mesh is drawn: only in a window, if it has one */
+
+/** @param {Mesh} mesh @returns {Hook} */
+export function hookOf(mesh) {
+  if (mesh.userData.tcfitHook) return mesh.userData.tcfitHook;
+  /** @type {Hook} */
+  const hook = { window: null };
+  // viser makes a new material when opacity or wireframe change, so it is looked at before each drawing.
+  mesh.onBeforeRender = (renderer) => {
+    prepare(mesh);
+    if (hook.window) cutOff(renderer, hook.window);
+  };
+  mesh.onAfterRender = (renderer) => {
+    if (hook.window) renderer.setScissorTest(false);
+  };
+  return (mesh.userData.tcfitHook = hook);
+}
+
+/** @param {Renderer} renderer @param {Box} window */
+function cutOff(renderer, { left, top, right, bottom }) {
+  renderer.setScissor(left, canvas().clientHeight - bottom, Math.max(right - left, 0), Math.max(bottom - top, 0));
+  renderer.setScissorTest(true);
+}
+
 /** @param {Mesh} mesh */
 function prepare({ geometry, material, userData }) {
-  if (userData.tcfitDark) material.color.setScalar(material.map ? 1 : 0.02);
+  if (userData.tcfitDark) {
+    const pictured = Boolean(material.map);
+    material.color.setScalar(pictured ? 1 : 0.02);
+    // A material that was drawn before its picture came may have been compiled without one: it would stay white.
+    if (material.userData.tcfitPictured !== pictured) material.needsUpdate = true;
+    material.userData.tcfitPictured = pictured;
+    material.transparent = false; // drawn before what hides its part of an outline
+  }
+  if (userData.tcfitNothing !== undefined) material.colorWrite = !userData.tcfitNothing;
   const on = userData.tcfitColors?.length === geometry.attributes.position.array.length;
   if (material.vertexColors !== on) Object.assign(material, { vertexColors: on, needsUpdate: true });
 }

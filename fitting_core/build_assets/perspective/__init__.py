@@ -1,0 +1,1 @@
+"""Trains the network that tells how near a camera stood."""

@@ -1,0 +1,71 @@
+"""Locks that the system takes back when the process that holds them ends, however it ends."""
+
+import errno
+import os
+import sys
+from pathlib import Path
+
+_HELD = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
+"""What systems answer where somebody has a lock: Unix the first two, Windows the others."""
+
+
+def try_lock(descriptor: int) -> bool:
+    """Lock an open file until its descriptor is closed; False if somebody has the lock.
+
+    Raises:
+        OSError: The file system knows no locks, as some network drives.
+    """
+    try:
+        _lock(descriptor)
+    except OSError as error:
+        if error.errno in _HELD:
+            return False
+        raise
+    return True
+
+
+def locked(path: Path) -> int | None:
+    """Make a file if there is none, and lock it.
+
+    Returns:
+        A descriptor, which is to be closed. None if somebody has the lock.
+
+    Raises:
+        OSError: The file cannot be opened, or the file system knows no locks.
+    """
+    while True:
+        # No links: whoever else may write in the folder could have a file made elsewhere.
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        try:
+            if not try_lock(descriptor):
+                os.close(descriptor)
+                return None
+            if _is_at(descriptor, path):
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)  # who had the lock has just deleted the file
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.lstat())
+    except FileNotFoundError:
+        return False
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(descriptor: int) -> None:
+        # A byte behind all content, which must stay readable.
+        os.lseek(descriptor, 1 << 20, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

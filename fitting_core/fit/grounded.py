@@ -1,0 +1,69 @@
+"""Gravity, contacts and floor of a fitted clip, and where its feet are held."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.fit.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.result import FitResult
+from fitting_core.fit.sides import unswapped
+from fitting_core.fit.stances import Stances, stances
+from fitting_core.ground.feet import has_feet, sole_heights, stance_of
+from fitting_core.ground.grounding import Grounding, grounding_of
+
+
+def grounded(fit: FitResult, clip: Clip, body: BodyModel) -> FitResult:
+    """A fit with the grounding of its last phase; to be taken anew whenever frames of it change.
+
+    It takes 0.2 ms a frame, and the lifter another 1 ms for what it has not seen yet.
+
+    Args:
+        fit: all frames.
+        clip: what was fitted.
+        body: the body model.
+    """
+    return replace(fit, grounding=grounding_of_params(clip, body, fit.last.params, unswap=fit.config.unswap_sides))
+
+
+def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool) -> Grounding | None:
+    """The grounding of a body that moves; None for a body whose feet have no keypoints.
+
+    Args:
+        clip: keypoints and camera.
+        body: the body model.
+        params: all frames, camera space.
+        unswap: whether swapped sides are swapped back.
+    """
+    if not has_feet(body):
+        return None
+    keypoints = unswapped(clip.keypoints)[0] if unswap else clip.keypoints
+    stance = stance_of(body, params)
+    return grounding_of(
+        keypoints.xy,
+        seen_confidence(keypoints, clip.camera.size),
+        lifted_keypoints(keypoints, clip.camera, clip.frame_rate),
+        clip.camera,
+        clip.frame_rate,
+        feet=stance.feet,
+        soles=_soles(body, params),
+        trunk=stance.trunk,
+    )
+
+
+def stances_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool) -> Stances | None:
+    """Where feet are held that stand in a body's motion; None where none does.
+
+    The arguments are those of `grounding_of_params`.
+    """
+    grounding = grounding_of_params(clip, body, params, unswap=unswap)
+    if grounding is None or not grounding.contacts.standing.any():
+        return None
+    return stances(grounding, stance_of(body, params).feet, _soles(body, params))
+
+
+def _soles(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "2 4"]:
+    return sole_heights(body, params.betas.mean(0).double().numpy())

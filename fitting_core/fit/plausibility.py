@@ -1,0 +1,46 @@
+"""Fits that mean nothing: told to the user, who sees numbers that look like any others."""
+
+import numpy as np
+
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.fit.sides import SEEN
+from fitting_core.keypoints import BODY
+
+_FAR, _NEAR = 60.0, 0.25
+"""Metres from the camera between which people are filmed so that keypoints can be found."""
+_SMALL = 24.0
+"""Pixels of a person's larger side: less than a detector's own errors times ten."""
+
+
+def doubts(clip: Clip, params: BodyParams) -> tuple[str, ...]:
+    """Sentences about a fit whose keypoints or camera cannot be those of a person; none for other fits.
+
+    Args:
+        clip: What was fitted.
+        params: Of the last phase.
+    """
+    found = []
+    size = _median_size(clip)
+    if size is not None and size < _SMALL:
+        found.append(
+            f"the keypoints of the person lie within {size:.0f} px, too few to tell a pose; expected at least "
+            f"{_SMALL:.0f} px. Check the keypoints, or use a larger image"
+        )
+    distance = float(params.camera_translation[:, 2].median()) if len(params) else np.nan
+    if not (np.isnan(distance) or _NEAR < distance < _FAR):
+        found.append(
+            f"the body is {distance:.3g} m from the camera, where nobody can be; expected {_NEAR} to {_FAR:.0f} m. "
+            "Check the keypoints and the focal length"
+        )
+    return tuple(found)
+
+
+def _median_size(clip: Clip) -> float | None:
+    """Larger side of the box around the body's keypoints, pixels; None if no frame shows two of them."""
+    sizes = []
+    for xy, confidence in zip(clip.keypoints.xy[:, BODY], clip.keypoints.confidence[:, BODY], strict=True):
+        seen = xy[confidence > SEEN]
+        if len(seen) > 1:
+            sizes.append(float(np.ptp(seen, axis=0).max()))
+    return float(np.median(sizes)) if sizes else None

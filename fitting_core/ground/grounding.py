@@ -1,0 +1,101 @@
+"""Gravity, contacts and floor of a clip together: before a fit, from the lifter's body, and after it, from the fit's.
+
+`grounding_before_fit` needs keypoints and the lifter only; contacts.py says how its parts are called one by one.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.camera import Camera
+from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
+from fitting_core.ground.gravity import Gravity, gravity_before_fit, with_trunk
+from fitting_core.ground.placing import places
+from fitting_core.ground.plane import Ground, ground_under
+from fitting_core.lifting.clip_lifting import LiftedClip
+
+USUAL_SOLES = np.tile([0.09, 0.025, 0.015, 0.015], (2, 1))
+"""Metres of a foot's keypoints above its sole, of the free body."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grounding:
+    """What is known of a clip's world, in camera space."""
+
+    gravity: Gravity
+    contacts: Contacts
+    """Of its T frames."""
+    ground: Ground | None
+    """None where nothing stands in view."""
+    missing: str = ""
+    """Why there is no ground, in words for the user."""
+
+    def __getitem__(self, frames: slice) -> Self:
+        """The same for consecutive frames: gravity and floor are the whole clip's."""
+        contacts = self.contacts
+        part = Contacts(probability=contacts.probability[frames], standing=contacts.standing[frames])
+        return replace(self, contacts=part)
+
+    @property
+    def text(self) -> str:
+        """One line for the user."""
+        tilt = round(self.gravity.tilt)
+        way = f"tilted {abs(tilt)}° {'down' if tilt > 0 else 'up'}" if tilt else "level"
+        camera = f"camera {way} (± {self.gravity.deviation:.0f}°)"
+        if self.ground is None:
+            return f"Ground: none, {self.missing}; {camera}"
+        return f"Ground: seen (feet stand in {100 * self.contacts.share:.0f} % of frames), {camera}"
+
+
+def grounding_before_fit(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    lifted: LiftedClip,
+    camera: Camera,
+    frame_rate: float,
+) -> Grounding:
+    """From keypoints and the lifter alone, with a floor under the lifter's body where its keypoints put it.
+
+    Args:
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen or cut off by the image.
+        lifted: What the lifter says of them.
+        camera: Of the clip; it stands still.
+        frame_rate: Frames per second.
+    """
+    placed = lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None]
+    return grounding_of(xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES)
+
+
+def grounding_of(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    lifted: LiftedClip,
+    camera: Camera,
+    frame_rate: float,
+    *,
+    feet: Float[np.ndarray, "T 2 4 3"],
+    soles: Float[np.ndarray, "2 4"],
+    trunk: Float[np.ndarray, "T 3"] | None = None,
+) -> Grounding:
+    """With feet in space, such as a fitted body's.
+
+    Args:
+        xy: As for `grounding_before_fit`.
+        confidence: As there.
+        lifted: As there.
+        camera: As there.
+        frame_rate: As there.
+        feet: Camera space, metres: ankle, heel, big and small toe of the left and the right foot.
+        soles: How high these are above the sole of a flat foot, metres.
+        trunk: From pelvis to neck, camera space; it has a say where there is no ground.
+    """
+    gravity = gravity_before_fit(lifted, confidence)
+    contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
+    found = ground_under(feet, soles, contacts, gravity, frame_rate)
+    if isinstance(found, str):
+        gravity = gravity if trunk is None else with_trunk(gravity, trunk)
+        return Grounding(gravity=gravity, contacts=contacts, ground=None, missing=found)
+    return Grounding(gravity=gravity, contacts=contacts, ground=found)

@@ -1,0 +1,63 @@
+"""Where the body that the lifter tells of stands before the camera."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d, median_filter
+
+from fitting_core.camera import Camera
+from fitting_core.lifting.clip_lifting import LiftedClip
+
+SEEN = 0.2
+"""Confidence above which a keypoint counts."""
+_MEDIAN, _SMOOTH = 0.17, 0.07
+"""Seconds: of the running median over the places, and of the Gaussian after it."""
+_LEAST_DEVIATION = 0.02
+"""Metres."""
+_HARDLY = 1e-6
+_NEAREST = 0.2
+"""Metres before the camera."""
+
+
+def rays_of(xy: Float[np.ndarray, "T n 2"], camera: Camera) -> Float[np.ndarray, "T n 2"]:
+    """x / z and y / z in camera space of pixels."""
+    return (xy - np.array(camera.center)) / np.array(camera.focal)
+
+
+def places(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    lifted: LiftedClip,
+    camera: Camera,
+    frame_rate: float,
+) -> Float[np.ndarray, "T 3"]:
+    """The pelvis in camera space, metres, such that the lifter's points lie behind their keypoints.
+
+    Of each frame by weighted least squares, which is linear, then smoothed over time. Frames that show nothing are
+    filled from their neighbours.
+
+    Args:
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen.
+        lifted: What the lifter made of them.
+        camera: Of the clip.
+        frame_rate: Frames per second.
+    """
+    points = lifted.points
+    count = points.shape[1]
+    rays, certain = rays_of(xy[:, :count], camera), confidence[:, :count]
+    weight = np.where(certain > SEEN, certain, 0.0) / np.maximum(lifted.depth_deviation, _LEAST_DEVIATION)
+    # (x + px) - ray_x (z + pz) = 0 and the same for y, for the pelvis (x, y, z) and each point p.
+    rows = np.zeros((len(points), count, 2, 3))
+    rows[..., 0, 0] = rows[..., 1, 1] = 1.0
+    rows[..., 2] = -rays
+    wanted = rays * points[..., 2:] - points[..., :2]
+    square = (weight**2)[..., None, None]
+    normal = np.einsum("tnkp,tnkq->tpq", rows * square, rows) + _HARDLY * np.eye(3)
+    found = np.linalg.solve(normal, np.einsum("tnkp,tnk->tp", rows * square, wanted)[..., None])[..., 0]
+    usable = ((weight > 0).sum(1) >= 4) & (found[:, 2] > _NEAREST)
+    if not usable.any():
+        return np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    frames = np.arange(len(points))
+    filled = np.stack([np.interp(frames, frames[usable], column[usable]) for column in found.T], 1)
+    width = 2 * round(_MEDIAN * frame_rate / 2) + 1
+    return gaussian_filter1d(median_filter(filled, (width, 1), mode="nearest"), _SMOOTH * frame_rate, 0, mode="nearest")

@@ -1,0 +1,85 @@
+"""The floor of a clip: one plane across gravity under the feet that stand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core.ground.contacts import Contacts, stretches
+from fitting_core.ground.gravity import Gravity
+
+_LEAST = 0.2
+"""Seconds of standing, both feet together, that a floor needs."""
+_LEAST_SEEN = 0.05
+"""Share of frames in which a foot must be in the image for it to be told that none stands."""
+_LOWEST = 10
+"""Percentile of the standing feet's heights that is taken for the floor at first: who climbs stands higher, too."""
+_NEAR = 0.15
+"""Metres from there within which a foot stands on the floor, and on nothing else."""
+_OWN = 0.015
+"""Metres: of the soles of a body that is not quite the person's."""
+_OF_STRETCH = 0.03
+"""Metres that one contact's height is off at least."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """A plane in camera space: points x of the floor have normal · x + offset = 0."""
+
+    normal: Float[np.ndarray, "3"]
+    """Up, a unit vector in camera axes (x right, y down, z away)."""
+    offset: float
+    """Metres that the camera is above it."""
+    deviation: float
+    """Standard deviation of its height where the person stands, metres."""
+
+    def height(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        """Metres of points above it, camera space."""
+        return points @ self.normal + self.offset
+
+
+def ground_under(
+    feet: Float[np.ndarray, "T 2 4 3"],
+    soles: Float[np.ndarray, "2 4"],
+    contacts: Contacts,
+    gravity: Gravity,
+    frame_rate: float,
+) -> Ground | str:
+    """The floor, or why there is none.
+
+    Args:
+        feet: Camera space, metres: ankle, heel, big and small toe of the left and the right foot.
+        soles: How high these are above the sole of a flat foot, metres.
+        contacts: Which feet stand.
+        gravity: Of the clip.
+        frame_rate: Frames per second.
+    """
+    if contacts.seen.any(1).mean() < _LEAST_SEEN:
+        return "the feet are not in the image"
+    if contacts.standing.sum() / frame_rate < _LEAST:
+        return "no foot stands still in the image"
+    heights = lowest(feet, soles, gravity.up)
+    first = np.percentile(heights[contacts.standing], _LOWEST)
+    on_it = contacts.standing & (abs(heights - first) < _NEAR)
+    middle, found = float(np.median(heights[on_it])), _of_stretches(heights, on_it)
+    spread = max(_OF_STRETCH, float(np.sqrt(np.mean((found - middle) ** 2))))
+    deviation = float(np.hypot(_OWN, spread / np.sqrt(len(found))))
+    return Ground(normal=gravity.up, offset=-middle, deviation=deviation)
+
+
+def lowest(
+    feet: Float[np.ndarray, "T 2 4 3"], soles: Float[np.ndarray, "2 4"], up: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "T 2"]:
+    """How far along `up` the sole of each foot is at its lowest, under heel or toes, metres from the camera."""
+    return (feet @ up - soles)[..., 1:].min(-1)
+
+
+def _of_stretches(heights: Float[np.ndarray, "T 2"], on_it: Bool[np.ndarray, "T 2"]) -> Float[np.ndarray, "n"]:
+    """Each contact's own: its frames are off together."""
+    return np.array(
+        [
+            np.median(heights[start:stop, foot])
+            for foot in range(on_it.shape[1])
+            for start, stop in stretches(on_it[:, foot], True)
+        ]
+    )

@@ -1,0 +1,43 @@
+"""A focal length that nobody gave: told by photographs, or estimated from the clip."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from fitting_core.camera import ESTIMATED, Camera, focal_from_35mm
+from fitting_core.keypoints import Keypoints
+from fitting_core.video.exif import focal_35mm
+from fitting_core.video.frames import image_files
+
+_LENSES_MM = (5.0, 2000.0)
+"""35 mm equivalents that a photograph may tell; others are mistakes."""
+
+
+def told_by_photographs(camera: Camera, images: Path | None) -> Camera | None:
+    """The camera with the focal length in the Exif data of a clip's images; None where they tell none, or several."""
+    if images is None:
+        return None
+    files = image_files(images) or (images,)
+    # The first and the last: a zoom between them, or a folder put together from several cameras, is not one lens.
+    told = {focal_35mm(file) for file in (files[0], files[-1])}
+    millimetres = told.pop()
+    if told or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
+        return None
+    focal = focal_from_35mm(millimetres, camera.size)
+    return replace(camera, focal=(focal, focal), source=f"35 mm equivalent of {millimetres:g} mm, as the images tell")
+
+
+def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera:
+    """The camera with the focal length that is likeliest by the keypoints; as it is where they tell nothing.
+
+    Args:
+        camera: With the image's diagonal as its focal length.
+        keypoints: Of the whole clip.
+        frame_rate: Frames per second.
+    """
+    from fitting_core.lifting.focal_length import estimate_focal  # loads torch
+
+    found = estimate_focal(keypoints.xy, keypoints.confidence, camera, frame_rate)
+    if found is None:
+        return camera
+    sure = f"with 80 % confidence between {found.low:.0f} and {found.high:.0f} px"
+    return replace(camera, focal=(found.focal, found.focal), source=f"{ESTIMATED}, {sure}")

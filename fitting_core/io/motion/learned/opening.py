@@ -1,0 +1,177 @@
+"""Files of results opened: torch's, npy and npz with Python objects, pickles and joblib's, packed or not."""
+
+import bz2
+import gzip
+import lzma
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO
+
+from numpy.lib import format as npy
+
+from fitting_core.body.files.pickles import as_objects
+from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
+from fitting_core.io.motion.learned.unpickling import MAX_BYTES, Load, Storage, Stream, unpickled, with_storages
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy", re.DOTALL)
+"""Members of archives that are arrays of objects: TRAM's and ROMP's. Others are not looked at."""
+_LZ4 = b"\x04\x22\x4d\x18"
+_PICKLE, _NPY = b"\x80", b"\x93NUMPY"
+
+
+class _Inflated:
+    """A zlib stream as a file.
+
+    Args:
+        file: Where it lies.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file, self._packed, self._ready = file, zlib.decompressobj(), b""
+
+    def read(self, count: int) -> bytes:
+        """So many bytes, or those that are left."""
+        parts, left = [], count
+        while left > 0:
+            if not self._ready and not self._packed.eof:
+                source = self._packed.unconsumed_tail or self._file.read(2**16)
+                self._ready = self._packed.decompress(source, 2**20)
+                if not source and not self._ready:
+                    raise EOFError("the compressed data ends early")
+                if not self._ready:
+                    continue
+            part, self._ready = self._ready[:left], self._ready[left:]
+            if not part:
+                break
+            parts.append(part)
+            left -= len(part)
+        return b"".join(parts)
+
+    def readline(self, limit: int) -> bytes:
+        """Up to the end of a line."""
+        line = b""
+        while len(line) < limit and not line.endswith(b"\n") and (byte := self.read(1)):
+            line += byte
+        return line
+
+
+_UNPACKED: dict[bytes, Callable[[BinaryIO], Any]] = {
+    b"\x78": _Inflated,
+    b"\x1f\x8b": lambda file: gzip.GzipFile(fileobj=file),
+    b"BZh": bz2.BZ2File,
+    b"\x5d\x00": lzma.LZMAFile,
+    b"\xfd7zXZ": lzma.LZMAFile,
+}
+"""What joblib packs pickles with, by the first bytes: zlib, gzip, bz2, lzma, xz."""
+
+
+@contextmanager
+def opened(path: Path, *, most: int = MAX_BYTES) -> Iterator[Any]:
+    """What a file of Python objects holds, as long as the block lasts: arrays in it are read when they are wanted.
+
+    Args:
+        path: Of a plain file.
+        most: Bytes that are read into memory.
+
+    Yields:
+        A dictionary as a rule; of an npz one of its arrays of objects; None if it is no file of Python objects.
+
+    Raises:
+        InputError: It is damaged, too large, or asks for what could run code.
+    """
+    with ExitStack() as open_files:
+        file = open_files.enter_context(regular_file(path).open("rb"))
+        start = file.read(8)
+        file.seek(0)
+        if start.startswith(b"PK"):
+            try:
+                archive = open_files.enter_context(zipfile.ZipFile(file))
+            except Exception as error:  # a changed byte makes zipfile raise any of a dozen types
+                if path.suffix.lower() not in (".npz", ".zip"):
+                    raise InputError(f"is damaged or was cut off ({str(error)[:80]})") from error
+                yield None
+            else:
+                yield _of_zip(archive, most)
+        elif start.startswith(_NPY):
+            yield _of_npy(Stream(file, path.stat().st_size, most=most))
+        elif start.startswith(_PICKLE):
+            yield unpickled(Stream(file, path.stat().st_size, most=most))
+        elif start.startswith(_LZ4):
+            raise InputError("is packed with lz4, which cannot be read here. Save it with another compression")
+        else:
+            unpack = next((unpack for magic, unpack in _UNPACKED.items() if start.startswith(magic)), None)
+            yield None if unpack is None else _of_packed(unpack, file)
+
+
+def _of_packed(unpack: Callable[[BinaryIO], Any], file: BinaryIO) -> Any:
+    try:
+        holds_pickle = unpack(file).read(1) == _PICKLE
+    except (OSError, EOFError, zlib.error, lzma.LZMAError):
+        return None
+    file.seek(0)
+    return unpickled(Stream(unpack(file), None)) if holds_pickle else None
+
+
+def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
+    members = {member.filename: member for member in archive.infolist()}
+    if pickled := next((name for name in members if PurePosixPath(name).name == "data.pkl"), None):
+        return _of_torch(archive, members, pickled.removesuffix("data.pkl"))
+    found = {}
+    for name in filter(_OBJECTS.fullmatch, members):
+        with archive.open(name) as file:
+            stream = Stream(file, None, most=left)  # pyright: ignore[reportArgumentType]
+            found[name.removesuffix(".npy")] = _of_npy(stream)
+        left = stream.left
+    return {key: value for key, value in found.items() if value is not None} or None
+
+
+def _of_npy(stream: Stream) -> Any:
+    """What an array of one Python object holds; None of an array of numbers."""
+    try:
+        version = npy.read_magic(stream)  # pyright: ignore[reportArgumentType]
+        shape, _, dtype = _HEADERS[version](stream)  # pyright: ignore[reportArgumentType]
+    except InputError:
+        raise
+    except Exception as error:  # numpy lets pass what Python's own reader of such headers raises
+        raise InputError(f"is no npy array ({str(error)[:80]})") from error
+    if not dtype.hasobject:
+        return None
+    objects = as_objects(unpickled(stream))
+    if shape not in ((), (1,)) or len(objects) != 1:
+        raise InputError(f"holds an array of {len(objects)} objects, expected one")
+    return objects[0]
+
+
+def _of_torch(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], prefix: str) -> Any:
+    """Torch's form since 1.6: data.pkl, and each storage as a member `data/<key>`."""
+    order = ">" if _member(archive, members, f"{prefix}byteorder", 16) == b"big" else "<"
+
+    def storage(key: str, code: str, count: int) -> Storage:
+        return Storage(code, count, _load(archive, members.get(f"{prefix}data/{key}")), order=order)
+
+    with archive.open(members[f"{prefix}data.pkl"]) as stream:
+        return with_storages(Stream(stream, None), storage)  # pyright: ignore[reportArgumentType]
+
+
+def _member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], name: str, most: int) -> bytes:
+    if name not in members:
+        return b""
+    with archive.open(members[name]) as stream:
+        return stream.read(most)
+
+
+def _load(archive: zipfile.ZipFile, member: zipfile.ZipInfo | None) -> Load | None:
+    if member is None or member.file_size > MAX_BYTES:
+        return None
+
+    def load() -> bytes:
+        with archive.open(member) as stream:
+            return stream.read(MAX_BYTES)
+
+    return load

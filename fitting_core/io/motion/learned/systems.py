@@ -1,0 +1,215 @@
+"""Results of learned systems: which system a file is of, whom of its people to take, and their motion.
+
+A system is a line in `SYSTEMS`. The first that knows what a file holds reads it.
+"""
+
+import lzma
+import re
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import torch
+
+from fitting_core.body.files.archives import files_below
+from fitting_core.errors import InputError
+from fitting_core.files.regular import refusal
+from fitting_core.io.motion.imported_motion import ImportedMotion, Person, body_params
+from fitting_core.io.motion.learned import crops, whole_image
+from fitting_core.io.motion.learned.opening import opened
+from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
+from fitting_core.io.motion.learned.unpickling import plain
+
+SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *crops.SYSTEMS)
+_FILES = ("hmr4d_results.pt", "wham_output.pkl", "vibe_output.pkl", "video_results.npz", "results.pkl")
+"""What systems call their results in the folder of a video."""
+_CAMERA = "camera.npy"
+_TRACK = re.compile(r"hps_track_(\d{1,6})(?:\.npy)?")
+_IMAGE = re.compile(r".*\d\.npz")
+_PARTS = re.compile(rf"{_TRACK.pattern}|{_IMAGE.pattern}|camera\.npy")
+"""In folders: TRAM's tracks and camera, and ROMP's npz of each image."""
+_SMPLIFYX = re.compile(r"\d+\.pkl")
+_SMPLIFYX_KEYS = ("global_orient", "body_pose", "camera_translation")
+_DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, MemoryError),
+    *(RuntimeError, NotImplementedError, ValueError, OverflowError),
+)
+"""What zipfile and the others raise about bytes that are not as they should be."""
+_DEPTH, _MAX_PARTS, _MAX_IMAGE, _MAX_SHOWN = 1, 10**5, 2**26, 5
+
+
+def people_in(path: Path) -> tuple[Person, ...]:
+    """The people in a learned system's result, by which to choose one; none if it is no such result.
+
+    Raises:
+        InputError: It is damaged, or asks for what could run code.
+    """
+    with _checked(path), _content(path) as content:
+        system = _system_of(content)
+        return () if system is None else _people(system, content)
+
+
+def read_learned(path: Path, *, person: int | None = None, gender: str | None = None) -> ImportedMotion | None:
+    """Read a learned system's result; None if it is none.
+
+    Args:
+        path: Its file, or the folder that it lies in, or of TRAM a zip of that.
+        person: Number of the one to take, as the file has it; None: who is in most frames.
+        gender: Of the body; None: neutral, which all these systems take.
+
+    Raises:
+        InputError: It is damaged, asks for what could run code, or lacks what the system writes.
+    """
+    with _checked(path), _content(path) as content:
+        system = _system_of(content)
+        if system is None:
+            return None
+        people = _people(system, content)
+        chosen = _chosen(people, person)
+        track = system.track(content, chosen.number)
+        return _motion(path, system, people, chosen, track, gender or "neutral")
+
+
+def _motion(
+    path: Path, system: System, people: tuple[Person, ...], chosen: Person, track: Track, gender: str
+) -> ImportedMotion:
+    frames = len(track.pose)
+    order = np.arange(frames) if track.numbers is None else np.argsort(track.numbers, kind="stable")
+    params = body_params(
+        {
+            "global_orient": track.pose[order, :3],
+            "body_pose": track.pose[order, 3:],
+            "betas": track.betas[order],
+            "camera_translation": track.translation[order],
+        },
+        45,
+    )
+    notes = track.notes
+    if len(people) > 1:
+        shown = ", ".join(f"{one.number} ({len(one.numbers)} frames)" for one in people[:_MAX_SHOWN])
+        more = f" and {len(people) - _MAX_SHOWN} more" if len(people) > _MAX_SHOWN else ""
+        notes = (f"It has {len(people)} people: {shown}{more}. Number {chosen.number} was taken.", *notes)
+    numbers = range(frames) if track.numbers is None else track.numbers[order].tolist()
+    if len(set(numbers)) < frames:
+        raise InputError(f"has person {chosen.number} twice in a frame, expected each person once")
+    return ImportedMotion(
+        source=path,
+        format=f"{system.title} result",
+        kind=track.kind,
+        gender=gender,
+        params=params,
+        about_pelvis=track.about_pelvis,
+        whole_hands=track.flat_hands,
+        turn=torch.eye(3, dtype=torch.float64).expand(frames, 3, 3),
+        numbers=tuple(numbers),
+        numbered=track.numbers is not None,
+        stems=tuple(track.stems[t] for t in order) if track.stems else (),
+        camera=track.camera,
+        focal_rule=track.focal,
+        people=people,
+        notes=notes,
+    )
+
+
+def _system_of(content: Any) -> System | None:
+    """The system that wrote it; None if it is nothing of Python's objects, or a pickle of SMPLify-X.
+
+    Raises:
+        InputError: No system is known that writes so.
+    """
+    found = next((system for system in SYSTEMS if system.holds(content)), None)
+    if found is None and content is not None and not is_mapping_with(content, *_SMPLIFYX_KEYS):
+        has = ", ".join(str(plain(key))[:30] for key in list(content)[:8]) if isinstance(content, dict) else ""
+        known = ", ".join(system.title for system in SYSTEMS)
+        raise InputError(f"holds a {type(content).__name__} of {has or 'nothing known'}, no result of {known}")
+    return found
+
+
+def _people(system: System, content: Any) -> tuple[Person, ...]:
+    """Who is in most frames first."""
+    found: Mapping[int, Sequence[int]] = system.people(content)
+    if not found:
+        raise InputError(f"is a result of {system.title} with nobody in it")
+    people = (Person(number=number, numbers=tuple(sorted(frames))) for number, frames in found.items())
+    return tuple(sorted(people, key=lambda one: (-len(one.numbers), one.number)))
+
+
+def _chosen(people: tuple[Person, ...], number: int | None) -> Person:
+    if number is None:
+        return people[0]
+    found = next((one for one in people if one.number == number), None)
+    if found is None:
+        there = ", ".join(str(one.number) for one in people[:_MAX_SHOWN])
+        raise InputError(f"has no person {number}, only {there}; choose one of these")
+    return found
+
+
+@contextmanager
+def _checked(path: Path) -> Iterator[None]:
+    """Errors that name the file."""
+    try:
+        yield
+    except InputError as error:
+        message = str(error).removeprefix(f"{path}: ").rstrip(".")
+        advice = "Expected a learned system's result as it wrote it; write it again"
+        raise InputError(f"{path}: {message}. {advice}.") from error
+    except _DAMAGED as error:
+        raise InputError(f"{path}: is damaged or was cut off ({str(error)[:80]}). Write it again.") from error
+
+
+@contextmanager
+def _content(path: Path) -> Iterator[Any]:
+    """What a file holds, or the files of a folder together; None if it is nothing of a learned system."""
+    if path.is_dir():
+        path = next((path / name for name in _FILES if (path / name).is_file()), path)
+    if path.is_dir():
+        with ExitStack() as stack:
+            found = (file for file in files_below(path, depth=_DEPTH) if _PARTS.fullmatch(file.name))
+            files = [file for file in islice(found, _MAX_PARTS) if not refusal(file)]
+            parts = {str(file.relative_to(path)): _part(file, stack) for file in files}
+            yield _together({name: part for name, part in parts.items() if part is not None})
+    elif not path.is_file() or refusal(path) or _SMPLIFYX.fullmatch(path.name):
+        yield None
+    else:
+        with opened(path) as content, _camera_beside(path) as camera:
+            alone = is_mapping_with(content, "pred_rotmat")
+            yield {"tracks": {0: content}, "camera": camera} if alone else _together(content)
+
+
+def _part(file: Path, stack: ExitStack) -> Any:
+    """A file of several. Those of images, which can be thousands, are in memory, without meshes."""
+    if not _IMAGE.fullmatch(file.name):
+        return stack.enter_context(opened(file))
+    with opened(file, most=_MAX_IMAGE) as content:
+        values = content.get("results") if isinstance(content, dict) else None
+        return {"results": {key: values[key] for key in crops.ROMP_KEYS if key in values}} if values else None
+
+
+@contextmanager
+def _camera_beside(path: Path) -> Iterator[Any]:
+    """What TRAM's camera.npy holds, in the folder above one of its tracks; None without it."""
+    file = path.absolute().parent.parent / _CAMERA
+    if not _TRACK.fullmatch(path.name) or not file.is_file():
+        yield None
+    else:
+        with opened(file) as camera:
+            yield camera
+
+
+def _together(content: Any) -> Any:
+    """Files that make one result, by their names, as one; anything else as it is."""
+    names = [name for name in content if isinstance(name, str)] if isinstance(content, dict) else []
+    tracks = {int(match[1]): content[name] for name in names if (match := _TRACK.fullmatch(PurePosixPath(name).name))}
+    if tracks:
+        camera = next((content[name] for name in names if PurePosixPath(name).name.startswith("camera")), None)
+        return {"tracks": tracks, "camera": camera}
+    images = [name for name in names if _IMAGE.fullmatch(PurePosixPath(name).name)]
+    if images:
+        return {"results": {name: content[name].get("results") for name in images if isinstance(content[name], dict)}}
+    return content or None

@@ -1,0 +1,229 @@
+"""A person as a learned system's file has it: frames, poses and places in camera space, from checked arrays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from fitting_core.body import rotations
+from fitting_core.body.files.pickles import as_array
+from fitting_core.body.model import N_BETAS
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.io.motion.learned.unpickling import plain
+
+BODY = 22
+"""Joints of a body without hands and face: the root and 21 others. SMPL's two hand joints are left out."""
+SMPL_JOINTS = 24
+_MAX_VALUE, _MAX_FRAME, _MAX_FRAMES = 1e6, 10**9, 10**6
+_ORTHONORMAL = 1e-2
+"""How far a rotation matrix of a network, in half precision at worst, may be from one."""
+Focal = tuple[Callable[[tuple[int, int]], float], str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """One person. Angles in radians, lengths in metres, camera space: x right, y down, z away."""
+
+    pose: Float[np.ndarray, "T 66"]
+    """Axis-angle of the root and of 21 joints."""
+    betas: Float[np.ndarray, "T 10"]
+    translation: Float[np.ndarray, "T 3"]
+    about_pelvis: bool = False
+    """Whether `translation` is where the pelvis lies, instead of what is added to the body's own origin."""
+    numbers: Int[np.ndarray, "T"] | None = None
+    """Of the frames in the video; None: it does not tell."""
+    stems: tuple[str, ...] = ()
+    kind: str = "smpl"
+    flat_hands: bool = False
+    """Whether hands are flat, instead of as the body's mean."""
+    camera: Camera | None = None
+    focal: Focal | None = None
+    """Where the camera is not told: the focal length in pixels by the image's size, and these words for it."""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """How the files of a learned system are known and read."""
+
+    title: str
+    holds: Callable[[Any], bool]
+    """Whether what a file holds is of this system."""
+    people: Callable[[Any], Mapping[int, Sequence[int]]]
+    """Of all people by their numbers: their frames."""
+    track: Callable[[Any, int], Track]
+    """One of them."""
+
+
+def is_mapping_with(content: object, *keys: str) -> bool:
+    """Whether it is a dictionary that has one of these keys."""
+    return isinstance(content, dict) and any(key in content for key in keys)
+
+
+def mapping(content: object, what: str) -> dict[Any, Any]:
+    """A dictionary, as it must be.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(content, dict):
+        raise InputError(f"{what} is a {type(content).__name__}, expected a dictionary")
+    return content
+
+
+def rows(values: object, key: str, width: int, frames: int | None = None) -> Float[np.ndarray, "T width"]:
+    """Numbers of each frame.
+
+    Args:
+        values: A dictionary.
+        key: In it.
+        width: Numbers of a frame, in whatever shape.
+        frames: That it must have; None: any.
+
+    Raises:
+        InputError: It is not there, or of another shape, or not of finite numbers.
+    """
+    array = _numbers(values, key)
+    if array.ndim == 0 or not len(array) or array.size != len(array) * width or frames not in (None, len(array)):
+        wanted = f"{frames or 'any'} x {width}"
+        raise InputError(f"'{key}' has the shape {array.shape}, expected {wanted}")
+    return finite(array.reshape(len(array), width), key)
+
+
+def flat(values: object, key: str, count: int) -> Float[np.ndarray, "count"]:
+    """So many numbers in whatever shape.
+
+    Raises:
+        InputError: As `rows`.
+    """
+    array = _numbers(values, key)
+    if array.size != count:
+        raise InputError(f"'{key}' has the shape {array.shape}, expected {count} numbers")
+    return finite(array.reshape(count), key)
+
+
+def _numbers(values: object, key: str) -> np.ndarray:
+    if key not in (found := mapping(values, f"what holds '{key}'")):
+        has = ", ".join(str(plain(name))[:30] for name in list(found)[:8])
+        raise InputError(f"has no '{key}' (it has {has or 'nothing'})")
+    try:
+        array = as_array(found[key])
+    except InputError as error:
+        raise InputError(f"'{key}' is {error}") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"'{key}' holds {array.dtype} values, expected numbers")
+    return array
+
+
+def finite(array: np.ndarray, key: str) -> np.ndarray:
+    """The same in float64.
+
+    Raises:
+        InputError: There are numbers that are not finite, or beyond what can be.
+    """
+    with np.errstate(invalid="ignore"):  # of the NaNs that warn when they are cast
+        array = array.astype(np.float64)
+    good = np.abs(array) <= _MAX_VALUE
+    if not good.all():
+        raise InputError(f"'{key}' holds {array[~good][0]:g}, expected finite numbers up to {_MAX_VALUE:g}")
+    return array
+
+
+def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T 10"]:
+    """The first ten shape parameters of each frame, of so many frames or of all at once.
+
+    Raises:
+        InputError: As `rows`.
+    """
+    array = _numbers(values, key)
+    width = array.shape[-1] if array.ndim else 0
+    if not N_BETAS <= width <= 300 or array.size not in (width, frames * width):
+        raise InputError(f"'{key}' has the shape {array.shape}, expected {frames} x {N_BETAS} or more")
+    found = finite(array.reshape(-1, width)[:, :N_BETAS], key)
+    return np.broadcast_to(found, (frames, N_BETAS)).copy()
+
+
+def frame_numbers(values: object, key: str) -> Int[np.ndarray, "T"]:
+    """Numbers of frames, which are not repeated.
+
+    Raises:
+        InputError: They are none.
+    """
+    array = _numbers(values, key).reshape(-1)
+    whole = finite(array, key).astype(np.int64)
+    if not len(whole) or len(whole) > _MAX_FRAMES or (whole != array).any() or whole.min() < 0:
+        raise InputError(f"'{key}' holds no numbers of frames, expected whole ones from 0 for each frame")
+    if len(set(whole.tolist())) < len(whole):
+        raise InputError(f"'{key}' has a frame twice, expected those of one clip")
+    return whole
+
+
+def by_person(people: object) -> dict[int, Any]:
+    """A dictionary's entries by the numbers of people.
+
+    Raises:
+        InputError: Its keys are none.
+    """
+    found = {plain(key): values for key, values in mapping(people, "what holds the people").items()}
+    if not all(type(key) is int for key in found):
+        raise InputError("has people without numbers, expected a number for each")
+    return found
+
+
+def people_by(people: object, key: str) -> dict[int, list[int]]:
+    """Of each person in a dictionary, the frames under a key of theirs.
+
+    Raises:
+        InputError: There are none.
+    """
+    return {number: frame_numbers(values, key).tolist() for number, values in by_person(people).items()}
+
+
+def first_of(content: object) -> object:
+    """The first value of a dictionary, None without any."""
+    return next(iter(content.values()), None) if isinstance(content, dict) else None
+
+
+def angles(matrices: Float[np.ndarray, "T n"], key: str) -> Float[np.ndarray, "T m"]:
+    """Axis-angle of rotation matrices, row-major, side by side.
+
+    Raises:
+        InputError: They are none.
+    """
+    turns = torch.as_tensor(matrices).reshape(len(matrices), -1, 3, 3)
+    off = (turns @ turns.mT - torch.eye(3, dtype=turns.dtype)).abs().amax()
+    if float(off) > _ORTHONORMAL or float(torch.linalg.det(turns).amin()) < 0:
+        raise InputError(f"'{key}' holds matrices that are no rotations")
+    return rotations.log(turns).reshape(len(matrices), -1).numpy()
+
+
+def body_angles(smpl_pose: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 66"]:
+    """SMPL's pose without its two hand joints."""
+    return smpl_pose[:, : 3 * BODY]
+
+
+def centred(focal: float, center: Sequence[float], source: str) -> Camera:
+    """A camera whose principal point is the middle of its image, by which the image's size is known.
+
+    Raises:
+        InputError: It is no camera.
+    """
+    size = (round(2 * center[0]), round(2 * center[1]))
+    if not (focal > 0 and min(size) >= 1 and max(size) <= 10**5):
+        raise InputError(f"has a focal length of {focal:g} pixels and a principal point at {list(center)}")
+    return Camera(focal=(focal, focal), center=(center[0], center[1]), size=size, source=source)
+
+
+def positive(numbers: np.ndarray, key: str) -> np.ndarray:
+    """The same.
+
+    Raises:
+        InputError: Some are not above 0.
+    """
+    if not (numbers > 0).all():
+        raise InputError(f"'{key}' holds {numbers.min():g}, expected numbers above 0")
+    return numbers

@@ -1,0 +1,382 @@
+"""Pickles with numpy arrays, joblib's arrays and torch's tensors in them, read without running what they ask for.
+
+Sources of the forms: joblib/joblib `joblib/numpy_pickle.py` (a wrapper's state is followed by the array's bytes in the
+same file), pytorch/pytorch `torch/serialization.py` and `torch/storage.py` (tensors are views of numbered storages).
+"""
+
+import io
+import math
+import pickle
+from collections.abc import Callable
+from typing import Any, BinaryIO, ClassVar
+
+import numpy as np
+
+from fitting_core.body.files.pickles import MAX_ELEMENTS, Kept, as_array, stand_in
+from fitting_core.errors import InputError
+
+MAX_BYTES = 2 * 2**30
+"""Of what is held in memory of one file: pickles themselves, and arrays of packed files."""
+_MAX_EXPANDED = 2**24
+"""Elements of a tensor that has more than its storage, which it repeats."""
+_LEGACY = 0x1950A86A20F9469CFC6C
+"""The number that torch's files of before 1.6 begin with."""
+_ORDERS = {True: "<", False: ">"}
+_BFLOAT16 = "bfloat16"
+_STORAGES = {
+    "DoubleStorage": "f8",
+    "FloatStorage": "f4",
+    "HalfStorage": "f2",
+    "BFloat16Storage": _BFLOAT16,
+    "LongStorage": "i8",
+    "IntStorage": "i4",
+    "ShortStorage": "i2",
+    "CharStorage": "i1",
+    "ByteStorage": "u1",
+    "BoolStorage": "b1",
+}
+"""Types of numbers by the names of torch's storages."""
+Load = Callable[[], bytes]
+
+
+class Stream:
+    """A file read from front to back. It has no `peek`: an unpickler must not read ahead of arrays in the file.
+
+    Args:
+        file: Opened for reading.
+        size: Bytes that it has; None: it is unpacked as it is read, and cannot go back.
+        most: Bytes that are read into memory.
+    """
+
+    def __init__(self, file: BinaryIO, size: int | None, *, most: int = MAX_BYTES) -> None:
+        self._file, self._size = file, size
+        self.left = most
+        """Bytes that may still be read into memory."""
+
+    def read(self, count: int) -> bytes:
+        """So many bytes, or those that are left.
+
+        Raises:
+            InputError: They are more than are read of a file.
+        """
+        if self._size is not None:
+            count = min(count, max(self._size - self._file.tell(), 0))
+        if count > self.left:
+            raise InputError(f"holds more than {MAX_BYTES / 2**30:.0f} GB, which no result does")
+        data = self._file.read(count)
+        self.left -= len(data)
+        return data
+
+    def readline(self) -> bytes:
+        """Up to the end of a line of at most 64 kB."""
+        data = self._file.readline(min(2**16, self.left))
+        self.left -= len(data)
+        return data
+
+    def take(self, count: int) -> Load:
+        """The next so many bytes: in memory where the file is packed, else left in the file until they are wanted.
+
+        Raises:
+            InputError: The file ends before.
+        """
+        if self._size is None:
+            data = self.read(count)
+            if len(data) < count:
+                raise InputError(f"ends in an array of {count} bytes; it was cut off")
+            return lambda: data
+        start = self._file.tell()
+        if count > self._size - start:
+            raise InputError(f"ends in an array of {count} bytes; it was cut off")
+        self._file.seek(count, io.SEEK_CUR)
+
+        def load() -> bytes:
+            self._file.seek(start)
+            return self._file.read(count)
+
+        return load
+
+
+class _Inline(Kept):
+    """joblib's NumpyArrayWrapper: what follows in the file is an array."""
+
+    title = "joblib array"
+
+    def read_from(self, stream: Stream) -> object:
+        """The array that stands for it."""
+        shape, code = _shape(self.state.get("shape")), self.state.get("dtype")
+        if getattr(code, "code", "") == "O8":
+            return ResultUnpickler(stream).load()
+        dtype = code.numpy()  # pyright: ignore[reportOptionalMemberAccess]
+        if self.state.get("numpy_array_alignment_bytes") is not None:
+            stream.read(int.from_bytes(stream.read(1), "little"))
+        return _Later(shape, dtype, self.state.get("order") == "F", stream.take(math.prod(shape) * dtype.itemsize))
+
+
+class _Later(Kept):
+    """An array whose bytes are read when it is wanted."""
+
+    title = "joblib array"
+
+    def __init__(self, shape: tuple[int, ...], dtype: np.dtype, fortran: bool, load: Load) -> None:
+        super().__init__()
+        self._shape, self._dtype, self._fortran, self._load = shape, dtype, fortran, load
+
+    def array(self) -> np.ndarray:
+        if math.prod(self._shape) > MAX_ELEMENTS:
+            raise InputError(f"an array of the shape {self._shape}, expected at most {MAX_ELEMENTS} elements")
+        return np.frombuffer(self._load(), self._dtype).reshape(self._shape, order="F" if self._fortran else "C").copy()
+
+
+class Storage:
+    """The numbers that tensors are views of."""
+
+    def __init__(self, code: str, count: int, load: Load | None = None, *, order: str = "<") -> None:
+        self.code, self.count, self.load, self.order = code, count, load, order
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return self.count * (2 if self.code == _BFLOAT16 else np.dtype(self.code).itemsize)
+
+    def numbers(self) -> np.ndarray:
+        """All of them, flat.
+
+        Raises:
+            InputError: The file has fewer.
+        """
+        if self.load is None or len(data := self.load()) < self.size:
+            raise InputError("a tensor whose numbers are not in the file")
+        if self.code == _BFLOAT16:  # the upper half of a float32
+            halves = np.frombuffer(data, f"{self.order}u2", self.count).astype(np.uint32)
+            return (halves << 16).view(np.float32)
+        return np.frombuffer(data, self.order + self.code, self.count)
+
+
+class _Tensor(Kept):
+    title = "tensor"
+
+    def __init__(self, storage: object = None, offset: object = 0, size: object = (), stride: object = ()) -> None:
+        super().__init__()
+        self.state = {"storage": storage, "offset": offset, "size": size, "stride": stride}
+
+    def array(self) -> np.ndarray:
+        storage = self.state["storage"]
+        if not isinstance(storage, Storage):
+            raise InputError("a tensor without numbers")
+        shape, stride = _shape(self.state["size"]), _shape(self.state["stride"])
+        (offset,) = _shape([self.state["offset"]])
+        if len(shape) != len(stride) or math.prod(shape) > max(_MAX_EXPANDED, storage.count):
+            raise InputError(f"a tensor of the shape {shape} in a storage of {storage.count} numbers")
+        steps = [0 if n == 1 else step for n, step in zip(shape, stride, strict=True)]
+        last = offset + sum((n - 1) * step for n, step in zip(shape, steps, strict=True))
+        if last >= storage.count and 0 not in shape:
+            raise InputError(f"a tensor of the shape {shape} in a storage of {storage.count} numbers")
+        flat = storage.numbers()[offset:] if 0 not in shape else np.zeros(0, storage.numbers().dtype)
+        return np.lib.stride_tricks.as_strided(flat, shape, [step * flat.itemsize for step in steps]).copy()
+
+
+def _shape(value: object) -> tuple[int, ...]:
+    """A shape as it may be.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(value, list | tuple) or len(value) > 16 or not all(type(n) is int and n >= 0 for n in value):
+        raise InputError("an array whose shape is none")
+    return tuple(value)
+
+
+def _tensor(storage: object, offset: object, size: object, stride: object, *_: object) -> _Tensor:
+    return _Tensor(storage, offset, size, stride)
+
+
+def _first(first: object, *_: object) -> object:
+    """A parameter is its tensor; a size is its tuple."""
+    return first
+
+
+def _storage_of_bytes(data: object) -> Storage:
+    """A storage in a pickle: a file of torch's older form in a string of bytes."""
+    found = legacy(Stream(io.BytesIO(data), len(data))) if isinstance(data, bytes) else None
+    if not isinstance(found, Storage):
+        raise InputError("a tensor whose numbers are not in the file")
+    return found
+
+
+def _mapping(*_: object) -> dict[Any, Any]:
+    """Mappings begin empty: their entries follow."""
+    return {}
+
+
+def _encode(text: str, encoding: str = "latin1") -> bytes:
+    """How Python 3 writes bytes into pickles of protocol 2."""
+    return text.encode("latin1" if encoding == "latin1" else "ascii")
+
+
+_ADMITTED: dict[tuple[str, str], Any] = {
+    ("joblib.numpy_pickle", "NumpyArrayWrapper"): _Inline,
+    ("torch._utils", "_rebuild_tensor"): _tensor,
+    ("torch._utils", "_rebuild_tensor_v2"): _tensor,
+    ("torch._utils", "_rebuild_parameter"): _first,
+    ("torch.storage", "_load_from_bytes"): _storage_of_bytes,
+    ("torch", "Size"): _first,
+    ("collections", "OrderedDict"): _mapping,
+    ("collections", "defaultdict"): _mapping,
+    ("builtins", "dict"): _mapping,
+    ("__builtin__", "dict"): _mapping,
+    ("_codecs", "encode"): _encode,
+    **{("torch", name): Storage(code, 0) for name, code in _STORAGES.items()},
+}
+"""What results need, beside numpy's arrays."""
+_PLAIN = (str, bytes, int, float, type(None), Kept)
+
+
+class ResultUnpickler(pickle._Unpickler):
+    """Unpickler that admits arrays, tensors and plain containers, and nothing else.
+
+    It is Python's own in Python: the one in C reads ahead, and takes memory for whatever number an object is remembered
+    by. Nothing of the file becomes an attribute of an object that is not a stand-in.
+
+    Args:
+        stream: Stands where the pickle begins; stands behind it afterwards.
+        storage: Of tensors, by key, type and count; None: there are none beside the pickle.
+    """
+
+    def __init__(self, stream: Stream, storage: Callable[[str, str, int], Storage] | None = None) -> None:
+        super().__init__(stream, encoding="latin1")  # pyright: ignore[reportArgumentType]
+        self._stream, self._storage = stream, storage
+        self.stack: list[Any]
+
+    def find_class(self, module: str, name: str) -> Any:
+        """The stand-in for what the pickle names.
+
+        Raises:
+            InputError: It asks for anything outside the table; the message names it.
+        """
+        found = _ADMITTED.get((module, name)) or stand_in(module, name)
+        if found is None:
+            raise InputError(f"asks for {f'{module}.{name}':.60}, which no result needs and which could run code")
+        return found
+
+    def persistent_load(self, pid: object) -> Storage:
+        """A storage beside the pickle.
+
+        Raises:
+            InputError: The pickle refers to anything else.
+        """
+        if self._storage is None or not isinstance(pid, tuple) or len(pid) < 5 or pid[0] != "storage":
+            raise InputError(f"refers to an object outside the pickle (a {type(pid).__name__})")
+        _, kind, key, _, count, *_ = pid
+        if not isinstance(kind, Storage) or not isinstance(key, str) or type(count) is not int or count < 0:
+            raise InputError("refers to a storage that is none of numbers")
+        return self._storage(key, kind.code, count)
+
+    def _build(self) -> None:
+        state, instance = self.stack.pop(), self.stack[-1]
+        if isinstance(instance, Kept):
+            instance.__setstate__(state)
+        if isinstance(instance, _Inline):
+            self.stack[-1] = instance.read_from(self._stream)
+
+    def _set_item(self) -> None:
+        value, key = self.stack.pop(), self.stack.pop()
+        _put(self.stack[-1], key, value)
+
+    def _set_items(self) -> None:
+        items = self.pop_mark()  # pyright: ignore[reportAttributeAccessIssue]
+        for key, value in zip(items[::2], items[1::2], strict=True):
+            _put(self.stack[-1], key, value)
+
+    def _bytes(self) -> None:
+        count = int.from_bytes(self._exactly(8), "little")
+        self.stack.append(self._exactly(count))
+
+    def _exactly(self, count: int) -> bytes:
+        if len(data := self.read(count)) < count:  # pyright: ignore[reportAttributeAccessIssue]
+            raise EOFError("the pickle ends early")
+        return data
+
+    def _refuse(self) -> None:
+        raise InputError("holds a set, which no result has")
+
+    dispatch: ClassVar[dict[int, Any]] = {
+        **pickle._Unpickler.dispatch,
+        pickle.BUILD[0]: _build,
+        pickle.SETITEM[0]: _set_item,
+        pickle.SETITEMS[0]: _set_items,
+        pickle.EMPTY_SET[0]: _refuse,
+        pickle.ADDITEMS[0]: _refuse,
+        pickle.FROZENSET[0]: _refuse,
+        pickle.BYTEARRAY8[0]: _bytes,
+    }
+
+
+def _put(target: object, key: object, value: object) -> None:
+    """An entry of a dictionary. A tuple as a key could hold itself so often that its hash takes for ever."""
+    if not isinstance(target, dict) or not isinstance(key, _PLAIN):
+        raise InputError(f"has an entry under a {type(key).__name__}, expected names and numbers")
+    target[key] = value
+
+
+def unpickled(stream: Stream) -> Any:
+    """What a pickle holds, or a file of torch's older form; arrays and tensors are stand-ins for `as_array`.
+
+    Raises:
+        InputError: It is damaged, or asks for something that is not admitted.
+    """
+    return _guarded(lambda: legacy(stream, ResultUnpickler(stream).load()))
+
+
+def with_storages(stream: Stream, storage: Callable[[str, str, int], Storage]) -> Any:
+    """As `unpickled`, with tensors whose storages lie beside the pickle.
+
+    Raises:
+        InputError: As `unpickled`.
+    """
+    return _guarded(ResultUnpickler(stream, storage).load)
+
+
+def _guarded(load: Callable[[], Any]) -> Any:
+    try:
+        return load()
+    except (InputError, OSError):
+        raise
+    # A damaged or hostile stream can make the unpickler raise nearly anything; all of it means the same to the user.
+    except Exception as error:
+        raise InputError(f"cannot be read, it is damaged or incomplete ({str(error)[:80]})") from error
+
+
+def legacy(stream: Stream, first: object = None) -> Any:
+    """What a stream holds whose first pickle is `first`: itself, unless torch's older form begins with it.
+
+    That is a number, a version, a description of the computer, the object, the keys of its storages, and these: a count
+    of 8 bytes, and numbers.
+
+    Raises:
+        InputError: Its storages are not as declared.
+    """
+    first = ResultUnpickler(stream).load() if first is None else first
+    if first != _LEGACY:
+        return first
+    _, machine = ResultUnpickler(stream).load(), ResultUnpickler(stream).load()
+    order = _ORDERS[not isinstance(machine, dict) or bool(machine.get("little_endian", True))]
+    storages: dict[str, Storage] = {}
+
+    def storage(key: str, code: str, count: int) -> Storage:
+        return storages.setdefault(key, Storage(code, count, order=order))
+
+    found, keys = ResultUnpickler(stream, storage).load(), ResultUnpickler(stream).load()
+    for key in keys if isinstance(keys, list) else []:
+        if not isinstance(key, str) or key not in storages:
+            raise InputError("declares a storage that no tensor has")
+        if int.from_bytes(stream.read(8), "little") != storages[key].count:
+            raise InputError("has a storage of another size than it declares")
+        storages[key].load = stream.take(storages[key].size)
+    return found
+
+
+def plain(value: object) -> Any:
+    """A number of numpy as one of Python; anything else as it is."""
+    if isinstance(value, Kept) and (array := as_array(value)).size == 1:
+        return array.reshape(()).item()
+    return value

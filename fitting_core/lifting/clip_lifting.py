@@ -1,0 +1,186 @@
+"""A whole clip lifted: windows that overlap, put together frame by frame."""
+
+import hashlib
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from assets import LIFTER
+from fitting_core import keypoints as kp
+from fitting_core.body.model import other_side
+from fitting_core.camera import Camera
+from fitting_core.lifting.network import FRAMES, RATE, Lifter
+from fitting_core.lifting.rays import POINTS, SEEN, seen
+from fitting_core.lifting.weights import read_lifter
+
+_STRIDE = FRAMES // 2
+_AT_ONCE = 32
+_OTHER_SIDE = [kp.INDEX[other_side(name)] for name in kp.BODY_25]
+_KEPT = 2048
+"""Windows whose result is remembered: an edit changes two or three of a clip, and the others are not lifted again."""
+_SMALLEST = 0.005
+"""Metres, as in training."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedClip:
+    """What the lifter says of each frame, in camera axes (x right, y down, z away)."""
+
+    points: Float[np.ndarray, "T 25 3"]
+    """BODY_25 relative to the pelvis joint, metres."""
+    depth_deviation: Float[np.ndarray, "T 25"]
+    """Standard deviation of their z, metres."""
+    up: Float[np.ndarray, "T 3"]
+    """Against gravity; shorter than 1 where it is not sure."""
+    contact: Float[np.ndarray, "T 2"]
+    """Probability that the left and the right foot stand still on the ground."""
+
+
+def lift(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    camera: Camera,
+    frame_rate: float,
+    *,
+    calibrated: bool,
+    weights: Path = LIFTER,
+) -> LiftedClip:
+    """Lift BODY_25 keypoints, the first 25 of K.
+
+    Args:
+        xy: Pixels.
+        confidence: 0 for what is not to be looked at.
+        camera: Of the clip.
+        frame_rate: Frames per second.
+        calibrated: Whether the camera's focal length is known, and not guessed.
+        weights: The network's file.
+
+    Raises:
+        InputError: That file is none.
+    """
+    factor = read_lifter(weights)[1]
+    rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)
+    time, starts, given = windows_of(rays, confidence, frame_rate)
+    parts = _windows(weights, given, calibrated=calibrated)
+    values = _interpolated(_together(parts, starts, len(time)), time, len(xy))
+    points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=1)
+    # Of a Laplace distribution the deviation is sqrt(2) times the mean distance.
+    deviation = np.sqrt(2) * factor * np.maximum(np.exp(error), _SMALLEST)
+    return LiftedClip(points.reshape(-1, POINTS, 3), deviation, up, 1 / (1 + np.exp(-contact)))
+
+
+def windows_of(
+    rays: Float[np.ndarray, "T 25 2"], confidence: Float[np.ndarray, "T K"], frame_rate: float
+) -> tuple[Float[np.ndarray, "S"], Int[np.ndarray, "W"], Float[np.ndarray, "W F 25 3"]]:
+    """A clip in windows that overlap.
+
+    Returns:
+        When the clip is sampled, in its frames; the first sample of each window; rays and confidence of the windows.
+    """
+    time = np.arange(max(2, int(np.ceil((len(rays) - 1) / frame_rate * RATE)) + 1)) / RATE * frame_rate
+    sampled, there = _sampled(rays, confidence[:, :POINTS], time)
+    starts = _starts(len(time))
+    index = _reflected(starts[:, None] + np.arange(FRAMES), len(time))
+    return time, starts, np.concatenate([sampled, there[..., None]], -1)[index].astype(np.float32)
+
+
+def _sampled(rays: np.ndarray, confidence: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rays and confidences at some times, in frames: between two frames that show a keypoint, or of the nearer one."""
+    before = np.minimum(np.floor(time).astype(int), len(rays) - 1)
+    after = np.minimum(before + 1, len(rays) - 1)
+    share = np.broadcast_to((time - before)[:, None], (len(time), POINTS))
+    one, other = confidence[before] > SEEN, confidence[after] > SEEN
+    share = np.where(one & other, share, np.where(one, 0.0, np.where(other, 1.0, share)))
+    near = np.where(share < 0.5, one, other)
+    value = (1 - share)[..., None] * rays[before] + share[..., None] * rays[after]
+    level = (1 - share) * confidence[before] + share * confidence[after]
+    return np.where(near[..., None], value, 0.0), np.where(near, np.minimum(level, 1.0), 0.0)
+
+
+def _starts(length: int) -> np.ndarray:
+    """First frames of windows; the first and the last reach beyond the clip, so that its ends are not their ends."""
+    return np.arange(-_STRIDE // 2, max(length - _STRIDE // 2, 1), _STRIDE)
+
+
+def _reflected(index: np.ndarray, length: int) -> np.ndarray:
+    """Beyond its ends a clip runs backward, as in training."""
+    last = max(length - 1, 1)
+    index = np.abs(index) % (2 * last)
+    return np.where(index > last, 2 * last - index, index).clip(0, length - 1)
+
+
+_remembered: OrderedDict[bytes, np.ndarray] = OrderedDict()
+_lock = Lock()
+
+
+def _windows(weights: Path, given: np.ndarray, *, calibrated: bool) -> np.ndarray:
+    """(windows, FRAMES, 25 points x 3 + 25 + 3 + 2) in camera axes, of rays and confidence as of `windows_of`."""
+    network, by = read_lifter(weights)[0], str(weights).encode() + bytes([calibrated])
+    keys = [hashlib.sha1(window.tobytes() + by).digest() for window in given]
+    with _lock:
+        found = {key: _remembered[key] for key in keys if key in _remembered}
+    fresh = [i for i, key in enumerate(keys) if key not in found]
+    for start in range(0, len(fresh), _AT_ONCE):
+        some = fresh[start : start + _AT_ONCE]
+        for i, values in zip(some, _lifted(network, torch.as_tensor(given[some]), calibrated), strict=True):
+            found[keys[i]] = values
+    with _lock:
+        _remembered.update(found)
+        while len(_remembered) > _KEPT:
+            _remembered.popitem(last=False)
+    return np.stack([found[key] for key in keys])
+
+
+@torch.no_grad()
+def _lifted(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool) -> np.ndarray:
+    """As it is and as a mirror shows it: the mean of both is 2 % nearer to the truth than the first."""
+    straight, mirrored = (_one_way(network, some, calibrated) for some in (given, _seen_mirrored(given)))
+    values = torch.stack([straight, _mirrored(mirrored)])
+    return values.mean(0).double().numpy()
+
+
+def _one_way(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool) -> Float[Tensor, "B T n"]:
+    made = seen(given[..., :2], given[..., 2], torch.full((len(given),), float(calibrated)))
+    out = network(made.features)
+    back = made.to_virtual[:, None]
+    points, up = out.points @ back, (out.up[:, :, None] @ back)[:, :, 0]
+    return torch.cat([points.flatten(2), out.log_error, up, out.contact], 2)
+
+
+def _seen_mirrored(given: Float[Tensor, "B T 25 3"]) -> Float[Tensor, "B T 25 3"]:
+    return given[:, :, _OTHER_SIDE] * given.new_tensor([-1.0, 1.0, 1.0])
+
+
+def _mirrored(values: Float[Tensor, "B T n"]) -> Float[Tensor, "B T n"]:
+    """What is said of a mirrored person, of the person."""
+    points, error, up, contact = values.split([3 * POINTS, POINTS, 3, 2], 2)
+    flip = values.new_tensor([-1.0, 1.0, 1.0])
+    back = points.unflatten(2, (POINTS, 3))[:, :, _OTHER_SIDE] * flip
+    return torch.cat([back.flatten(2), error[:, :, _OTHER_SIDE], up * flip, contact.flip(2)], 2)
+
+
+def _together(parts: Float[np.ndarray, "W F n"], starts: np.ndarray, length: int) -> Float[np.ndarray, "S n"]:
+    """Windows over each other: what lies in the middle of one counts more than what lies at its end."""
+    weight = np.bartlett(FRAMES + 2)[1:-1, None]
+    total, shares = np.zeros((length, parts.shape[2])), np.zeros((length, 1))
+    for start, part in zip(starts, parts, strict=True):
+        inside = slice(max(0, -start), min(FRAMES, length - start))
+        rows = slice(start + inside.start, start + inside.stop)
+        total[rows] += weight[inside] * part[inside]
+        shares[rows] += weight[inside]
+    return total / shares
+
+
+def _interpolated(values: Float[np.ndarray, "S n"], time: np.ndarray, frames: int) -> Float[np.ndarray, "T n"]:
+    """From the windows' times to a clip's frames."""
+    at = np.interp(np.arange(frames), time, np.arange(len(time)))
+    before = np.minimum(np.floor(at).astype(int), len(values) - 1)
+    after = np.minimum(before + 1, len(values) - 1)
+    share = (at - before)[:, None]
+    return (1 - share) * values[before] + share * values[after]

@@ -1,0 +1,123 @@
+"""The focal length of a clip whose camera nobody knows, with how sure it is.
+
+What is likely of cameras, and what a network reads from how people look and move (`perspective`): Bayes' rule.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from assets import PERSPECTIVE
+from fitting_core import keypoints as kp
+from fitting_core.camera import Camera, default_focal, focal_from_35mm
+from fitting_core.lifting.clip_lifting import windows_of
+from fitting_core.lifting.perspective import LOG_EXTENTS, hidden_extent, read_perspective
+from fitting_core.lifting.rays import POINTS, SEEN
+
+_LENSES_MM = np.geomspace(14.0, 300.0, 80)
+"""35 mm equivalents that are told apart."""
+_USUAL_MM, _SPREAD = 45.0, 0.8
+"""What is likely of cameras before anything is seen: a normal distribution of the logarithm."""
+_WEIGHT = 3.0
+"""Of the windows' mean log likelihood. However many they are, they show the same camera, person and errors."""
+_TILT = 2.0
+"""The weighted log likelihood grows too fast with the logarithm of the focal length, by so much per e-fold."""
+_TOO_SURE = 1.7
+"""By so much the posterior is too narrow. This and the three above are set on the motion suite's tuning half, each of
+its motions before three lenses."""
+_DOUBT = 1e-4, 1e-6
+"""Shares that keep logarithms finite: of what was seen in training, of what the network says."""
+_WHOLE = [[kp.INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "hip", "ankle")]
+_WHOLE_SHARE = 0.7
+"""Of a window's keypoints of the shoulders, the hips and the ankles each, that must be seen."""
+_MOST = 16
+"""Windows that are looked at, from all over the clip."""
+_ONE_IN_TEN = 1.2816
+"""Standard deviations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FocalEstimate:
+    """The likeliest focal length, and bounds that hold the right one in 8 of 10 clips, in pixels."""
+
+    focal: float
+    low: float
+    high: float
+
+
+def estimate_focal(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    camera: Camera,
+    frame_rate: float,
+    *,
+    weights: Path = PERSPECTIVE,
+) -> FocalEstimate | None:
+    """The focal length in pixels, by how near the camera seems to have stood.
+
+    How tall the person is would be of no help: one twice as tall, twice as far away, gives the same pictures.
+
+    Args:
+        xy: Pixels; BODY_25 are the first 25 of K.
+        confidence: 0 for what is not to be looked at.
+        camera: Size and principal point count.
+        frame_rate: Frames per second.
+        weights: The network's file.
+
+    Returns:
+        None where no window shows a person from shoulders to ankles.
+
+    Raises:
+        InputError: That file is none.
+    """
+    assumed = default_focal(camera.size)
+    rays = (xy[:, :POINTS] - np.array(camera.center)) / assumed
+    given = windows_of(rays, confidence, frame_rate)[2]
+    given = given[_whole(given[..., 2])]
+    if not len(given):
+        return None
+    given = given[np.unique(np.linspace(0, len(given) - 1, _MOST).round().astype(int))]
+    log_lens = np.log(_LENSES_MM)
+    focals = focal_from_35mm(1.0, camera.size) * _LENSES_MM
+    seen = _seen(given, np.log(focals / assumed), weights).mean(0)
+    likely = -0.5 * ((log_lens - np.log(_USUAL_MM)) / _SPREAD) ** 2
+    return _estimate(focals, likely + _WEIGHT * seen - _TILT * log_lens)
+
+
+def _whole(confidence: Float[np.ndarray, "W F 25"]) -> Bool[np.ndarray, "W"]:
+    """Windows that show people from shoulders to ankles; of others the network takes all for far."""
+    seen = (confidence[..., _WHOLE] > SEEN).mean((1, 3))
+    return np.asarray((seen >= _WHOLE_SHARE).all(1))
+
+
+def _seen(
+    given: Float[np.ndarray, "W F 25 3"], log_factor: Float[np.ndarray, "L"], weights: Path
+) -> Float[np.ndarray, "W L"]:
+    """What the network says of each window: log likelihoods of focal lengths, up to a constant.
+
+    Args:
+        given: Rays of the assumed focal length, and confidence.
+        log_factor: From the assumed focal length to others; a longer lens makes the same pixels smaller in rays.
+        weights: The network's file.
+    """
+    network, share = read_perspective(weights)
+    some = torch.as_tensor(given)
+    with torch.no_grad():
+        features, extent = hidden_extent(some[..., :2], some[..., 2])
+        told = torch.softmax(network(features), 1).double().numpy()
+    likelihood = np.log(told + _DOUBT[1]) - np.log(share + _DOUBT[0])
+    bins, own = LOG_EXTENTS.double().numpy(), extent.double().numpy()
+    return np.array([np.interp(e - log_factor, bins, row) for e, row in zip(own, likelihood, strict=True)])
+
+
+def _estimate(focals: Float[np.ndarray, "L"], log_posterior: Float[np.ndarray, "L"]) -> FocalEstimate:
+    """Mean of the logarithm, and the bounds that one in ten lies below and one in ten above."""
+    posterior = np.exp(log_posterior - log_posterior.max())
+    posterior /= posterior.sum()
+    log = np.log(focals)
+    mean = posterior @ log
+    far = _ONE_IN_TEN * _TOO_SURE * float(np.sqrt(posterior @ (log - mean) ** 2))
+    return FocalEstimate(focal=float(np.exp(mean)), low=float(np.exp(mean - far)), high=float(np.exp(mean + far)))

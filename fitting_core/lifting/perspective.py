@@ -1,0 +1,125 @@
+"""How near a camera stood, read from how people look and move: a network over windows of keypoints."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from assets import PERSPECTIVE
+from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize
+from fitting_core.lifting.rays import POINTS, seen
+
+FORMAT = "tcfit perspective 1"
+LOG_EXTENTS = torch.linspace(np.log(0.012), np.log(0.6), 40)
+"""Natural logarithms of what the network tells apart: the extent of a trunk over its distance, of people 20 m to 0.5 m
+away. The extent is that of `rays`: the root mean square distance of the trunk's keypoints from their middle."""
+_EXTENT, _CALIBRATED = 3 * POINTS, 3 * POINTS + 4
+"""Columns of the features of `rays.seen`."""
+_USUAL = -2.5
+"""What stands in the place of the extent, which would tell the answer."""
+_HIDDEN = 96
+_OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others")
+"""Parts of the lifter that are of no use here."""
+
+
+class About(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """What the file says of itself."""
+
+    format: str
+    width: int
+    layers: int
+    heads: int
+    frames: int
+    """Of a window."""
+    rate: float
+    """Frames per second of a window."""
+    seen_share: list[float]
+    """How often each of LOG_EXTENTS was seen in training: what the network takes for likely before it looks."""
+    notes: str = ""
+    """How it came about, for people."""
+
+
+class PerspectiveNet(nn.Module):
+    """From windows as `hidden_extent` gives them to logits of LOG_EXTENTS; grown from a lifter.
+
+    What is near looks larger and moves faster than what is far, and the more so the nearer the camera stands: arms and
+    legs that reach towards it, steps on the floor, a turning trunk.
+    """
+
+    def __init__(self, size: LifterSize) -> None:
+        super().__init__()
+        self.trunk = Lifter(size)
+        self.attention = nn.Linear(size.width, 1)
+        self.head = nn.Sequential(nn.Linear(2 * size.width, _HIDDEN), nn.GELU(), nn.Linear(_HIDDEN, len(LOG_EXTENTS)))
+
+    def forward(self, features: Float[Tensor, "B T F"]) -> Float[Tensor, "B 40"]:
+        """Logits."""
+        x = self.trunk.understood(features)
+        share = torch.softmax(self.attention(x), 1)
+        return self.head(torch.cat([(share * x).sum(1), x.mean(1)], 1))
+
+
+def hidden_extent(
+    rays: Float[Tensor, "B T 25 2"], confidence: Float[Tensor, "B T 25"]
+) -> tuple[Float[Tensor, "B T F"], Float[Tensor, "B"]]:
+    """Windows of rays, of a focal length that may be wrong, without the extent; and its logarithm."""
+    features = seen(rays, confidence, torch.zeros(len(rays))).features.clone()
+    extent = features[:, 0, _EXTENT].clone()
+    features[:, :, _EXTENT], features[:, :, _CALIBRATED] = _USUAL, 0.0
+    return features, extent
+
+
+def write_perspective(path: Path, network: PerspectiveNet, *, seen_share: Float[Tensor, "40"], notes: str) -> None:
+    """Write a network, whole or not at all, with half the digits that it was trained with."""
+    arrays = {
+        name: values.detach().cpu().numpy().astype(np.float16)
+        for name, values in network.state_dict().items()
+        if not name.startswith(_OF_LIFTER)
+    }
+    size = network.trunk.size
+    about = About(
+        format=FORMAT,
+        width=size.width,
+        layers=size.layers,
+        heads=size.heads,
+        frames=FRAMES,
+        rate=RATE,
+        seen_share=[round(float(share), 5) for share in seen_share],
+        notes=notes,
+    )
+    write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **arrays})
+
+
+@lru_cache(maxsize=2)
+def read_perspective(path: Path = PERSPECTIVE) -> tuple[PerspectiveNet, Float[np.ndarray, "40"]]:
+    """The network that `write_perspective` wrote, and how often it saw each extent.
+
+    Raises:
+        InputError: It is missing, damaged, or of another form.
+    """
+    try:
+        arrays = read_npz(path, most=2**26)
+        about = msgspec.json.decode(str(arrays.pop("about")), type=About)
+    except (OSError, ValueError, KeyError, msgspec.DecodeError) as error:
+        raise InputError(f"{path}: is no perspective network ({error}). Install tcfit again.") from error
+    if (about.format, about.frames, about.rate) != (FORMAT, FRAMES, RATE):
+        found = f"{about.format!r} for {about.frames} frames at {about.rate:g} per second"
+        raise InputError(f"{path}: is {found}, expected {FORMAT!r} for {FRAMES} at {RATE:g}. Install tcfit again.")
+    share = np.array(about.seen_share)
+    if share.shape != (len(LOG_EXTENTS),) or not (share >= 0).all() or about.width % max(about.heads, 1):
+        raise InputError(f"{path}: says impossible things of itself ({about}). Install tcfit again.")
+    network = PerspectiveNet(LifterSize(width=about.width, layers=about.layers, heads=about.heads))
+    values = {name: torch.as_tensor(array.astype(np.float32)) for name, array in arrays.items()}
+    wanted = {name: v.shape for name, v in network.state_dict().items() if not name.startswith(_OF_LIFTER)}
+    if {name: v.shape for name, v in values.items()} != wanted:
+        raise InputError(f"{path}: its arrays are not those of its network. Install tcfit again.")
+    if not all(bool(v.isfinite().all()) for v in values.values()):
+        raise InputError(f"{path}: holds values that are not finite. Install tcfit again.")
+    network.load_state_dict(values, strict=False)
+    return network.eval().requires_grad_(False), share

@@ -1,0 +1,86 @@
+"""What is high and low on which part of the body along a clip: the heat maps of the timeline, asked for by name."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core import keypoints as kp
+from tcfit_app.analysis.body_regions import REGIONS
+from tcfit_app.analysis.curves import weighted_mean
+from tcfit_app.analysis.posed_fit import PosedFit
+
+_TOP = 99.0
+"""Percentile of the values at which colours end: a single outlier would leave all else dark."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeatMap:
+    """A number for each part of the body in each frame of a clip."""
+
+    name: str
+    parts: tuple[str, ...]
+    values: Float[np.ndarray, "T R"]
+    """NaN where there is none."""
+    top: float
+    """Where colours end, which start at 0."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeatKind:
+    """How a heat map is made."""
+
+    title: str
+    unit: str
+    worse: Literal["high", "low"]
+    """Which values are to be looked at."""
+    values: Callable[[PosedFit], Float[np.ndarray, "T 137"]]
+    """Of each keypoint; NaN where there is none."""
+    top: float | None = None
+    """Where colours end; None: as suits the values."""
+
+
+PARTS: dict[str, tuple[int, ...]] = {
+    part: REGIONS[part]
+    for part in (
+        *("head", "face", "torso"),
+        *(f"{side} {part}" for part in ("arm", "hand", "leg", "foot") for side in ("left", "right")),
+    )
+}
+"""The regions from top to bottom."""
+assert set(PARTS) == set(REGIONS)
+
+
+def _errors(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
+    errors = fit.errors.copy()
+    errors[:, kp.INDEX["neck"]] = np.nan  # no preset fits it: see the curve of the reprojection error
+    return errors
+
+
+def _confidences(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
+    return np.where(fit.tracked, fit.clip.keypoints.confidence, np.nan)
+
+
+HEAT_MAPS: dict[str, HeatKind] = {
+    "error_by_part": HeatKind(title="Error by part, B", unit="px", worse="high", values=_errors),
+    "confidence_by_part": HeatKind(title="Confidence by part", unit="", worse="low", values=_confidences, top=1.0),
+}
+"""By name. A part's value is the mean over its keypoints; errors are weighted with the confidence of the detections."""
+
+
+def heat_map(name: str, fit: PosedFit) -> HeatMap:
+    """A whole heat map.
+
+    Args:
+        name: One of HEAT_MAPS.
+        fit: All frames of a clip.
+    """
+    kind = HEAT_MAPS[name]
+    values = kind.values(fit)
+    weights = fit.clip.keypoints.confidence if kind.worse == "high" else np.ones_like(values)
+    by_part = np.stack([weighted_mean(values[:, part], weights[:, part]) for part in map(list, PARTS.values())], 1)
+    known = by_part[np.isfinite(by_part)]
+    top = kind.top or (float(np.percentile(known, _TOP)) if len(known) else 0.0)
+    return HeatMap(name=name, parts=tuple(PARTS), values=by_part, top=top or 1.0)

@@ -1,0 +1,113 @@
+"""How a command ends: whatever happens in it becomes an exit code, and at most one line for the user."""
+
+import io
+import os
+import sys
+from collections.abc import Callable
+
+from fitting_core.errors import InputError
+from fitting_core.files.regular import legible
+
+FAILED, INPUT_ERROR, CANCELLED, PIPE_CLOSED = 1, 2, 130, 141
+"""Exit codes: of a full disk, too little memory and the like; of what the user gave (as for unknown options); of Ctrl-C
+(128 + SIGINT, as shells have it); of a reader such as `head` that has gone (128 + SIGPIPE)."""
+
+
+def prepare_streams() -> None:
+    """Have all three standard streams, and have none of them fail for a character that its encoding lacks.
+
+    A stream that is closed at the start is empty from then on. Otherwise the first file that is opened gets its
+    descriptor, and everything told goes into that file.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one
+    sys.stdin = sys.stdin or open(0, closefd=False)  # noqa: SIM115
+    sys.stdout = sys.stdout or open(1, "w", closefd=False)  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def ended(run: Callable[[], int | None]) -> int:
+    """The exit code of a command.
+
+    Args:
+        run: Runs it, and may return an exit code.
+    """
+    try:
+        code = _told(run)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        return code
+    except BrokenPipeError:
+        _drop_output()
+        return PIPE_CLOSED
+    except OSError as error:  # what is left to say has no place to go to
+        _drop_output()
+        return _say_at_last(f"the output cannot be written: {_reason(error)}.")
+
+
+def _told(run: Callable[[], int | None]) -> int:
+    try:
+        return run() or 0
+    except SystemExit as end:
+        return int(end.code or 0)
+    except InputError as error:
+        return _say(str(error), INPUT_ERROR)
+    except KeyboardInterrupt:
+        return _say("cancelled.", CANCELLED)
+    except BrokenPipeError:
+        raise
+    except MemoryError as error:
+        return _say(f"there is not enough memory ({_first_line(error)}). Close other programs, or take fewer frames.")
+    except OverflowError as error:
+        return _say(f"a number is too large to compute with ({_first_line(error)}). Check what was given.")
+    except UnicodeEncodeError:
+        return _say("a name is not UTF-8, and cannot be used here. Rename the file or folder.", INPUT_ERROR)
+    except OSError as error:
+        return _say(_of_system(error))
+
+
+def _of_system(error: OSError) -> str:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return "the folder in which tcfit was started is gone. Change to one that exists."
+    where = "" if error.filename is None else f"{legible(os.fsdecode(error.filename))}: "
+    return f"{where}{_reason(error)}."
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or _first_line(error)).rstrip(".")
+
+
+def _first_line(error: BaseException) -> str:
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
+
+
+def _say(text: str, code: int = FAILED) -> int:
+    print(f"tcfit: {text}", file=sys.stderr, flush=True)
+    return code
+
+
+def _say_at_last(text: str) -> int:
+    """As _say, when the standard error may be what cannot be written."""
+    try:
+        return _say(text)
+    except OSError:
+        return FAILED
+
+
+def _drop_output() -> None:
+    """Send what is still buffered for the standard output nowhere, which Python would try to write at its end."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)

@@ -1,0 +1,61 @@
+"""Paths on the command line that no file can have, refused before anything is read. Imports nothing heavy."""
+
+import errno
+import os
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from fitting_core.errors import InputError
+from fitting_core.files.regular import legible
+
+_LONGEST_NAME, _LONGEST = 255, 4095
+"""Bytes of a file's name and of a path, as Linux has them."""
+
+
+def check_paths(options: Any) -> None:
+    """Refuse paths that are too long or are no text.
+
+    Results name the files that they come from, and OpenCV, SQLite and JSON take only UTF-8: found in the end, a
+    name that is none has cost a whole fit.
+
+    Args:
+        options: A command's, with those of its groups.
+
+    Raises:
+        InputError: There is such a path.
+    """
+    for path in _paths_in(options):
+        if why := _fault(path):
+            raise InputError(f"{legible(str(path))[:200]}: {why}")
+
+
+def _paths_in(options: Any) -> Iterator[Path]:
+    if isinstance(options, Path):
+        yield options
+    elif isinstance(options, tuple):
+        for value in options:
+            yield from _paths_in(value)
+    elif is_dataclass(options):
+        for field in fields(options):
+            yield from _paths_in(getattr(options, field.name))
+
+
+def _fault(path: Path) -> str:
+    """Why there can be no such path; empty if there can."""
+    written = os.fsencode(path)
+    if b"\0" in written:
+        return "has a null character, which no path can have."
+    if any(len(part) > _LONGEST_NAME for part in written.split(b"/")) or len(written) > _LONGEST:
+        return f"is too long; expected names of at most {_LONGEST_NAME} bytes, and {_LONGEST} for the whole path."
+    try:
+        written.decode("utf-8")
+    except UnicodeDecodeError:
+        return "has a name that is not UTF-8. Rename it."
+    try:
+        path.stat()
+    except OSError as error:  # whatever else is wrong is told where the path is used
+        if error.errno == errno.ELOOP:
+            return "is a link that leads to itself. Choose another place."
+    return ""

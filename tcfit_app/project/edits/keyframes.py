@@ -1,0 +1,130 @@
+"""Keyframes of keypoints: what lies between two of them follows both."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from tcfit_app.project.edits.corrected import Corrected
+
+_SAME = 1e-6
+"""Pixels apart under which a position without keyframes is the detected one: sums of shifts leave less."""
+
+
+REACH = 30
+"""Frames apart beyond which two keyframes are not joined."""
+
+
+def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = REACH) -> range:
+    """All frames that a change of these keypoints' keyframes in the frames `at` may change: `frames` of the edits.
+
+    They end before the next keyframes on both sides. Those farther than `reach` count only where they are followed
+    already.
+    """
+    start, stop = at.start, at.stop
+    for joint in joints:
+        keys = np.flatnonzero(now.key[:, joint])
+        before, after = max(keys[keys < at.start], default=None), min(keys[keys >= at.stop], default=None)
+        if before is not None and (at.start - before <= reach or _follows(now, joint, at.start - 1, before)):
+            start = min(start, int(before) + 1)
+        if after is not None and (after - at.stop < reach or _follows(now, joint, at.stop, after)):
+            stop = max(stop, int(after))
+    return range(start, stop)
+
+
+def _follows(now: Corrected, joint: int, frame: int, key: int) -> bool:
+    """Whether a frame beside a keyframe, or beside where one will be, follows another one."""
+    return frame == key or bool(now.shift[frame, joint].any())
+
+
+def keyed(
+    now: Corrected,
+    detections: Corrected,
+    frames: range,
+    joints: tuple[int, ...],
+    *,
+    removed: int | None = None,
+    placed: int | None = None,
+    xy: Float[np.ndarray, "n 2"] | None = None,
+) -> Corrected:
+    """Some keypoints in some frames after a keyframe of theirs has come, gone, or both.
+
+    Between two keyframes, what was detected keeps its motion and is shifted by as much as both are, in proportion; what
+    was not detected, or was marked bad, goes on the line.
+
+    Args:
+        now: The whole clip before the change.
+        detections: The whole clip before any edit.
+        frames: Those that may change. The frame before and the one after them are only read: keyframes that bound it.
+        joints: Whose keyframe it is.
+        removed: The frame that is no keyframe any more.
+        placed: The frame that is one from now on.
+        xy: Where they are in `placed`, pixels.
+    """
+    start, stop = max(frames.start - 1, 0), min(frames.stop + 1, len(now.xy))
+    seen = tuple(range(start, stop))
+    values, detected = now.at(seen, joints), detections.at(seen, joints)
+    changed = sorted(frame - start for frame in (removed, placed) if frame is not None)
+    for column in range(len(joints)):
+        one, found = _column(values, column), _column(detected, column)
+        keys = np.flatnonzero(one.key)
+        first = max(keys[keys < changed[0]], default=changed[0])
+        last = min(keys[keys > changed[-1]], default=changed[-1])
+        if removed is not None:
+            one.key[removed - start] = False
+        if placed is not None and xy is not None:
+            _place(one, placed - start, xy[column])
+        _follow(*(_rows(part, slice(int(first), int(last) + 1)) for part in (one, found)))
+    inside = slice(frames.start - start, frames.stop - start)
+    return _rows(values, inside)
+
+
+def carried(now: Corrected, joints: tuple[int, ...], frame: int, to: int) -> Float[np.ndarray, "n 2"]:
+    """Where keypoints of a keyframe go in another frame: as far from the detection; the same place without one."""
+    ends = now.at((frame, to), joints)
+    there = _there(ends)
+    shifted = ends.xy[1] - ends.shift[1] + ends.shift[0]
+    return np.where((there[0] & there[1])[:, None], shifted, ends.xy[0])
+
+
+def _column(values: Corrected, column: int) -> Corrected:
+    return Corrected(**{name: array[:, column] for name, array in vars(values).items()})
+
+
+def _rows(values: Corrected, rows: slice) -> Corrected:
+    return Corrected(**{name: array[rows] for name, array in vars(values).items()})
+
+
+def _there(values: Corrected) -> Bool[np.ndarray, "*any"]:
+    """Whether it would be somewhere without keyframes, and not marked bad."""
+    return (values.xy - values.shift).any(-1) & (values.confidence > 0) & ~values.bad
+
+
+def _place(one: Corrected, row: int, xy: Float[np.ndarray, "2"]) -> None:
+    base = np.where(_there(one)[row], one.xy[row] - one.shift[row], 0.0)
+    one.xy[row], one.shift[row] = xy, xy - base
+    one.confidence[row], one.bad[row], one.edited[row], one.key[row] = 1.0, False, True, True
+
+
+def _follow(one: Corrected, found: Corrected) -> None:
+    """What lies between keyframes follows them, and what does not any more goes back; one keypoint, in place."""
+    there, base = _there(one), one.xy - one.shift
+    base[~there] = 0.0
+    keys, rows = np.flatnonzero(one.key), np.arange(len(base))
+    between = (rows > min(keys, default=len(rows))) & (rows < max(keys, default=0)) & ~one.key
+    if between.any():
+        path = _interpolated(rows, np.flatnonzero(there), base) if there.any() else base
+        path = path + _interpolated(rows, keys, one.xy - path)
+        one.xy[between], one.shift[between] = path[between], (path - base)[between]
+        one.confidence[between & ~there] = 1.0
+        one.bad[between], one.edited[between] = False, True
+    back = ~between & ~one.key & one.shift.any(-1)
+    if not back.any():
+        return
+    detected = np.all(abs(base - found.xy * (found.confidence > 0)[:, None]) < _SAME, axis=-1)
+    one.xy[back], one.shift[back], one.edited[back] = base[back], 0.0, ~detected[back]
+    same, gone = back & detected, back & ~there
+    one.xy[same], one.confidence[same] = found.xy[same], found.confidence[same]
+    one.confidence[gone] = 0.0
+
+
+def _interpolated(rows: np.ndarray, known: np.ndarray, values: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    return np.stack([np.interp(rows, known, values[known, axis]) for axis in (0, 1)], 1)

@@ -1,0 +1,19 @@
+"""What the system refuses, in words for the user."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fitting_core.errors import InputError
+
+
+@contextmanager
+def accessing(path: Path) -> Iterator[None]:
+    """What the system refuses becomes an InputError that names the file or folder."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read or written ({error.strerror or error}). Free space, or allow reading and writing "
+            "there; what was stored before is still there."
+        ) from error

@@ -1,0 +1,33 @@
+// Links to a frame and a fit: in the part of the page's address after #, which no server sees.
+
+import { emit, states, watch } from "./connection.js";
+
+/** What a number in the address says; undefined if it is none. @param {string | null} text */
+const whole = (text) => (text !== null && /^-?\d{1,15}$/.test(text) ? Number(text) : undefined);
+
+/** Goes where the address says, once: later the frame on show is another one. */
+function follow() {
+  const parts = new URLSearchParams(location.hash.slice(1));
+  const [frame, run, phase] = ["frame", "run", "phase"].map((name) => whole(parts.get(name)));
+  if (frame === undefined || !states.skeleton) return;
+  history.replaceState(null, "", location.pathname + location.search);
+  emit({ type: "open_link", frame, run: run ?? null, phase: phase ?? null });
+}
+
+/** @param {string} link */
+function copy(link) {
+  const copied = navigator.clipboard ? navigator.clipboard.writeText(link) : Promise.reject(new Error("no clipboard"));
+  // Browsers have no clipboard for pages that come over the network without encryption.
+  copied.catch(() => window.prompt("The link to this frame and fit", link));
+}
+
+watch("skeleton", (skeleton) => {
+  if (skeleton) follow();
+});
+window.addEventListener("hashchange", follow);
+watch("linking", (linking) => {
+  if (!linking) return;
+  const { frame, run, phase } = linking;
+  const fit = run ? `&run=${run}&phase=${phase}` : "";
+  copy(`${location.origin}${location.pathname}#frame=${frame}${fit}`);
+});

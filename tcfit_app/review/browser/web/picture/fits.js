@@ -1,0 +1,99 @@
+// The fits' keypoints in space: where they are in the side view and in 3D, and what can be read off them.
+
+/** @import { PosterMap } from "./projection.js" */
+/** @import { Placed } from "./skeleton.js" */
+/** @typedef {[x: number, y: number, z: number]} Point in camera space, metres */
+
+import { known, states } from "../connection.js";
+import { scenePoint, worldToCanvas } from "../viser/bridge.js";
+import { dot, onPlate } from "./plate.js";
+import { toScreen } from "./projection.js";
+
+const BENDS = /elbow|knee/; // keypoints between two bones whose angle says something
+const STEP = 0.01; // metres: short enough for the perspective of 3D to be even
+
+/** @param {number[]} a @param {number[]} b */
+const minus = (a, b) => a.map((value, i) => value - b[i]);
+
+/** How points of each body come onto the screen: null for what lies behind the viewer.
+ * @param {PosterMap} map of the side view or of 3D
+ * @returns {((point: number[]) => [x: number, y: number] | null)[]} by body */
+export function projections(map) {
+  const { side, space } = states;
+  if (map.poster.kind === "side")
+    return (side?.shifts ?? []).map((_, body) => (point) => toScreen(map, onPlate(known("side"), body, point)));
+  const matrix = worldToCanvas();
+  return (space?.offsets ?? []).map((offset) => (point) => {
+    const [right, down, ahead] = known("space").turn.map((row) => dot(row, point));
+    const [x, y, depth] = scenePoint(matrix, [right + offset, down, ahead]);
+    return Math.abs(depth) < 1 ? [x, y] : null;
+  });
+}
+
+/** Keypoints of the fits on the screen. @param {PosterMap} map @param {number[]} joints @returns {Placed[]} */
+export function fitPlaces(map, joints) {
+  const ways = projections(map);
+  return (states.bodies?.bodies ?? []).flatMap(({ points }, body) =>
+    joints.flatMap((joint) => {
+      const point = points[joint];
+      const place = point && ways[body]?.(point);
+      return place ? [{ joint, x: place[0], y: place[1], body }] : [];
+    }),
+  );
+}
+
+/** On the screen, for each metre that a keypoint is further from the camera while the picture looks the same; null if
+ * it is seen too much from ahead. @param {PosterMap} map @param {number} joint @param {number} body */
+export function wayInDepth(map, joint, body) {
+  const point = states.bodies?.bodies[body]?.points[joint];
+  const project = projections(map)[body];
+  const from = point && project?.(point);
+  if (!from) return null;
+  /** @param {number[]} direction of a length as `point` has ahead, so that nearer ones seem as long */
+  const seen = (direction) => {
+    const to = project(point.map((value, i) => value + STEP * direction[i]));
+    return to ? minus(to, from).map((pixels) => pixels / STEP) : [0, 0];
+  };
+  const [x, y, z] = point;
+  const way = seen([x / z, y / z, 1]);
+  const across = Math.max(...[[1, 0, -x / z], [0, 1, -y / z]].map((direction) => Math.hypot(...seen(direction))));
+  return Math.hypot(...way) >= LEAST * Math.max(across, 1) ? way : null;
+}
+
+const LEAST = 0.4; // share of its length at which a line of sight must be seen for depth to be dragged along it
+
+/** "right wrist  12 cm nearer than the hips  95 cm above the floor" @param {number} joint @param {number} body
+ * @param {Set<number>} selected */
+export function fitLine(joint, body, selected) {
+  const { names, root } = known("skeleton");
+  const points = states.bodies?.bodies[body]?.points;
+  const point = points?.[joint];
+  if (!points || !point) return names[joint];
+  const { down, floor } = known("bodies");
+  const parts = [names[joint]];
+  const hips = points[root];
+  if (hips && joint !== root) {
+    const depth = centimetres(point[2] - hips[2]);
+    parts.push(`${Math.abs(depth)} cm ${depth < 0 ? "nearer" : "further"} than the hips`);
+  }
+  const height = centimetres(floor - dot(down, point));
+  parts.push(`${Math.abs(height)} cm ${height < 0 ? "below" : "above"} the floor`);
+  if (BENDS.test(names[joint])) parts.push(`bent by ${bend(points, joint)}°`);
+  const [other] = selected;
+  const far = points[other];
+  if (selected.size === 1 && far && other !== joint)
+    parts.push(`${centimetres(Math.hypot(...minus(far, point)))} cm from ${names[other]}`);
+  return parts.join("\n");
+}
+
+/** @param {number} metres */
+const centimetres = (metres) => Math.round(100 * metres);
+
+/** By how many degrees the bones at a keypoint are off a straight line.
+ * @param {readonly (Point | null)[]} points @param {number} joint */
+function bend(points, joint) {
+  const ends = known("skeleton").bones.flatMap(([a, b]) => (a === joint ? [b] : b === joint ? [a] : []));
+  const [one, other] = ends.map((end) => minus(points[end] ?? [0, 0, 0], points[joint] ?? [0, 0, 0]));
+  const cosine = dot(one, other) / (Math.hypot(...one) * Math.hypot(...other));
+  return Math.round(180 - (Math.acos(Math.min(Math.max(cosine, -1), 1)) * 180) / Math.PI);
+}

@@ -1,0 +1,52 @@
+// What of the side view is seen while the picture is zoomed: that part of the body which is in the picture's window.
+
+/** @import { Box } from "./projection.js" */
+/** @import { Poster } from "../wire" */
+/** @typedef {{ x: number, y: number }} Place from a poster's middle, in image heights */
+
+import { states } from "../connection.js";
+import { onPlate } from "./plate.js";
+
+const BLUR = 0.15; // of the window's height: how far from its middle a keypoint counts
+/** @type {{ key: string, middle: Place } | null} */
+let last = null;
+
+/** The place on the side view's plate that is in the middle of its window. It stays while the same is looked at: else
+ * the plate would move under a pointer that drags something on it.
+ * @param {Poster} poster @param {Box} window @param {Place & { scale: number }} seenFrom the picture's middle place */
+export function sideMiddle(poster, window, seenFrom) {
+  const there = Boolean(states.side?.shifts.length && states.bodies?.bodies.length);
+  const key = JSON.stringify([poster, window, seenFrom, states.keypoints?.frame, there]);
+  if (last?.key !== key) last = { key, middle: found(poster, window, seenFrom) };
+  return last.middle;
+}
+
+/** @param {Poster} poster @param {Box} window @param {Place & { scale: number }} seenFrom @returns {Place} */
+function found(poster, window, seenFrom) {
+  const [width, height] = [window.right - window.left, window.bottom - window.top].map((size) => size / seenFrom.scale);
+  const middle = meanPlace(poster, seenFrom, BLUR * height) ?? { x: 0, y: seenFrom.y };
+  /** As far off the plate's middle as leaves no room beside the plate. @param {number} at @param {number} free */
+  const kept = (at, free) => Math.min(Math.max(at, -Math.max(free, 0)), Math.max(free, 0));
+  return { x: kept(middle.x, (poster.width - width) / 2), y: kept(middle.y, (1 - height) / 2) };
+}
+
+/** Of the keypoints around the picture's middle, as the fits have them on the plate.
+ * @param {Poster} poster @param {Place} seenFrom @param {number} blur in image heights */
+function meanPlace(poster, seenFrom, blur) {
+  const { bodies, keypoints, side, layout } = states;
+  if (!bodies || !keypoints || !side || !layout) return null;
+  const [width, height] = layout.image;
+  let [x, y, weights] = [0, 0, 0];
+  for (const [body] of side.shifts.entries())
+    for (const [joint, point] of (bodies.bodies[body]?.points ?? []).entries()) {
+      if (!point || !(keypoints.confidence[joint] > 0)) continue;
+      const pixel = onPlate(side, body, point);
+      const [u, v] = keypoints.xy[joint];
+      const far = Math.hypot((u - width / 2) / height - seenFrom.x, (v - height / 2) / height - seenFrom.y);
+      const weight = Math.exp(-0.5 * (far / blur) ** 2) + 1e-9; // far from all of them: their middle
+      x += weight * (pixel[0] / height - poster.width / 2);
+      y += weight * (pixel[1] / height - 0.5);
+      weights += weight;
+    }
+  return weights ? { x: x / weights, y: y / weights } : null;
+}

@@ -1,0 +1,190 @@
+// Draws over the side view: the floor, the camera, the fits' keypoints, and the lines of sight of selected ones.
+
+/** @import { FitBody, Side } from "../wire" */
+/** @import { PosterMap } from "./projection.js" */
+/** @typedef {CanvasRenderingContext2D} Context */
+
+import { known, states } from "../connection.js";
+import { COLORS, FONT } from "../style.js";
+import { projections } from "./fits.js";
+import { borderAt, pointer } from "./picking.js";
+import { drawn, toScreen } from "./projection.js";
+import { disc, rim, ring, stamp, stroke } from "./shapes.js";
+import { chosen, groupShown, isSide, jointRadius, located, placedOn, position, zoomFactor } from "./skeleton.js";
+
+const LINE = "rgba(200, 208, 220, 0.5)";
+const TEXT = "#b4bdc9";
+const TICKS = [0.5, 0.1]; // metres apart: the first that suits the plate
+const FAR = 200; // metres from the camera: the end of a line of sight, beyond any plate
+const BODY = 25; // keypoints; those of hands and face come after them
+const FEW = 4; // selected keypoints of which every line of sight is drawn
+const ASIDE = 0.35; // sine of the angle between two lines of sight below which one is no line for the other
+
+/** @param {Context} context @param {PosterMap} map */
+export function drawSide(context, map) {
+  const { side } = states;
+  if (!side) return;
+  context.save();
+  drawRuler(context, map, side);
+  drawSights(context, map, side);
+  drawFits(context, map);
+  drawCamera(context, map, side);
+  context.restore();
+}
+
+/** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
+export function drawFits(context, map) {
+  const bodies = states.bodies?.bodies ?? [];
+  if (known("style").bones && groupShown(0)) drawBones(context, map, bodies);
+  // The body that is corrected on top, and on each body the joints in the order of the picture.
+  for (const { joint, x, y, body } of placedOn(map).sort((a, b) => a.body - b.body || b.joint - a.joint)) {
+    const radius = 0.8 * jointRadius(joint, map);
+    stamp(context, rim(radius), x, y);
+    stamp(context, disc(bodies[body].color, radius), x, y);
+    if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, 2);
+  }
+  drawInDepth(context, map);
+}
+
+/** Where the pointer has a keypoint, while the fit follows. @param {Context} context @param {PosterMap} map */
+function drawInDepth(context, map) {
+  const held = chosen.inDepth;
+  if (!held) return;
+  const [x, y] = held.from.map((pixel, i) => pixel + held.metres * held.way[i]);
+  ring(context, x, y, 8 * zoomFactor(map), COLORS.selected, 2);
+}
+
+/** The part of the plate that its window shows. @param {PosterMap} map */
+const plateSeen = ({ window, ox, oy, width, height }) => ({
+  left: Math.max(window.left, ox),
+  top: Math.max(window.top, oy),
+  right: Math.min(window.right, ox + width),
+  bottom: Math.min(window.bottom, oy + height),
+});
+
+/** The floor with ticks, or, where that is not on the plate, the length between two of them.
+ * @param {Context} context @param {PosterMap} map @param {Side} side */
+function drawRuler(context, map, side) {
+  const { left, right, bottom } = plateSeen(map);
+  const metre = side.metre * map.ux; // in CSS pixels
+  const tick = TICKS.find((length) => length * metre < 0.6 * (right - left)) ?? 0;
+  const step = tick * metre;
+  if (step < 8) return;
+  const floor = side.floor === null ? Infinity : map.oy + side.floor * map.vy;
+  const standing = floor < bottom;
+  const y = standing ? floor : bottom - 24;
+  const zero = map.ox + side.zero * map.ux;
+  const last = standing ? zero + Math.floor((right - 8 - zero) / step) * step : right - 8;
+  const first = standing ? left : last - step;
+  const lines = new Path2D();
+  lines.moveTo(first, y);
+  lines.lineTo(standing ? right : last, y);
+  for (let x = last; x > first - 1; x -= step) {
+    lines.moveTo(x, y);
+    lines.lineTo(x, y + 5);
+  }
+  stroke(context, lines, LINE, 1);
+  if (step > 36) write(context, `${tick} m`, last - step / 2, y + 10, "center");
+}
+
+/** Small text, also to be read on a body. @param {Context} context @param {string} text @param {number} x
+ * @param {number} y @param {CanvasTextAlign} align */
+function write(context, text, x, y, align) {
+  context.font = `13px ${FONT}`;
+  context.textBaseline = "middle";
+  context.textAlign = align;
+  context.lineJoin = "round";
+  context.lineWidth = 3.5;
+  context.strokeStyle = "rgba(16, 19, 24, 0.85)";
+  context.strokeText(text, x, y);
+  context.fillStyle = TEXT;
+  context.fillText(text, x, y);
+  context.textAlign = "start";
+}
+
+/** @param {Context} context @param {PosterMap} map @param {readonly FitBody[]} bodies */
+function drawBones(context, map, bodies) {
+  const width = 2 * zoomFactor(map);
+  for (const [i, project] of projections(map).entries()) {
+    if (!bodies[i]) continue;
+    const { points, color } = bodies[i];
+    const places = points.map((point) => point && project(point));
+    const lines = new Path2D();
+    for (const [a, b] of known("skeleton").bones) {
+      const [from, to] = [places[a], places[b]];
+      if (!from || !to) continue;
+      lines.moveTo(...from);
+      lines.lineTo(...to);
+    }
+    stroke(context, lines, "rgba(8, 10, 14, 0.5)", width + 1.6);
+    stroke(context, lines, color, width);
+  }
+}
+
+/** On the plate, for each metre away from the camera: the way of a picture's pixel.
+ * @param {Side} side @param {number[]} pixel */
+const wayOf = ({ sight }, [u, v]) => sight.map(([a, b, c]) => a * u + b * v + c);
+
+/** Where the camera that filmed stands. @param {Side} side */
+const cameraOf = ({ shifts }) => shifts[shifts.length - 1];
+
+/** @param {Context} context @param {PosterMap} map @param {Side} side */
+function drawSights(context, map, side) {
+  const lines = new Path2D();
+  for (const joint of chosen.joints) {
+    if (!groupShown(joint) || !located(joint)) continue;
+    if (joint >= BODY && chosen.joints.size > FEW) continue; // a hand's would hide the arm's
+    const [du, dv] = wayOf(side, position(joint));
+    const [u, v] = cameraOf(side);
+    lines.moveTo(...toScreen(map, [u, v]));
+    lines.lineTo(...toScreen(map, [u + FAR * du, v + FAR * dv]));
+  }
+  context.setLineDash([5, 4]);
+  context.globalAlpha = 0.8;
+  stroke(context, lines, COLORS.selected, 1.2);
+  context.globalAlpha = 1;
+  context.setLineDash([]);
+}
+
+/** Where it is, or at the edge an arrow towards it; nothing where one looks the way that it looks, or back.
+ * @param {Context} context @param {PosterMap} map @param {Side} side */
+function drawCamera(context, map, side) {
+  const [width, height] = known("layout").image;
+  const [du, dv] = wayOf(side, [width / 2, height / 2]);
+  if (Math.hypot(du, dv) < ASIDE * side.metre) return;
+  const [x, y] = toScreen(map, cameraOf(side));
+  const plate = plateSeen(map);
+  const [left, top, right, bottom] = [plate.left + 12, plate.top + 44, plate.right - 12, plate.bottom - 44];
+  const [px, py] = [Math.min(Math.max(x, left), right), Math.min(Math.max(y, top), bottom)];
+  const there = px === x && py === y;
+  const angle = there ? Math.atan2(dv, du) : Math.atan2(y - py, x - px);
+  context.save();
+  context.translate(px, py);
+  context.rotate(angle);
+  context.fillStyle = TEXT;
+  context.beginPath();
+  if (there) {
+    context.rect(-12, -5, 12, 10);
+    context.moveTo(0, 0);
+    context.lineTo(7, -5);
+    context.lineTo(7, 5);
+  } else {
+    context.moveTo(6, 0);
+    context.lineTo(-3, -5);
+    context.lineTo(-3, 5);
+  }
+  context.fill();
+  context.restore();
+  const leftwards = px > (plate.left + plate.right) / 2;
+  write(context, "camera", px + (leftwards ? -14 : 14), py, leftwards ? "right" : "left");
+}
+
+/** The left border under the pointer, or where the pointer takes it. @param {Context} context */
+export function drawBorder(context) {
+  const { gesture, place } = pointer;
+  const side = gesture?.kind === "widen" ? drawn.maps.find(isSide) : gesture ? undefined : borderAt(place);
+  if (!side) return;
+  context.fillStyle = COLORS.accent;
+  const { left, top, bottom } = side.window;
+  context.fillRect((gesture ? gesture.x : left) - 1.5, top, 3, bottom - top);
+}

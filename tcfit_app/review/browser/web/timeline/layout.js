@@ -1,0 +1,79 @@
+// Where things are in the strip, from top to bottom: its head, the ruler, the rows, the lanes, the overview.
+
+import { states } from "../connection.js";
+import { strip } from "../elements.js";
+import { pointed } from "./pointed.js";
+
+export const HEAD = 27;
+export const RULER = 19;
+const FIT = 5; // the running fit, below the ruler
+export const LANE = 15;
+export const OVERVIEW = 13;
+const GAP = 3;
+const LEAST_ROW = 34;
+const LEAST_PICTURE = 150; // what stays above the strip
+const USUAL = { share: 0.3, least: 210, most: 340 }; // of the window's height, in CSS pixels
+const HEIGHT = "tcfit-timeline-height"; // in the session's storage
+
+/** @typedef {{ top: number, bottom: number }} Band in CSS pixels of the strip */
+
+export const LANES = /** @type {const} */ (["Edits", "Keys", "Suspicion", "Flags", "Notes", "A–B peaks"]);
+
+export const ruler = { top: HEAD, bottom: HEAD + RULER };
+export const fitBand = { top: ruler.bottom, bottom: ruler.bottom + FIT };
+
+const FIRST_ROWS = [1, 1]; // what a new tab shows: the strip is as high before its rows have come
+const shares = () => (states.rows ? states.rows.rows.map(({ height }) => height) : FIRST_ROWS);
+/** @param {number[]} some */
+const sum = (some) => some.reduce((total, each) => total + each, 0);
+const belowRows = () => GAP + LANES.length * LANE + OVERVIEW;
+
+/** @returns {Band} */
+export const overview = () =>
+  ({ top: strip.clientHeight - (pointed.collapsed ? 0 : OVERVIEW), bottom: strip.clientHeight });
+
+/** @param {number} index @returns {Band} */
+export function laneBand(index) {
+  const top = strip.clientHeight - OVERVIEW - (LANES.length - index) * LANE;
+  return { top, bottom: top + LANE };
+}
+
+/** They share the room. @param {number} index @returns {Band} */
+export function rowBand(index) {
+  const room = strip.clientHeight - fitBand.bottom - belowRows();
+  const each = shares();
+  const height = room / Math.max(sum(each), 1);
+  const [before, after] = [sum(each.slice(0, index)), sum(each.slice(0, index + 1))];
+  return { top: Math.round(fitBand.bottom + before * height), bottom: Math.round(fitBand.bottom + after * height) };
+}
+
+/** @param {Band} band @param {number} y */
+export const within = ({ top, bottom }, y) => y >= top && y < bottom;
+
+// --- its height ---
+
+let wanted = Number(sessionStorage.getItem(HEIGHT)) || 0; // 0: as suits the window
+
+const usual = () => Math.min(Math.max(USUAL.share * window.innerHeight, USUAL.least), USUAL.most);
+/** With which every row can still be read. */
+const least = () => fitBand.bottom + belowRows() + Math.max(sum(shares()), 1) * LEAST_ROW;
+
+/** The least and the greatest height that it can have now. */
+export function heightLimits() {
+  const room = (strip.parentElement?.parentElement?.clientHeight ?? window.innerHeight) - LEAST_PICTURE;
+  return { least: Math.min(least(), room), most: Math.max(room, ruler.bottom) };
+}
+
+/** The height that it should have. */
+export function stripHeight() {
+  if (pointed.collapsed) return ruler.bottom + 3;
+  const { least: low, most } = heightLimits();
+  return Math.round(Math.min(Math.max(wanted || usual(), low), most));
+}
+
+/** Sets the height, as far as it can be that; 0: as suits the window. @param {number} height */
+export function wantHeight(height) {
+  const { least: low, most } = heightLimits();
+  wanted = height && Math.round(Math.min(Math.max(height, low), most));
+  sessionStorage.setItem(HEIGHT, String(wanted));
+}

@@ -1,0 +1,63 @@
+// The menus of the timeline: of the selected frames, and elsewhere; by right click, or with the button in its head.
+
+/** @import { MenuItem } from "../menu.js" */
+
+import { emitLast, states } from "../connection.js";
+import { stripCanvas } from "../elements.js";
+import { openMenu, openMenuAt } from "../menu.js";
+import { GUTTER, clipLength, frameAt, frameNumber, showFrames, shownCount } from "./axis.js";
+import { clearRange, more } from "./head.js";
+import { chosenRange, cursorFrame } from "./pointed.js";
+
+const AROUND = 0.1; // of the selected frames that are zoomed to, on either side
+
+/** @param {number} frame */
+const selected = (frame) => {
+  const range = chosenRange();
+  return range !== null && range.first <= frame && frame <= range.last;
+};
+
+/** What the server offers, and what the page can do by itself. @param {boolean} ofSelected
+ * @returns {(MenuItem | null)[]} */
+function items(ofSelected) {
+  const menus = states.frame_menus;
+  const groups = (ofSelected ? menus?.selected : menus?.elsewhere) ?? [];
+  const range = chosenRange();
+  /** @type {(MenuItem | null)[]} */
+  const own = [{ label: "Show the whole clip", disabled: shownCount() >= clipLength(), run: showWhole }];
+  if (range) {
+    const name = `${frameNumber(range.first)}–${frameNumber(range.last)}`;
+    own.unshift({ label: `Zoom to frames ${name}`, run: () => zoomTo(range.first, range.last) });
+    own.push({ label: "Select no frames", run: clearRange });
+  }
+  return [...groups.flatMap((group) => [...group, null]), ...own];
+}
+
+const showWhole = () => showFrames(0, clipLength());
+
+/** @param {number} first @param {number} last */
+function zoomTo(first, last) {
+  const margin = Math.max(AROUND * (last + 1 - first), 1);
+  showFrames(first - margin, last + 1 - first + 2 * margin);
+}
+
+/** @param {MouseEvent} event */
+function rightClick(event) {
+  event.preventDefault();
+  const x = event.clientX - stripCanvas.getBoundingClientRect().left;
+  if (!states.timeline || x < GUTTER) return;
+  const frame = frameAt(x);
+  const ofSelected = selected(frame);
+  // What the menu says is done to what is on show: to the frame under the pointer, or to the frames around it.
+  if (!ofSelected || !selected(cursorFrame() ?? -1)) emitLast({ type: "seek", frame });
+  openMenu("Frames", items(ofSelected), event.clientX, event.clientY);
+}
+
+function openMore() {
+  const range = chosenRange();
+  if (range && !selected(cursorFrame() ?? -1)) emitLast({ type: "seek", frame: range.first });
+  openMenuAt("Frames", items(range !== null), more);
+}
+
+stripCanvas.addEventListener("contextmenu", rightClick);
+more.addEventListener("click", openMore);

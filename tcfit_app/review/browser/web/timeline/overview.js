@@ -1,0 +1,98 @@
+// The bar of the whole clip below the lanes: what it looks like, where it is grabbed, and what its keys do.
+
+/** @import { Context } from "./paint.js" */
+
+import { invalidate, states } from "../connection.js";
+import { element, strip } from "../elements.js";
+import { tones } from "../theme.js";
+import {
+  GUTTER, MARGIN, axis, clipLength, frameNumber, onAxisChange, plotWidth, showFrames, shownCount, zoomAxis,
+} from "./axis.js";
+import { OVERVIEW, overview } from "./layout.js";
+import { fillBox } from "./paint.js";
+import { chosenRange, cursorFrame } from "./pointed.js";
+
+const GRAB = 6; // CSS pixels around an end of the window where it is grabbed
+const STEP = 0.1; // of what is shown, for each press of an arrow key
+const ZOOM = 1.25;
+
+/** An edge of a frame, in the overview. @param {number} edge */
+const overviewX = (edge) => GUTTER + (edge / clipLength()) * plotWidth();
+/** @param {number} x */
+export const overviewEdge = (x) => ((x - GUTTER) / plotWidth()) * clipLength();
+
+/** What is grabbed at a place: the window, which "view" moves, or one of its ends.
+ * @param {number} x @returns {"view" | "start" | "end"} */
+export function grabbedAt(x) {
+  const [left, right] = [overviewX(axis.first), overviewX(axis.last)];
+  const grab = Math.min(GRAB, (right - left) / 3); // something of a short window is left to be moved
+  if (Math.abs(x - left) <= grab) return "start";
+  return Math.abs(x - right) <= grab ? "end" : "view";
+}
+
+/** Brings the window to a place beside it. @param {number} x */
+export function bringWindowTo(x) {
+  const edge = overviewEdge(x);
+  if (edge < axis.first || edge > axis.last) showFrames(edge - shownCount() / 2, shownCount());
+}
+
+/** @param {Context} context */
+export function drawOverview(context) {
+  const { top, bottom } = overview();
+  fillBox(context, tones.bed, GUTTER, top + 2, plotWidth(), bottom - top - 4);
+  const [left, right] = [overviewX(axis.first), overviewX(axis.last)];
+  context.fillStyle = shownCount() < clipLength() ? tones.thumb : tones["whole-thumb"];
+  context.beginPath();
+  context.roundRect(left, top + 2, Math.max(right - left, 3), bottom - top - 4, 3);
+  context.fill();
+  for (const { frame } of states.suspicions?.found ?? [])
+    fillBox(context, "rgba(255, 176, 46, 0.75)", overviewX(frame), top + 4, 1.5, bottom - top - 8);
+}
+
+/** The selected frames and the cursor. @param {Context} context */
+export function markOverview(context) {
+  const { top, bottom } = overview();
+  const range = chosenRange();
+  if (range) {
+    const [left, right] = [overviewX(range.first), overviewX(range.last + 1)];
+    fillBox(context, "rgba(40, 140, 220, 0.5)", left, top + 2, Math.max(right - left, 2), bottom - top - 4);
+  }
+  const frame = cursorFrame();
+  if (frame !== null) fillBox(context, tones.cursor, overviewX(frame + 0.5) - 0.75, top + 1, 1.5, bottom - top - 2);
+}
+
+// --- by keyboard ---
+
+/** Over the bar, for those who come with the Tab key; the pointer goes through it to the canvas. */
+export const bar = element("div", "tcfit-strip-overview", strip);
+Object.assign(bar.style, { left: `${GUTTER}px`, right: `${MARGIN}px`, height: `${OVERVIEW}px` });
+bar.tabIndex = 0;
+bar.setAttribute("role", "slider");
+bar.setAttribute("aria-label", "Frames shown in the timeline: arrows left and right scroll, up and down zoom");
+
+/** @type {{ [key: string]: () => void }} */
+const KEYS = {
+  ArrowLeft: () => showFrames(axis.first - STEP * shownCount(), shownCount()),
+  ArrowRight: () => showFrames(axis.first + STEP * shownCount(), shownCount()),
+  ArrowUp: () => zoomAxis(1 / ZOOM, GUTTER + plotWidth() / 2),
+  ArrowDown: () => zoomAxis(ZOOM, GUTTER + plotWidth() / 2),
+  PageUp: () => showFrames(axis.first - shownCount(), shownCount()),
+  PageDown: () => showFrames(axis.first + shownCount(), shownCount()),
+  Home: () => showFrames(0, shownCount()),
+  End: () => showFrames(clipLength(), shownCount()),
+};
+
+bar.addEventListener("keydown", (event) => {
+  if (!KEYS[event.key]) return;
+  event.preventDefault();
+  KEYS[event.key]();
+});
+
+onAxisChange(() => {
+  if (!states.timeline) return;
+  const [first, last] = [Math.ceil(axis.first), Math.floor(axis.last) - 1];
+  const numbers = { valuemin: 0, valuemax: clipLength() - 1, valuenow: first };
+  for (const [name, value] of Object.entries(numbers)) bar.setAttribute(`aria-${name}`, String(value));
+  bar.setAttribute("aria-valuetext", `frames ${frameNumber(first)} to ${frameNumber(last)}`);
+  invalidate("timeline");
+});

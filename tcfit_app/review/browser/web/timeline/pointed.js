@@ -1,0 +1,29 @@
+// What the user does with the timeline, before the server knows of it.
+
+/** @import { ChosenRange } from "../wire" */
+
+import { states } from "../connection.js";
+
+const COLLAPSED = "tcfit-collapsed"; // in the session's storage
+
+export const pointed = {
+  collapsed: sessionStorage.getItem(COLLAPSED) === "yes",
+  /** @type {number | null} */
+  cursor: null, // the frame that is being pointed at
+  /** @type {ChosenRange | null | undefined} */
+  range: undefined, // what is being chosen, if something is
+  /** @type {number | null} */
+  key: null, // where the keyframe under the pointer is dragged to
+  /** @type {number | null} */
+  x: null, // of the pointer over the strip
+  y: 0,
+};
+
+/** @param {boolean} collapsed */
+export function setCollapsed(collapsed) {
+  pointed.collapsed = collapsed;
+  sessionStorage.setItem(COLLAPSED, collapsed ? "yes" : "no");
+}
+
+export const cursorFrame = () => pointed.cursor ?? states.cursor?.frame ?? null;
+export const chosenRange = () => (pointed.range === undefined ? states.range : pointed.range) ?? null;

@@ -1,0 +1,63 @@
+// The rows of curves, each with its own axis of values.
+
+/** @import { Row } from "../wire" */
+/** @import { Band } from "./layout.js" */
+/** @import { Context } from "./paint.js" */
+
+import { states } from "../connection.js";
+import { stroke } from "../picture/shapes.js";
+import { onGround, tones } from "../theme.js";
+import { GUTTER, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
+import { drawHeat } from "./heat.js";
+import { fitBand, rowBand } from "./layout.js";
+import { drawThumbnails } from "./thumbnails.js";
+import { clipToPlot, fillBox, write } from "./paint.js";
+
+const [ABOVE, BELOW] = [8, 7]; // within a band, for the numbers at both ends of the axis
+const LABELS = 15; // least distance of two numbers
+
+/** @param {Context} context */
+export function drawRows(context) {
+  if (states.rows && !states.rows.rows.length)
+    write(context, "Choose what to plot with the button Curves.", GUTTER + 12, fitBand.bottom + 22, tones.dim);
+  (states.rows?.rows ?? []).forEach((row, index) => drawRow(context, row, rowBand(index)));
+}
+
+/** @param {Context} context @param {Row} row @param {Band} band */
+function drawRow(context, row, band) {
+  fillBox(context, tones.line, 0, band.bottom - 1, GUTTER + plotWidth(), 1);
+  if (row.video) return drawThumbnails(context, row.empty, band);
+  if (row.heat) return drawHeat(context, row.heat, band);
+  const scale = valueScale(row.curves, row.signed);
+  if (!scale) return write(context, row.empty, GUTTER + 12, (band.top + band.bottom) / 2, tones.dim);
+  const { low, high, step } = scale;
+  const [top, bottom] = [band.top + ABOVE, band.bottom - BELOW];
+  /** @param {number} value */
+  const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
+  for (const value of labelled(scale, bottom - top)) {
+    const zero = row.signed && Math.abs(value) < step / 2;
+    fillBox(context, zero ? tones.zero : tones.grid, GUTTER, Math.round(y(value)), plotWidth(), 1);
+    const sign = row.signed && value > step / 2 ? "+" : "";
+    write(context, sign + valueText(value, step).replace("-", "−"), GUTTER - 7, y(value), tones.dim, "right");
+  }
+  clipToPlot(context, band, () => {
+    context.lineJoin = "round";
+    for (const { values, color } of row.curves) stroke(context, curvePath(values, y), onGround(color), 1.4);
+  });
+}
+
+/** The numbers on the axis: both ends, zero, and those between for which there is room.
+ * @param {{ low: number, high: number, step: number }} scale @param {number} height of the axis, in CSS pixels */
+function labelled({ low, high, step }, height) {
+  const each = niceStep(high - low, height / LABELS);
+  const numbers = [low, high];
+  if (numbers.every((end) => apart(0, end))) numbers.push(0);
+  for (let value = Math.ceil(low / each) * each; value < high; value += Math.max(each, step))
+    if (numbers.every((other) => apart(value, other))) numbers.push(value);
+  return numbers;
+
+  /** @param {number} one @param {number} other */
+  function apart(one, other) {
+    return (Math.abs(one - other) / (high - low)) * height >= LABELS - 1;
+  }
+}

@@ -1,0 +1,109 @@
+"""What is drawn of the frames around the one on show: the paths of selected keypoints, and what a close-up follows."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core.camera import Camera
+from fitting_core.keypoints import COUNT, GROUPS
+from tcfit_app.review.browser.page_states import Focus, Path, Trail, pixel_pairs
+from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
+from tcfit_app.review.tab.tab import Tab
+
+REACH = 5
+"""Frames before and after the one on show whose keypoints are on a path."""
+_SMOOTHED = 2.0
+"""Frames: the standard deviation over which a close-up is held still, for detections tremble."""
+_SEEN = 8
+"""Frames before and after that count for it."""
+
+
+class AroundPart:
+    """Draws one tab's paths, and has its close-up follow; asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._data = tab, tab.data
+
+    def draw(self, shown: OnShow) -> None:
+        """Send what changed."""
+        self._draw_focus()
+        self._draw_trail(shown)
+
+    def _draw_focus(self) -> None:
+        tab, state = self._tab, self._tab.state
+        part = state.close_up
+        if not tab.sent.differs("focus", part, state.frame if part else None, tab.session.edits if part else None):
+            return
+        if part is None:
+            tab.channel.send("focus", None)
+            return
+        corrected, group = tab.session.project.corrected, GROUPS[part]
+        frames = _frames(state.frame, _SEEN, tab.length)
+        there = corrected.confidence[frames.start : frames.stop, group] > 0
+        found = followed(corrected.xy[frames.start : frames.stop, group], there, state.frame - frames.start)
+        if found is not None:  # else it stays where it is
+            tab.channel.send("focus", Focus(x=float(found[0]), y=float(found[1])))
+
+    def _draw_trail(self, shown: OnShow) -> None:
+        tab, state = self._tab, self._tab.state
+        joints = state.selection if state.trail and state.mode != "space" else ()
+        fits = [fit for place in shown.places for side in place if (fit := shown.fit(side)) is not None]
+        key = tuple((fit.run.id, fit.phase, fit.revision) for fit in fits)
+        if not joints:
+            if tab.sent.differs("trail", None):
+                tab.channel.send("trail", None)
+            return
+        if not tab.sent.differs("trail", state.frame, joints, state.mode, tab.session.edits, shown.revision, key):
+            return
+        frames = _frames(state.frame, REACH, tab.length)
+        fitted = [self._fitted(shown, place[0], frames) for place in shown.places]
+        tab.channel.send(
+            "trail",
+            Trail(
+                now=state.frame - frames.start,
+                detected=tuple(self._detected(joint, frames) for joint in joints),
+                fitted=tuple(tuple(_path(points[:, joint]) for joint in joints) for points in fitted),
+                colors=tuple(css(RUN_COLORS[SIDES.index(place[0])]) for place in shown.places),
+            ),
+        )
+
+    def _detected(self, joint: int, frames: range) -> Path:
+        corrected, part = self._tab.session.project.corrected, slice(frames.start, frames.stop)
+        xy = corrected.xy[part, joint].astype(float)
+        return _path(np.where(corrected.confidence[part, joint, None] > 0, xy, np.nan))
+
+    def _fitted(self, shown: OnShow, side: Side, frames: range) -> Float[np.ndarray, "t 137 2"]:
+        """Pixels of a body's keypoints, NaN where it has none."""
+        fit = shown.fit(side)
+        pixels = np.full((len(frames), COUNT, 2), np.nan)
+        if fit is None:
+            return pixels
+        for frame in (frame for frame in frames if fit.has(frame)):
+            live = shown.live_of(side) if frame == shown.frame else None
+            pixels[frame - frames.start] = in_image(self._data.keypoints(fit, frame, live), fit.camera)
+        return pixels
+
+
+def _frames(frame: int, reach: int, length: int) -> range:
+    return range(max(frame - reach, 0), min(frame + reach + 1, length))
+
+
+def _path(xy: Float[np.ndarray, "t 2"]) -> Path:
+    known = np.isfinite(xy).all(axis=1).astype(bool)
+    return tuple(pair if there else None for pair, there in zip(pixel_pairs(np.nan_to_num(xy)), known, strict=True))
+
+
+def in_image(points: Float[np.ndarray, "n 3"], camera: Camera) -> Float[np.ndarray, "n 2"]:
+    """Pixels of points in camera space; NaN behind the camera."""
+    z = np.where(points[:, 2:] > 0.01, points[:, 2:], np.nan)
+    return points[:, :2] / z * np.array(camera.focal) + np.array(camera.center)
+
+
+def followed(xy: Float[np.ndarray, "t K 2"], there: Bool[np.ndarray, "t K"], now: int) -> Float[np.ndarray, "2"] | None:
+    """The middle of keypoints around one of some frames, smoothed over these; None if there are none."""
+    seen = np.flatnonzero(there.any(1))
+    if not len(seen):
+        return None
+    middles = np.array([xy[t][there[t]].mean(0) for t in seen])
+    weights = np.exp(-0.5 * ((seen - now) / _SMOOTHED) ** 2) + 1e-9
+    return weights @ middles / weights.sum()

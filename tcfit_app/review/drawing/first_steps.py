@@ -1,0 +1,15 @@
+"""What somebody does first who opens the app for the first time."""
+
+from tcfit_app.review.browser.page_states import Hint, Hints
+from tcfit_app.review.gestures.actions import ACTIONS
+
+_STEPS = (
+    ("Play the clip. The arrow keys go frame by frame.", "play"),
+    ("Fit everything, if there is no fit yet.", "fit"),
+    ("Go to the next suspicious frame.", "next_suspect"),
+    ("Drag a keypoint that is off: the fit follows, and the correction is saved. To take it back, undo.", "undo"),
+    ("Drag in the timeline's ruler to select frames, and run phase 3 on them again.", "rerun"),
+    ("Compare: A | B shows the fit before beside the new one, and the panel Compare has the figures.", "ab"),
+    ("All keys. The first steps are there too.", "help"),
+)
+HINTS = Hints(steps=tuple(Hint(text=text, keys=str(ACTIONS[name].keys[0])) for text, name in _STEPS))

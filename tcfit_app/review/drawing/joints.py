@@ -1,0 +1,42 @@
+"""The fits' keypoints in space, which the page draws in the side view and in 3D."""
+
+import numpy as np
+
+from fitting_core.keypoints import BODY
+from tcfit_app.fitting.fits import Shown
+from tcfit_app.review.browser.page_states import Bodies, FitBody, points_in_space
+from tcfit_app.review.scene.layers import BodyLayer, css
+from tcfit_app.review.scene.room import Room
+from tcfit_app.review.tab.on_show import OnShow, Side
+from tcfit_app.review.tab.tab import Tab
+
+
+class JointsPart:
+    """Sends the keypoints of one tab's fits; asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._data = tab, tab.data
+
+    def tell(self, shown: OnShow, bodies: dict[Side, BodyLayer], room: Room | None) -> None:
+        """Send those of these bodies, also while they are hidden; none while it is not known where the floor is."""
+        there: dict[Side, Shown] = {}
+        for side in drawn(bodies) if room is not None else ():
+            fit = shown.with_body(side)
+            if fit is not None:
+                there[side] = fit
+        key = tuple((side, fit.run.id, fit.phase, fit.revision) for side, fit in there.items())
+        if room is None or not self._tab.sent.differs("bodies", shown.frame, shown.revision, room, key):
+            return
+        made = []
+        for side, fit in there.items():
+            points = self._data.body_points(fit, shown.frame, shown.live_of(side))
+            assert len(points) == BODY.stop
+            made.append(FitBody(color=css(bodies[side].color), points=points_in_space(points)))
+        down = (float(value) for value in np.round(room.turn[1], 5))
+        state = Bodies(bodies=tuple(made), down=(next(down), next(down), next(down)), floor=round(room.floor, 4))
+        self._tab.channel.send("bodies", state if made else None)
+
+
+def drawn(bodies: dict[Side, BodyLayer]) -> list[Side]:
+    """Sides with a body that can be drawn, the one that is corrected last."""
+    return sorted(side for side, body in bodies.items() if body.problem is None)

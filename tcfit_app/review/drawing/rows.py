@@ -1,0 +1,228 @@
+"""The rows of the timeline: curves of A and B, how they differ, and the table of everything that can be plotted."""
+
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+from fitting_core.errors import InputError
+from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
+from tcfit_app.analysis.heat_maps import HEAT_MAPS, HeatMap
+from tcfit_app.fitting.fits import Shown
+from tcfit_app.review.browser import page_states as states
+from tcfit_app.review.browser.page_states import curve_values
+from tcfit_app.review.scene.layers import RUN_COLORS, css
+from tcfit_app.review.tab.on_show import SIDES, Side
+from tcfit_app.review.tab.tab import Tab
+
+Value = TypeVar("Value", Curve, HeatMap)
+
+VIDEO = "video"
+"""Name of the row of thumbnails."""
+MOST_ROWS = 6
+"""More would leave each of them too low to be read."""
+_HEIGHTS = {"heat": 2.0, "video": 1.5}
+"""Of rows that are no curves: a heat map has a line for each part of the body."""
+_COMPARED = "#c9a3ff"
+"""Colour of what tells A from B."""
+_NO_FIT = "Curves appear here once there is a fit."
+_READING = "The video is being read …"
+_MEASURING = "Being measured …"
+_SAME = "A and B are the same fit: they do not differ."
+_MISSING = "Choose two fits, A and B: this row compares them."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plot:
+    """Something that a row can show."""
+
+    title: str
+    unit: str
+    curve: str
+    """One of CURVES or HEAT_MAPS, or BETWEEN; none for the video."""
+    how: Literal["each", "heat", "video", "difference", "between"] = "each"
+    """A line for each fit; colours, of B; thumbnails; B minus A; the distance of the two."""
+
+    @property
+    def group(self) -> str:
+        """Choices of one group stand together."""
+        return "compared" if self.how in ("difference", "between") else "each" if self.how == "each" else "other"
+
+
+PLOTS: dict[str, Plot] = {
+    **{name: Plot(title=kind.title, unit=kind.unit, curve=name) for name, kind in CURVES.items()},
+    **{name: Plot(title=kind.title, unit=kind.unit, curve=name, how="heat") for name, kind in HEAT_MAPS.items()},
+    VIDEO: Plot(title="Video", unit="", curve="", how="video"),
+    BETWEEN: Plot(title="A to B distance", unit="mm", curve=BETWEEN, how="between"),
+    # As in the panel Compare: above zero where B has more.
+    **{
+        f"{name}_difference": Plot(title=f"{kind.title}, B − A", unit=kind.unit, curve=name, how="difference")
+        for name, kind in CURVES.items()
+    },
+}
+"""By the name under which a page asks for them."""
+CHOICES = tuple(
+    states.Choice(name=name, title=f"{plot.title} ({plot.unit})" if plot.unit else plot.title, group=plot.group)
+    for name, plot in PLOTS.items()
+)
+
+
+def with_plot(plots: tuple[str, ...], name: str, *, shown: bool) -> tuple[str, ...]:
+    """The names of the rows with one more or one less; the same for what is no name of PLOTS.
+
+    Raises:
+        InputError: There are too many already.
+    """
+    if name not in PLOTS or (name in plots) == shown:
+        return plots
+    if not shown:
+        return tuple(other for other in plots if other != name)
+    if len(plots) >= MOST_ROWS:
+        raise InputError(f"The timeline shows {MOST_ROWS} rows at most: close one of them first.")
+    return (*plots, name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """What a row is made of. Equal to another while nothing has changed: curves are compared by identity."""
+
+    name: str
+    curves: tuple[tuple[Side, Curve], ...] = ()
+    heat: HeatMap | None = None
+    empty: str = ""
+    """Why there are none; empty: they are still being made, or there is no fit yet."""
+
+
+class Rows:
+    """The rows of one tab's timeline."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self._last: dict[tuple[str, Side], tuple[Hashable, Any]] = {}
+        """By name and side, with the origin of the fit: they stay on show until newer ones of the same are there."""
+
+    def draw(self) -> None:
+        """Send them if they are others than the last time."""
+        tab = self._tab
+        found, fits = tuple(map(self._find, tab.state.plots)), self._fits()
+        if tab.sent.differs("rows", found, fits):
+            tab.channel.send("rows", states.Rows(rows=tuple(map(self._row, found)), fits=fits))
+
+    @property
+    def _same(self) -> bool:
+        """Whether A and B are one fit, which has one line."""
+        a, b = self._tab.shown.a, self._tab.shown.b
+        return a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
+
+    @property
+    def _sides(self) -> tuple[Side, ...]:
+        """The fits that have a line of their own."""
+        return ("b",) if self._same else tuple(side for side in SIDES if self._tab.shown.fit(side) is not None)
+
+    def _label(self, side: Side) -> str:
+        return "A and B" if self._same else side.upper()
+
+    def _fits(self) -> tuple[states.FitName, ...]:
+        return tuple(
+            states.FitName(label=self._label(side), title=fit.title, color=_color(side))
+            for side in self._sides
+            if (fit := self._tab.shown.fit(side)) is not None
+        )
+
+    def _find(self, name: str) -> _Found:
+        return _WAYS[PLOTS[name].how](self, name)
+
+    def _each(self, name: str) -> _Found:
+        curves: list[tuple[Side, Curve]] = []
+        for side in self._sides:
+            curve = self._curve(PLOTS[name].curve, side)
+            if curve is not None:
+                curves.append((side, curve))
+        return _Found(name=name, curves=tuple(curves))
+
+    def _heat(self, name: str) -> _Found:
+        shown = self._tab.shown.held
+        if shown is None:
+            return _Found(name=name)
+        return _Found(name=name, heat=self._latest(name, "b", _origin(shown), self._tab.data.heat_map(name, shown)))
+
+    def _video(self, name: str) -> _Found:
+        return _Found(name=name, empty=self._tab.data.video.problem_of(0) or _READING)
+
+    def _difference(self, name: str) -> _Found:
+        if problem := self._nothing_to_compare():
+            return _Found(name=name, empty=problem)
+        found = self._each(name)
+        return found if len(found.curves) == len(SIDES) else replace(found, curves=())
+
+    def _between(self, name: str) -> _Found:
+        a, b = self._tab.shown.a, self._tab.shown.b
+        if (problem := self._nothing_to_compare()) or a is None or b is None:
+            return _Found(name=name, empty=problem)
+        curve = self._latest(name, "b", (_origin(a), _origin(b)), self._tab.data.between(a, b))
+        return _Found(name=name, curves=() if curve is None else (("b", curve),))
+
+    def _nothing_to_compare(self) -> str:
+        if self._tab.shown.a is None or self._tab.shown.b is None:
+            return _MISSING
+        return _SAME if self._same else ""
+
+    def _curve(self, name: str, side: Side) -> Curve | None:
+        shown = self._tab.shown.fit(side)
+        if shown is None:
+            return None
+        return self._latest(name, side, _origin(shown), self._tab.data.curve(name, shown))
+
+    def _latest(self, name: str, side: Side, of: Hashable, found: Value | None) -> Value | None:
+        """What was found; until it is there, the last of the same name and fit."""
+        if found is not None:
+            self._last[name, side] = (of, found)
+        known, last = self._last.get((name, side), (None, None))
+        return last if known == of else None
+
+    def _row(self, found: _Found) -> states.Row:
+        plot = PLOTS[found.name]
+        return states.Row(
+            name=found.name,
+            title=plot.title,
+            unit=plot.unit,
+            signed=plot.how == "difference",
+            curves=tuple(self._lines(plot, found)) if found.curves else (),
+            heat=None if found.heat is None else heat(found.heat),
+            video=plot.how == "video",
+            height=_HEIGHTS.get(plot.how, 1.0),
+            empty=found.empty or (_MEASURING if self._sides else _NO_FIT),
+        )
+
+    def _lines(self, plot: Plot, found: _Found) -> Iterator[states.Curve]:
+        if plot.how == "difference":
+            (_, a), (_, b) = found.curves
+            yield states.Curve(label="", color=_COMPARED, values=curve_values(b.values - a.values))
+            return
+        for side, curve in found.curves:
+            label, color = ("", _COMPARED) if plot.how == "between" else (self._label(side), _color(side))
+            yield states.Curve(label=label, color=color, values=curve_values(curve.values))
+
+
+_WAYS: dict[str, Callable[[Rows, str], _Found]] = {
+    "each": Rows._each,
+    "heat": Rows._heat,
+    "video": Rows._video,
+    "difference": Rows._difference,
+    "between": Rows._between,
+}
+
+
+def heat(found: HeatMap) -> states.Heat:
+    """A heat map as the page has it, to three digits: 20,000 frames of it are a megabyte."""
+    values = tuple(curve_values(column, digits=3) for column in found.values.T)
+    return states.Heat(parts=found.parts, values=values, top=found.top, worse=HEAT_MAPS[found.name].worse)
+
+
+def _origin(shown: Shown) -> Hashable:
+    """The same for a fit and its corrections: its curves stay on show until those of the corrections are there."""
+    run = shown.run
+    return run.parent if run.kind == "corrections" and run.parent is not None else run.id, shown.phase
+
+
+def _color(side: Side) -> str:
+    return css(RUN_COLORS[SIDES.index(side)])

@@ -1,0 +1,79 @@
+"""The side view of one tab: the picture's bodies, and what the page draws over them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting_core.camera import Camera
+from tcfit_app.review.browser.page_states import Side as SideState
+from tcfit_app.review.browser.page_states import pixel_pairs, triple
+from tcfit_app.review.drawing.joints import drawn
+from tcfit_app.review.scene.layers import BodyLayer
+from tcfit_app.review.scene.poster import SidePoster
+from tcfit_app.review.scene.room import Room
+from tcfit_app.review.scene.side_view import Direction, SideView, side_view
+from tcfit_app.review.tab.on_show import OnShow, Side
+from tcfit_app.review.tab.tab import Tab
+
+_UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (1.0, 1.0, 4.0)]]))
+"""While nothing is drawn in it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """A view, and what it was made of."""
+
+    room: Room
+    camera: Camera
+    direction: Direction
+    width: float
+    view: SideView
+
+
+class SidePart:
+    """Draws one tab's side view; asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._data = tab, tab.data
+        self._seen: _Seen | None = None
+
+    def wanted(self, shown: OnShow) -> bool:
+        """Whether there is a side view: it is switched on, and there is a fit to see."""
+        state = self._tab.state
+        return state.side and state.mode != "space" and shown.held is not None
+
+    def poster(self, shown: OnShow, bodies: dict[Side, BodyLayer], room: Room | None) -> SidePoster:
+        """The plate with the bodies of the pictures; with none while it is not known where they are in the clip."""
+        assert shown.held is not None
+        there = () if room is None else tuple(bodies[side] for side in drawn(bodies))
+        return SidePoster(view=self._view(room or _UNKNOWN, shown.held.camera), bodies=there)
+
+    def tell(self, shown: OnShow, view: SideView, bodies: dict[Side, BodyLayer]) -> None:
+        """Send how the plate shows these bodies."""
+        there: list[Side] = [side for side in drawn(bodies) if shown.with_body(side) is not None]
+        if not self._tab.sent.differs("side", shown.frame, shown.revision, view, tuple(there)):
+            return
+        fit = shown.with_body(there[-1]) if there else None
+        self._tab.channel.send("side", fit and self._state(view, fit.camera, [bodies[side] for side in there]))
+
+    def _state(self, view: SideView, camera: Camera, bodies: list[BodyLayer]) -> SideState:
+        height = self._tab.session.project.clip.camera.size[1]
+        shifts = view.shifts([body.vertices for body in bodies])
+        origins = pixel_pairs(np.stack([view.pixels(np.zeros(3), shift, height) for shift in shifts]))
+        metre, plate, sight = view.scale * height, view.plate(height), view.sight(camera, height)
+        return SideState(
+            plate=(triple(plate[0]), triple(plate[1])),
+            shifts=origins,
+            metre=metre,
+            zero=origins[-1][0],
+            floor=None if view.floor is None else float((view.floor - view.middle[1]) * metre + height / 2),
+            sight=(triple(sight[0]), triple(sight[1])),
+        )
+
+    def _view(self, room: Room, camera: Camera) -> SideView:
+        direction, width = self._tab.state.side_from, self._tab.side_width
+        seen = self._seen
+        if seen is None or (seen.room, seen.camera, seen.direction, seen.width) != (room, camera, direction, width):
+            view = side_view(room, camera, direction, width)
+            self._seen = seen = _Seen(room=room, camera=camera, direction=direction, width=width, view=view)
+        return seen.view

@@ -1,0 +1,45 @@
+"""Small pictures of the video along one tab's timeline."""
+
+from base64 import b64encode
+
+import numpy as np
+
+from tcfit_app.review.browser import page_states as states
+from tcfit_app.review.drawing.rows import VIDEO
+from tcfit_app.review.tab.tab import Tab
+
+MOST = 64
+"""Thumbnails of a clip: those of a wide window, whole. 64 have 200 KB."""
+_TOGETHER = 16
+"""So many more are sent at once."""
+
+
+class Thumbnails:
+    """Draws one tab's thumbnails; asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self._frames = frames_of(tab.length)
+        self._found: dict[int, str] = {}
+
+    def draw(self) -> None:
+        """Have those made that are missing, while the row is on show, and send some at a time."""
+        tab = self._tab
+        if VIDEO not in tab.state.plots:
+            return
+        video = tab.data.video
+        missing = [frame for frame in self._frames if frame not in self._found and not video.problem_of(frame)]
+        if missing:
+            made = video.thumbnails([(frame, "thumbnail") for frame in missing], reader=self)
+            self._found |= {frame: b64encode(image).decode() for (frame, _), image in made.items()}
+        all_there = all(frame in self._found for frame in missing)
+        if tab.sent.differs("thumbnails", all_there, len(self._found) // (1 if all_there else _TOGETHER)):
+            frames = tuple(sorted(self._found))
+            images = tuple(self._found[frame] for frame in frames)
+            tab.channel.send("thumbnails", states.Thumbnails(frames=frames, images=images))
+
+
+def frames_of(length: int) -> tuple[int, ...]:
+    """Frames spread evenly over a clip."""
+    count = min(length, MOST)
+    return tuple(((np.arange(count) + 0.5) * length / count).astype(int).tolist())

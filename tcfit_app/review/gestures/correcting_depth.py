@@ -1,0 +1,131 @@
+"""Correcting the third dimension in one tab: limbs sent to the other side in depth, keypoints pinned, joints locked."""
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.model import JOINT
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.errors import InputError
+from fitting_core.fit.sides import other_side, unswapped
+from fitting_core.keypoints import BODY, LOCKABLE
+from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, Unlock
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.depths import SeenBody, Way, limbs_of
+from tcfit_app.review.gestures.keyframing import depth_edit
+from tcfit_app.review.tab.tab import Tab
+
+
+class CorrectingDepth:
+    """Corrections of depth of one tab; its methods raise InputError for what cannot be done, and nothing changes."""
+
+    def __init__(self, tab: Tab, correcting: Correcting) -> None:
+        self._tab, self._correcting = tab, correcting
+
+    def send(self, way: Way) -> None:
+        """Send the limbs of the selected keypoints to a side of their shoulders or hips in depth."""
+        self.send_limbs(way, self._tab.frames_to_change, self._correcting.selected())
+
+    def send_limbs(self, way: Way, frames: tuple[int, ...], joints: tuple[int, ...]) -> None:
+        """Send the limbs of some keypoints in some frames to a side of their roots, from where the fit on show has
+        them."""
+        limbs = limbs_of(joints)
+        seen = self._seen_body(frames)
+        depths = np.concatenate([seen.sent(limb, way) for limb in limbs], 1)
+        self._set_depth(frames, tuple(joint for limb in limbs for joint in limb[1:]), depths)
+
+    def _set_depth(self, frames: tuple[int, ...], joints: tuple[int, ...], depths: Float[np.ndarray, "F n"]) -> None:
+        self._correcting.refuse_bad(frames, joints)
+        self._correcting.make(depth_edit(frames, joints, depths))
+
+    def lock(self) -> None:
+        """Let the joints of the selected keypoints stay turned as the fit has them now, in the chosen frames."""
+        tab, joints = self._tab, self._lockable()
+        frames, shown = tab.frames_to_change, tab.look().b
+        now = tab.state.frame
+        if shown is None or not shown.has(now):
+            raise InputError("How a joint is turned is told by the fit on show, and there is none here: fit first.")
+        swaps = unswapped(tab.session.project.clip.keypoints)[1] if shown.run.config.unswap_sides else {}
+        sides = [name for name, swapped in swaps.items() if now in swapped]
+        of_body = tuple(other_side(joint, sides) for joint in joints)
+        pose = shown.params.body_pose[now].view(-1, 3)
+        turns = (pose[JOINT[LOCKABLE[joint]] - JOINT["left_hip"]].tolist() for joint in of_body)
+        rounded = tuple((round(x, 5), round(y, 5), round(z, 5)) for x, y, z in turns)
+        self._correcting.make(Lock(frames=frames, joints=of_body, turn=rounded))
+
+    def unlock(self) -> None:
+        """Let the joints of the selected keypoints turn again."""
+        frames, joints = self._tab.frames_to_change, self._lockable()
+        if not self._tab.session.project.corrected.locked[np.ix_(frames, joints)].any():
+            raise InputError(f"None of the selected joints is locked in {in_words(frames, self._tab.first_frame)}.")
+        self._correcting.make(Unlock(frames=frames, joints=joints))
+
+    def _lockable(self) -> tuple[int, ...]:
+        found = tuple(joint for joint in self._correcting.selected() if joint in LOCKABLE)
+        if not found:
+            raise InputError("Neck, head (the nose), and joints of arms and legs can be locked: select one of them.")
+        return found
+
+    def _seen_body(self, frames: tuple[int, ...]) -> SeenBody:
+        tab = self._tab
+        shown, project = tab.look().b, tab.session.project
+        if shown is None or not all(map(shown.has, frames)):
+            raise InputError(
+                "Where a limb goes in depth is told from the fit on show, and there is none here: fit first."
+            )
+        keypoints, params = project.clip.keypoints, shown.params[list(frames)]
+        body = tab.session.bodies.of(shown.run.body)
+        swaps = unswapped(keypoints)[1] if shown.run.config.unswap_sides else {}
+        return SeenBody(
+            points=keypoints_in_space(body, params)[0],
+            pelvis=joints_in_space(body, params)[:, JOINT["pelvis"], 2],
+            keypoints=keypoints[np.array(frames)],
+            camera=shown.camera,
+            swapped=[[name for name, swapped in swaps.items() if frame in swapped] for frame in frames],
+        )
+
+    def interpolate_depth(self) -> None:
+        """Put the depths of the selected limbs on a line, between told ones: the ends of the selected frames, or the
+        nearest before and after the one on show. Their places in the image stay."""
+        joints = tuple(joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:])
+        told = self._tab.session.project.corrected.told_depth[:, list(joints)]
+        known = np.flatnonzero(np.isfinite(told).all(1))
+        frames, apart = self._tab.frames_to_change, int(self._tab.state.frames is None)
+        before, after = known[known <= frames[0] - apart], known[known >= frames[-1] + apart]
+        if not len(before) or not len(after) or after[0] - before[-1] < 2:
+            raise InputError(
+                "Interpolating depth needs a frame before and a frame after, with one or more in between, in which the "
+                "depths of the selected limbs were set."
+            )
+        ends = [int(before[-1]), int(after[0])]
+        between = tuple(range(ends[0] + 1, ends[1]))
+        depths = np.stack([np.interp(between, ends, values) for values in told[ends].T], 1)
+        self._set_depth(between, joints, depths)
+
+    def clear_depth(self) -> None:
+        """Take back what was said of the depth of the selected limbs."""
+        frames, joints = (
+            self._tab.frames_to_change,
+            [joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:]],
+        )
+        if not np.isfinite(self._tab.session.project.corrected.depth[np.ix_(frames, joints)]).any():
+            where = in_words(frames, self._tab.first_frame)
+            raise InputError(f"Nothing was said of the depth of the selected limbs in {where}.")
+        self._correcting.make(ClearDepth(frames=frames, joints=tuple(joints)))
+
+    def pin(self) -> None:
+        """Let the selected keypoints stay where the fit has them now, in all of the selected frames."""
+        tab, joints = self._tab, self._correcting.selected()
+        frames, now = tab.frames_to_change, tab.state.frame
+        if tab.state.frames is None:
+            raise InputError("Select the frames first in which they are to stay where they are now: [ and ].")
+        if beyond := [joint for joint in joints if joint >= BODY.stop]:
+            raise InputError(f"{len(beyond)} of the selected keypoints are not the body's, which alone have a depth.")
+        seen = self._seen_body(frames)
+        points = seen.points[frames.index(now), list(joints)]
+        if not np.isfinite(points).all():
+            raise InputError("The body of this fit lacks some of the selected keypoints: take others.")
+        xy = points[:, :2] / points[:, 2:] * seen.camera.focal + seen.camera.center
+        depths = np.round(points[:, 2] - seen.pelvis[:, None], 4)
+        places = tuple((round(float(u), 3), round(float(v), 3)) for u, v in xy)
+        self._correcting.make(Pin(frames=frames, joints=joints, xy=places, depth=tuple(map(tuple, depths.tolist()))))

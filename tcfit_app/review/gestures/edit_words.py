@@ -1,0 +1,114 @@
+"""Edits in words, for messages and for the history."""
+
+import textwrap
+
+import numpy as np
+
+from tcfit_app.analysis.body_regions import full_name
+from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote
+from tcfit_app.project.edits.kinds import (
+    ClearDepth,
+    CopyFrom,
+    Edit,
+    Interpolate,
+    Lock,
+    MarkBad,
+    MoveKey,
+    MoveKeypoint,
+    Nudge,
+    Pin,
+    PlaceKey,
+    RemoveKey,
+    Reset,
+    Restore,
+    SetConfidence,
+    SetDepth,
+    SwapSides,
+    Unlock,
+)
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.gestures.keyframing import HANDS_OF
+
+FEW = 3
+"""Keypoints that are named one by one."""
+SHORT_TEXT = 40
+"""Characters of a note in the history."""
+
+VERBS: dict[type[Edit], str] = {
+    MoveKeypoint: "moved",
+    Nudge: "nudged",
+    PlaceKey: "moved",
+    RemoveKey: "keyframe deleted",
+    MoveKey: "keyframe moved",
+    MarkBad: "marked bad",
+    Restore: "restored",
+    SwapSides: "left and right swapped:",
+    CopyFrom: "copied",
+    Interpolate: "interpolated",
+    Reset: "reset to the detection",
+    SetConfidence: "confidence set",
+    SetDepth: "set in depth",
+    ClearDepth: "depth cleared",
+    Pin: "pinned in space",
+    Lock: "locked as it is turned",
+    Unlock: "unlocked",
+}
+
+
+MARKS: dict[MarkState | None, str] = {
+    "checked": "marked as looking fine",
+    "flag": "flagged",
+    None: "no longer flagged or marked as looking fine",
+}
+
+
+def describe(edit: Said, first_frame: int = 0) -> str:
+    """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
+    if isinstance(edit, MarkFrames):
+        return f"{MARKS[edit.state]}, {in_words(edit.frames, first_frame)}"
+    if isinstance(edit, WriteNote):
+        return f"{_note_in_words(edit)}, {in_words(edit.frames, first_frame)}"
+    what = _keypoints_in_words(edit.joints)
+    verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
+    if isinstance(edit, MoveKey):
+        verb = f"{verb} to frame {edit.to + first_frame}"
+    if isinstance(edit, PlaceKey | RemoveKey | MoveKey):
+        follow = [frame for frame in edit.frames if frame != edit.at]
+        others = f"; {in_words(follow, first_frame)} follow" if follow else ""
+        return f"{what} {verb}, {in_words((edit.at,), first_frame)}{others}"
+    where = in_words(edit.frames, first_frame)
+    return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"
+
+
+def _note_in_words(note: WriteNote) -> str:
+    if not note.text:
+        return "note deleted"
+    return f"note {'written' if note.replaces is None else 'changed'}: {shortened(note.text)}"
+
+
+def shortened(text: str) -> str:
+    """The beginning of a text, in one line."""
+    return textwrap.shorten(text, SHORT_TEXT, placeholder=" …")
+
+
+def _keypoints_in_words(joints: tuple[int, ...]) -> str:
+    wrists = [wrist for wrist, hand in HANDS_OF.items() if {*joints} - {*range(hand.start, hand.stop)} == {wrist}]
+    if wrists and len(joints) > 1:
+        return f"{full_name(wrists[0])} and its hand"
+    names = [full_name(joint) for joint in joints]
+    return ", ".join(names) if len(names) <= FEW else f"{len(names)} keypoints"
+
+
+def _in_depth(edit: SetDepth) -> str:
+    """Where keypoints were put: "12 to 34 cm nearer than the pelvis"."""
+    values = np.round(100 * np.array(edit.depth)).astype(int)
+    return f"put {depth_words(values.min(), values.max())}"
+
+
+def depth_words(least: int, most: int) -> str:
+    """Centimetres behind the pelvis in words, from the least to the most of them."""
+    if least < 0 < most:
+        return f"{-least} cm nearer to {most} cm farther than the pelvis"
+    near, far = sorted((abs(int(least)), abs(int(most))))
+    amount = f"{far} cm" if near == far else f"{near} to {far} cm"
+    return f"{amount} {'nearer' if least < 0 else 'farther'} than the pelvis"

@@ -1,0 +1,89 @@
+"""Notes on frames, and links to them, in one tab."""
+
+from fitting_core.errors import InputError
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.edit_log import Note
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.browser.page_states import Linking, Typing
+from tcfit_app.review.tab.tab import Tab
+
+PANEL = "Review"
+"""Where notes are written."""
+FIELD = "Note"
+"""The label of the field for them."""
+
+
+class Noting:
+    """Writes, changes and deletes notes; goes to frames of notes and links."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self.changing: Note | None = None
+        """The note that another text is being typed for."""
+        self._asked = self._linked = 0
+
+    def begin(self) -> None:
+        """Let the user type a note on the selected frames, or the one on show. Raises InputError if that cannot be."""
+        self._tab.refuse_read_only()
+        _ = self._tab.frames_to_change
+        self._asked += 1
+        self._tab.channel.send("typing", Typing(panel=PANEL, field=FIELD, number=self._asked))
+
+    def write(self, text: str) -> None:
+        """Keep a new note, or the other text of the one that is being changed. Raises InputError as the log does."""
+        tab, changed = self._tab, self.changing
+        tab.refuse_read_only()
+        if not text.strip():
+            raise InputError("The note is empty. Type what it says first.")
+        frames = tab.frames_to_change if changed is None else changed.frames
+        replaces = None if changed is None else changed.id
+        tab.session.write_note(frames, text, author=tab.author, replaces=replaces)
+        self.changing = None
+        tab.say(f"Note {'written' if changed is None else 'changed'}: {in_words(frames, tab.first_frame)}")
+
+    def delete(self, note: Note) -> None:
+        """Take a note away; undo brings it back. Raises InputError as the log does."""
+        tab = self._tab
+        tab.refuse_read_only()
+        tab.session.write_note(note.frames, "", author=tab.author, replaces=note.id)
+        tab.say(f"Note deleted: {in_words(note.frames, tab.first_frame)}")
+
+    def go(self, note: Note) -> None:
+        """To the note's first frame; if it is on several, they are selected."""
+        self._tab.pause()
+        self._tab.seek(note.frames[0])
+        self._tab.set(frames=note.frames if len(note.frames) > 1 else None)
+
+    # --- links ---
+
+    def copy_link(self) -> None:
+        """Have the page copy a link to the frame and the fit on show."""
+        tab, shown = self._tab, self._tab.look().b
+        self._linked += 1
+        run, phase = (0, 0) if shown is None else (shown.run.id, shown.phase)
+        frame = tab.state.frame + tab.first_frame
+        tab.channel.send("linking", Linking(frame=frame, run=run, phase=phase, number=self._linked))
+        tab.say(f"Link to frame {frame} copied. It opens in browsers that tcfit has let in")
+
+    def open_link(self, frame: int, run: int | None, phase: int | None) -> None:
+        """Go where a link leads.
+
+        Args:
+            frame: the number that users see.
+            run: of the fit; None leaves it as it is.
+            phase: of that run, None its last.
+
+        Raises:
+            InputError: There is no such frame or run here.
+        """
+        tab = self._tab
+        if not 0 <= frame - tab.first_frame < tab.length:
+            last = tab.first_frame + tab.length - 1
+            raise InputError(f"The link leads to frame {frame}; this clip has frames {tab.first_frame} to {last}.")
+        tab.pause()
+        tab.seek(frame - tab.first_frame)
+        if run is None:
+            return
+        if tab.session.fits.run(run) is None:
+            raise InputError(f"The link leads to run {run}, which is not in this project or was deleted.")
+        tab.set(b=FitChoice(run=run, phase=phase))

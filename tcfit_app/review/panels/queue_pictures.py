@@ -1,0 +1,87 @@
+"""Small pictures of what entries of the review queue are about, cut out of the video."""
+
+from base64 import b64encode
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core import keypoints as kp
+from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.review.panels.elements.html import Board, Html, tag
+from tcfit_app.review.shared.video_frames import Crop, Wanted
+from tcfit_app.review.tab.tab import Tab
+
+_SHAPE = 4 / 3
+"""Width by height of a picture."""
+_LEAST = 0.35
+"""Of the person's height in the image that a picture shows at least: a limb is known by what it hangs on."""
+_MARGIN = 1.4
+_TOGETHER = 10
+"""So many more are sent at once."""
+
+
+class QueuePictures:
+    """The pictures in one tab: rules for the classes that `of` names. Asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab, self._board = tab, Board(tab)
+        self._crops: dict[tuple[int, tuple[int, ...]], Crop] = {}
+        self._found: dict[Wanted, bytes] = {}
+
+    def of(self, suspect: Suspect) -> Html:
+        """The place of an entry's picture."""
+        return tag("span", "", class_=f"tcfit-picture {_class(suspect)}")
+
+    def draw(self, suspects: Sequence[Suspect]) -> None:
+        """Have those made that are missing, and send some at a time."""
+        tab, wanted = self._tab, {_class(suspect): (suspect.frame, self._crop(suspect)) for suspect in suspects}
+        self._found = {one: made for one, made in self._found.items() if one in wanted.values()}
+        missing = {one for one in wanted.values() if one not in self._found and not tab.data.video.problem_of(one[0])}
+        if missing:
+            ordered = [one for one in wanted.values() if one in missing]
+            self._found |= tab.data.video.thumbnails(ordered, reader=self)
+        waiting = len(missing - self._found.keys())
+        if tab.sent.differs("pictures of the queue", tuple(wanted), -(-waiting // _TOGETHER)):
+            rules = [f".{name}{{{_image(self._found[one])}}}" for name, one in wanted.items() if one in self._found]
+            self._board.show(*([tag("style", Html("\n".join(rules)))] if rules else []))
+
+    def _crop(self, suspect: Suspect) -> Crop:
+        key = suspect.frame, suspect.joints
+        if key not in self._crops:
+            corrected, size = self._tab.session.project.corrected, self._tab.session.project.clip.camera.size
+            seen = corrected.confidence[suspect.frame] > 0
+            self._crops[key] = crop_of(corrected.xy[suspect.frame], seen, suspect.joints, size)
+        return self._crops[key]
+
+
+def crop_of(
+    xy: Float[np.ndarray, "137 2"], seen: Bool[np.ndarray, "137"], joints: Sequence[int], size: tuple[int, int]
+) -> Crop:
+    """The part of an image that shows some keypoints of a person, within the image.
+
+    Args:
+        xy: All of the person's keypoints, pixels.
+        seen: Which of them there are.
+        joints: What it is about; none of them seen, or none at all: the whole person, or without one the whole image.
+        size: Of the image, width and height in pixels.
+    """
+    person = xy[seen & (np.arange(kp.COUNT) < kp.BODY.stop)]
+    if not len(person):
+        return 0, 0, *size
+    own = [joint for joint in joints if seen[joint]]
+    shown = xy[own] if own else person
+    low, high = shown.min(0), shown.max(0)
+    tall = max(_MARGIN * max(high[1] - low[1], (high[0] - low[0]) / _SHAPE), _LEAST * float(np.ptp(person[:, 1])), 16.0)
+    height = min(tall, size[1], size[0] / _SHAPE)
+    width = min(_SHAPE * height, size[0])
+    left, top = np.clip((low + high) / 2 - (width / 2, height / 2), 0, (size[0] - width, size[1] - height))
+    return int(left), int(top), int(left + width), int(top + height)
+
+
+def _class(suspect: Suspect) -> str:
+    return f"tcfit-at-{suspect.frame}-{suspect.kind}"
+
+
+def _image(jpeg: bytes) -> str:
+    return f"background-image:url(data:image/jpeg;base64,{b64encode(jpeg).decode()})"

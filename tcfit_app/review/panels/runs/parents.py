@@ -1,0 +1,19 @@
+"""A run beside the one that it came from."""
+
+from fitting_core.errors import InputError
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.storage.run_record import Run
+from tcfit_app.review.tab.tab import Tab
+
+
+def parent_of(tab: Tab, run: Run) -> Run | None:
+    """The run from which one started, if it can be shown."""
+    return next((one for one in tab.session.fits.showable() if one.id == run.parent), None)
+
+
+def show_beside_parent(tab: Tab, run: Run) -> None:
+    """In A | B, with the parent as A. Raises InputError if there is none."""
+    parent = parent_of(tab, run)
+    if parent is None:
+        raise InputError(f"{run.name} did not start from another run, or that was deleted: there is no parent to show.")
+    tab.set(mode="ab", a=FitChoice(run=parent.id), b=FitChoice(run=run.id))

@@ -1,0 +1,185 @@
+"""The side view: the picture's bodies as they are seen from aside, upright and without perspective, on a plate of the
+poster world (see poster.py). Arithmetic, no viser.
+
+The scale and the plate's middle are the whole clip's: ground and ticks stand still, and a step towards the camera is
+seen as one. Only a body that would leave the plate takes the view with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.camera import Camera
+from tcfit_app.review.scene.layers import NEAREST
+from tcfit_app.review.scene.room import Room, extent
+
+Named = Literal["left", "right", "top"]
+Direction = Named | float
+"""Where the viewer stands: left or right of the picture, above, or so many degrees about up from where the camera is,
+towards the right."""
+_ANGLES: dict[Named, float] = {"left": -90.0, "right": 90.0}
+_CUT = 0.15
+"""Share of a body's height beyond the picture from which on it counts as cut off."""
+_FREE = 0.05
+"""Of the plate's height and width, on each side: no body reaches into it in the usual frames."""
+
+
+def angle_of(direction: Direction) -> float | None:
+    """Of a direction, in degrees about up; None from above."""
+    if isinstance(direction, str):
+        return _ANGLES.get(direction)
+    return float(direction)
+
+
+def view_axes(direction: Direction) -> Float[np.ndarray, "3 3"]:
+    """What is right, down and away for a viewer: rows, unit vectors in level space."""
+    angle = angle_of(direction)
+    if angle is None:  # ahead is up
+        return np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def direction_text(direction: Direction) -> str:
+    """For the user."""
+    angle = angle_of(direction)
+    if angle is None:
+        return "from above"
+    named = next((name for name, known in _ANGLES.items() if known == angle), None)
+    return f"turned by {angle:.0f}°" if named is None else f"from the {named}"
+
+
+def usual_width(pictures: float) -> float:
+    """Of a plate beside pictures that are so wide together, in image heights: narrow where that is much."""
+    return min(max(1.75 - pictures, 0.5), 0.9)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideView:
+    """From camera space to a plate in the poster world whose middle is the origin: x right, y down, image heights."""
+
+    axes: Float[np.ndarray, "3 3"]
+    """What is right, down and away on the plate: rows, unit vectors in camera space."""
+    middle: Float[np.ndarray, "2"]
+    """Metres along right and down, from the camera, of what lies in the plate's middle."""
+    scale: float
+    """Image heights per metre."""
+    width: float
+    """Of the plate, in image heights."""
+    floor: float | None
+    """Metres along down; None from above."""
+    turn: Float[np.ndarray, "3 3"]
+    """Of the room."""
+    ground: float
+    """y of the room's floor in level space."""
+
+    @property
+    def half(self) -> Float[np.ndarray, "2"]:
+        """Of the plate's width and height."""
+        return np.array([self.width, 1.0]) / 2
+
+    def flat(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
+        """Where points of camera space lie, before any shift."""
+        return (points @ self.axes[:2].T - self.middle) * self.scale
+
+    def shifts(self, bodies: Sequence[Float[np.ndarray, "V 3"]]) -> Float[np.ndarray, "n 2"]:
+        """By how much each of the bodies on show is moved to be on the plate: all by the same, if they fit together.
+
+        Only sideways, where there is a floor to stand on.
+        """
+        if not bodies:
+            return np.zeros((0, 2))
+        flat = [self.flat(vertices) for vertices in bodies]
+        found = np.array([(points.min(0), points.max(0)) for points in flat])
+        together = _onto(np.stack([found[:, 0].min(0), found[:, 1].max(0)]), self.half)
+        shifts = np.array([together + _onto(box + together, self.half) for box in found])
+        return shifts if self.floor is None else shifts * [1.0, 0.0]
+
+    def relief(
+        self, bodies: Sequence[Float[np.ndarray, "V 3"]], shifts: Float[np.ndarray, "n 2"]
+    ) -> list[Float[np.ndarray, "V 3"]]:
+        """Vertices of bodies that hide each other, the furthest at z = 0; what is off the plate lies on its edge."""
+        if not bodies:
+            return []
+        away = [vertices @ self.axes[2] for vertices in bodies]
+        furthest = max(float(depth.max()) for depth in away)
+        out = []
+        for vertices, depth, shift in zip(bodies, away, shifts, strict=True):
+            flat = np.clip(self.flat(vertices) + shift, -self.half, self.half)
+            out.append(np.hstack([flat, self.scale * (depth - furthest)[:, None]]).astype(np.float32))
+        return out
+
+    def pixels(
+        self, points: Float[np.ndarray, "*n 3"], shift: Float[np.ndarray, "2"], height: int
+    ) -> Float[np.ndarray, "*n 2"]:
+        """Points of camera space in pixels of a plate that many pixels high, from its upper left corner."""
+        return (self.flat(points) + shift + self.half) * height
+
+    def sight(self, camera: Camera, height: int) -> Float[np.ndarray, "2 3"]:
+        """From pixels (u, v, 1) of the picture to the way of their ray on the plate, pixels per metre of depth."""
+        inverse = np.linalg.inv(
+            [[camera.focal[0], 0.0, camera.center[0]], [0.0, camera.focal[1], camera.center[1]], [0.0, 0.0, 1.0]]
+        )
+        return self.plate(height) @ inverse
+
+    def plate(self, height: int) -> Float[np.ndarray, "2 3"]:
+        """From camera space, metres, to pixels of a plate that many pixels high, but for where the origin lies."""
+        return height * self.scale * self.axes[:2]
+
+    def heights(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        """Metres of points of camera space above the floor."""
+        return self.ground - points @ self.turn[1]
+
+
+def _onto(box: Float[np.ndarray, "2 2"], half: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
+    """The least move that takes a box onto a plate; to its middle, if it is too large."""
+    least, most = -half - box[0], half - box[1]
+    return np.where(least > most, (least + most) / 2, np.clip(0.0, least, most))
+
+
+def side_view(room: Room, camera: Camera, direction: Direction, width: float) -> SideView:
+    """How a room is seen from a direction.
+
+    The body is as tall as in the picture where it is most of the time, and as high up. It is smaller where the plate
+    has no room for all of it; but legs that the picture cuts off, the plate cuts off as well.
+
+    Args:
+        room: Where the body is in the clip.
+        camera: The fit's.
+        direction: Where the viewer stands.
+        width: Of the plate, in image heights.
+    """
+    axes = view_axes(direction)
+    above = angle_of(direction) is None
+    middles, halves = room.boxes.mean(1) @ axes.T, np.diff(room.boxes, axis=1)[:, 0] / 2 @ np.abs(axes).T
+    seen = extent(np.stack([middles - halves, middles + halves], 1))[:, :2]
+    if not above:
+        seen[1, 1] = max(seen[1, 1], room.floor)
+    usual = np.median(room.boxes.mean(1), axis=0) @ room.turn  # in camera space
+    depth = max(float(usual[2]), NEAREST)
+    in_picture = camera.focal[1] / camera.size[1] / depth
+    height = 0.0 if above else (camera.focal[1] * usual[1] / depth + camera.center[1]) / camera.size[1] - 0.5
+    middle = np.median(middles[:, :2], axis=0) - np.array([0.0, height / in_picture])
+    free = np.array([width, 1.0]) * (1 - 2 * _FREE)
+    tall = seen[1, 1] - seen[0, 1]
+    beyond = abs(seen[:, 1] - middle[1]).max() - 0.5 / in_picture
+    cut = not above and beyond > _CUT * tall
+    # From above the view may follow in both directions, and else only sideways: the floor stays where it is.
+    widest = np.percentile(2 * halves[:, :2], 98, axis=0)
+    needed = np.maximum([widest[0], widest[1] if above else 0.0 if cut else tall], 1e-3)
+    scale = min(in_picture, *(free / needed))
+    middle[1] += height / in_picture - height / scale
+    on_plate = np.sort(seen[::-1] + free / 2 / scale * [[-1.0], [1.0]], axis=0)
+    middle = np.where([True, not cut], np.clip(middle, *on_plate), middle)
+    return SideView(
+        axes=axes @ room.turn,
+        middle=middle,
+        scale=float(scale),
+        width=width,
+        floor=None if above else room.floor,
+        turn=room.turn,
+        ground=room.floor,
+    )

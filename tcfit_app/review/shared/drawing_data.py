@@ -1,0 +1,276 @@
+"""What all browsers draw from: frames of the video, meshes and figures, made once for all of them."""
+
+import logging
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from fitting_core.errors import InputError
+from fitting_core.ground.level import Level, level_of
+from tcfit_app.analysis.curves import Curve, between_runs, curve
+from tcfit_app.analysis.heat_maps import HeatMap, heat_map
+from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, frame_metrics, reference_metrics, run_metrics
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, review_queue, still_checked
+from tcfit_app.fitting.edit_follower import LiveWindow
+from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
+from tcfit_app.project.storage.run_record import Run
+from tcfit_app.review.scene.room import Room, room_around
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.session.tasks import Value
+from tcfit_app.review.shared.video_frames import VideoFrames
+
+_SAMPLED = 120
+"""Frames of a clip, at most, whose whole bodies say where the body goes: 0.1 s."""
+_POINTS_KEPT = 500
+"""Frames whose keypoints are remembered: as long as they are played, each is posed once."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """A body in one frame."""
+
+    vertices: Float32[np.ndarray, "V 3"]
+    version: Hashable
+    """Stands for the vertices."""
+
+
+class DrawingData:
+    """What is drawn and measured of a project, asked for until it is made. For the one thread that draws.
+
+    Args:
+        session: the project.
+        wake: called when something is there that was asked for.
+    """
+
+    def __init__(self, session: Session, wake: Callable[[], None]) -> None:
+        self.session = session
+        clip = session.project.clip
+        self.length = len(clip)
+        self.tasks, self._wake = session.tasks, wake
+        self._meshes: dict[str, Meshes] = {}
+        self._points: dict[Hashable, np.ndarray] = {}
+        self.warming = False
+        """Whether the first body is still being read (a second): nothing on the drawing thread waits for it."""
+        self.video = self._opened()
+
+    def _opened(self) -> VideoFrames:
+        clip = self.session.project.clip
+        return VideoFrames(
+            clip.source, first_frame=clip.first_frame, count=len(clip), size=clip.camera.size, arrived=self._wake
+        )
+
+    def warm_up(self) -> None:
+        """Read what the first picture of a fitted project needs, before anybody asks for it."""
+        self.warming = True
+        self.video.get(0)
+        self.tasks.get("warm", self._first_body)
+
+    def _first_body(self) -> None:
+        try:
+            shown = self.session.fits.show(FitChoice())
+            if shown is not None:
+                self.body(shown, 0)
+        except InputError as error:  # who looks at it is told then
+            _log.info("Nothing to show yet: %s", error)
+        finally:
+            self.warming = False
+
+    def reopen_video(self) -> None:
+        """The project's media lie elsewhere now."""
+        self.video.close()
+        self.video = self._opened()
+
+    def close(self) -> None:
+        """End its thread."""
+        self.video.close()
+
+    def meshes(self, shown: Shown) -> Meshes:
+        """Of the run's body. Raises InputError if that is not there."""
+        body = self.session.bodies.of(shown.run.body)
+        if body.hash not in self._meshes:
+            self._meshes[body.hash] = Meshes(body)
+        return self._meshes[body.hash]
+
+    def body(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Drawn:
+        """A run's body, as a live correction has it if one is given. Raises InputError without its body model."""
+        meshes = self.meshes(shown)
+        if live is not None:
+            version, place = ("live", live.revision), frame - live.frames.start
+            return Drawn(vertices=meshes.vertices(version, live.params, place), version=(version, frame))
+        version = (shown.run.id, shown.phase, shown.revision)
+        return Drawn(vertices=meshes.vertices(version, shown.params, frame), version=(version, frame))
+
+    def posed(self, shown: Shown) -> Callable[[], PosedFit]:
+        """What poses a run beside the keypoints as they are now, for another thread.
+
+        Raises:
+            InputError: Its body model is not there.
+        """
+        project, meshes = self.session.project, self.meshes(shown)
+        clip, fit, bad = project.clip, self.session.fits.fit(shown.run), project.corrected.bad
+
+        def posed() -> PosedFit:
+            if shown.result is None:
+                return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, meshes, bad=bad)
+            made = PosedFit.of(clip, fit, meshes, phase=shown.result, bad=bad)
+            # What another program found has no costs here.
+            return replace(made, frame_cost=None) if shown.run.kind == "imported" else made
+
+        return posed
+
+    def key(self, shown: Shown) -> Hashable:
+        """Stands for everything that `posed` is made of."""
+        return shown.run.id, shown.phase, shown.revision, self.session.edits
+
+    def curve(self, name: str, shown: Shown) -> Curve | None:
+        """A curve of the timeline; None while it is made."""
+        return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
+
+    def heat_map(self, name: str, shown: Shown) -> HeatMap | None:
+        """A heat map of the timeline; None while it is made."""
+        return self._made(("heat map", name, self.key(shown)), shown, lambda posed: heat_map(name, posed))
+
+    def between(self, a: Shown, b: Shown) -> Curve | None:
+        """How far two runs lie apart along the clip; None while it is made."""
+        one, other = self._ready(a), self._ready(b)
+        if one is None or other is None:
+            return None
+        return self.tasks.get(("between", self.key(a), self.key(b)), lambda: between_runs(one(), other()))
+
+    def level(self, shown: Shown) -> Level | None:
+        """How a run says that the camera is held; None where it does not know, or not yet."""
+        return None if shown.result is None else level_of(self.session.fits.fit(shown.run).grounding)
+
+    def room(self, shown: Shown, held: Shown) -> Room | None:
+        """Where a run's person moves; None while that is made, or if there is no body yet.
+
+        Args:
+            shown: The run.
+            held: The one that says how the camera is held, which may be another.
+        """
+        meshes = self.meshes(shown)
+        if shown.there is not None and not shown.there.any():
+            return None
+
+        def made() -> Room:
+            there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
+            sample = there[:: -(-len(there) // _SAMPLED)].tolist()
+            return room_around(meshes.batch(shown.params[sample]), self.level(held))
+
+        return self.tasks.get(("room", _stage(shown), _stage(held)), made)
+
+    def body_points(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "25 3"]:
+        """A body's BODY_25 keypoints in camera space, metres, NaN for those that it has not; arguments as of `body`."""
+        params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
+        return self.meshes(shown).body_points(params)[0]
+
+    def keypoints(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "137 3"]:
+        """A body's keypoints in camera space, metres, NaN for those that it has not; arguments as of `body`."""
+        version = (shown.run.id, shown.phase, shown.revision) if live is None else ("live", live.revision)
+        key = (*version, frame)
+        if key not in self._points:
+            if len(self._points) > _POINTS_KEPT:
+                self._points.clear()
+            params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
+            self._points[key] = self.meshes(shown).points(params)[0]
+        return self._points[key]
+
+    def metrics(self, shown: Shown, frames: range | None = None) -> tuple[Metric, ...] | None:
+        """Figures of a run, or of some of its frames; None while they are taken."""
+        result = shown.result
+        if result is None:
+            return None
+        own, phases = own_phases(shown.run), self.session.fits.fit(shown.run).phases
+        seconds = sum(p.seconds for p in phases if p.phase in own and p.phase <= shown.phase)
+
+        def measured(posed: PosedFit) -> tuple[Metric, ...]:
+            if frames is None:
+                return run_metrics(MeasuredRun(fit=posed, phase=result, seconds=seconds))
+            part = posed[frames.start : frames.stop]
+            return frame_metrics(MeasuredRun(fit=part, phase=result, seconds=seconds))
+
+        key = self._metrics_key(shown)
+        return self._made(key if frames is None else (*key, frames), shown, measured)
+
+    def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
+        """Figures of a run against the project's reference, empty without one; None while they are taken."""
+        reference, bodies = self.session.project.reference, self.session.bodies
+        if reference is None or shown.result is None:
+            return ()
+
+        def measured(posed: PosedFit) -> tuple[Metric, ...]:
+            return reference_metrics(posed, reference, lambda: bodies.of_reference(reference))
+
+        return self._made(self._reference_key(shown), shown, measured)
+
+    def _metrics_key(self, shown: Shown) -> tuple[Hashable, ...]:
+        return "metrics", self.key(shown)
+
+    def _reference_key(self, shown: Shown) -> Hashable:
+        return "reference", shown.run.id, shown.phase, shown.revision, self.session.referenced
+
+    def distances(self, a: Shown, b: Shown) -> Curve | None:
+        """How far two runs lie apart, by frame; None while that is made."""
+        one = self._ready(a)
+        if one is None:
+            return None
+        key = ("distances", a.run.id, a.phase, a.revision, b.run.id, b.phase, b.revision)
+        return self._made(key, b, lambda other: between_runs(one(), other))
+
+    def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
+        """What is left of the review queue of a run; None while it is made."""
+        found = self.queue(shown)
+        return None if found is None else found.left
+
+    def queue(self, shown: Shown) -> ReviewQueue | None:
+        """The review queue of a run; None while it is made."""
+        project = self.session.project
+
+        def queue(posed: PosedFit) -> ReviewQueue:
+            checked = still_checked(project.marks.all(), project.log, refitted=self._refitted(shown.run))
+            return review_queue(posed, checked=checked)
+
+        return self._made(self._suspects_key(shown), shown, queue)
+
+    def _refitted(self, run: Run) -> list[tuple[int, range]]:
+        """When which frames were fitted again, as `Run.moment`. Of corrections the edits tell that."""
+        if run.kind in ("imported", "corrections"):
+            return []
+        return [(run.moment, run.frames or range(self.length))]
+
+    def _suspects_key(self, shown: Shown) -> Hashable:
+        return "suspects", self.key(shown), self.session.marked
+
+    def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
+        posed = self._ready(shown)
+        return None if posed is None else self.tasks.get(key, lambda: make(posed()))
+
+    def _ready(self, shown: Shown) -> Callable[[], PosedFit] | None:
+        """`posed` of a run, if its body model is there by now."""
+        try:
+            return None if self.warming else self.posed(shown)
+        except InputError:
+            return None
+
+    def problem(self, what: Literal["metrics", "reference", "suspects"], shown: Shown) -> str:
+        """Why a run will get no figures, none against the reference, or no review queue; empty if nothing is wrong."""
+        try:
+            if not self.warming:
+                self.meshes(shown)
+        except InputError as error:
+            return str(error)
+        keys = {"metrics": self._metrics_key, "reference": self._reference_key, "suspects": self._suspects_key}
+        return self.tasks.problem(keys[what](shown))
+
+
+def _stage(shown: Shown) -> Hashable:
+    """Stands for a run; while its frames come in, for how far it has come."""
+    if shown.result is not None:
+        return shown.run.id, shown.phase, shown.revision
+    return shown.run.id, shown.phase, "all" if shown.there is None else int(shown.there.sum()).bit_length()

@@ -1,0 +1,68 @@
+"""The direction that a clip's frames agree on, and how sure it is said to be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fitting_core import keypoints as kp
+from fitting_core.ground.gravity import Gravity, angles, gravity_before_fit, robust_mean, with_trunk
+from tests.samples.walkers import TILT, walker
+
+
+def test_the_tilt_of_the_camera_is_found():
+    made = walker()
+    gravity = gravity_before_fit(made.lifted(), made.confidence)
+    assert angles(gravity.up, made.up) < 1e-5 and np.linalg.norm(gravity.up) == pytest.approx(1)
+    assert gravity.tilt == pytest.approx(TILT)
+
+
+def test_some_frames_that_see_the_world_lie_down_do_not_matter():
+    made = walker()
+    lifted = made.lifted()
+    up = lifted.up.copy()
+    up[::5] = Rotation.from_euler("z", 80, degrees=True).apply(up[::5])
+    assert angles(up.mean(0), made.up) > 10
+    assert angles(gravity_before_fit(replace(lifted, up=up), made.confidence).up, made.up) < 3
+
+
+def test_short_vectors_count_less_and_make_unsure():
+    made = walker()
+    sure, unsure = made.lifted(), replace(made.lifted(), up=0.6 * made.lifted().up)
+    assert gravity_before_fit(unsure, made.confidence).deviation > gravity_before_fit(sure, made.confidence).deviation
+    one, other = np.array([0.0, -1.0, 0.0]), np.array([0.2, -0.9, 0.1])
+    near = robust_mean(np.stack([one, other]), np.array([1.0, 0.1]))
+    assert angles(near, one) < 3
+
+
+def test_without_legs_less_is_known():
+    made = walker()
+    confidence = made.confidence.copy()
+    confidence[:, [kp.INDEX[f"{s}_{p}"] for s in ("left", "right") for p in ("knee", "ankle")]] = 0
+    whole, cut = (gravity_before_fit(made.lifted(), c).deviation for c in (made.confidence, confidence))
+    assert whole < 10 < cut + 1.5 and cut > whole + 2
+
+
+def test_up_is_a_unit_vector_even_of_a_lifter_that_knows_nothing():
+    made = walker(5)
+    gravity = gravity_before_fit(replace(made.lifted(), up=np.zeros((5, 3))), made.confidence)
+    assert np.linalg.norm(gravity.up) == pytest.approx(1) and gravity.deviation > 25
+
+
+def test_tilt_says_down_and_up():
+    down, up = (Gravity(up=np.array([0.0, -np.cos(a), -np.sin(a)]), deviation=1.0) for a in (0.2, -0.2))
+    assert down.tilt == pytest.approx(np.degrees(0.2)) and up.tilt == pytest.approx(-np.degrees(0.2))
+
+
+@pytest.mark.parametrize(("deviation", "pulled"), [(4.0, (0.0, 3.0)), (10.0, (3.0, 7.0))])
+def test_an_upright_trunk_counts_as_far_as_the_lifter_is_unsure(deviation: float, pulled: tuple[float, float]):
+    up, trunk = np.array([0.0, -1.0, 0.0]), Rotation.from_euler("x", 12, degrees=True).apply([[0.0, -0.5, 0.0]] * 9)
+    found = with_trunk(Gravity(up=up, deviation=deviation), trunk)
+    assert pulled[0] < angles(found.up, up) < pulled[1] and angles(found.up, trunk[0] / 0.5) < 12
+    assert np.linalg.norm(found.up) == pytest.approx(1)
+
+
+def test_who_lies_does_not_turn_the_world():
+    up, trunk = np.array([0.0, -1.0, 0.0]), np.tile([0.5, 0.0, 0.0], (9, 1))
+    assert angles(with_trunk(Gravity(up=up, deviation=9.0), trunk).up, up) < 2

@@ -1,0 +1,355 @@
+"""Results of learned systems: written as they write them, of known poses, and read back: joints, pixels and frames."""
+
+import bz2
+import gzip
+import lzma
+import os
+import pickle
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space
+from fitting_core.camera import Camera, project
+from fitting_core.errors import InputError
+from fitting_core.io import read_motion
+from fitting_core.io.motion.fitted_motion import rest_joints
+from fitting_core.io.motion.imported_motion import ImportedMotion
+from fitting_core.io.motion.learned.systems import SYSTEMS, people_in
+from tests.fitting_core.io.motion.learned_files import (
+    DIAGONAL,
+    FRAMES,
+    PHALP_CAMERA,
+    ROMP_CAMERA,
+    SIZE,
+    TRAM_CAMERA,
+    VIBE_CAMERA,
+    gvhmr,
+    joblib_bytes,
+    npy_bytes,
+    npz_bytes,
+    phalp,
+    prompthmr,
+    romp,
+    torch_bytes,
+    tram,
+    truth,
+    vibe,
+    wham,
+    written,
+    zlib_packed,
+)
+
+ALL = np.arange(FRAMES)
+LATE = np.array([2, 3, 5, 6, 7])
+People = dict[int, tuple[BodyParams, np.ndarray]]
+Write = Callable[[Path, People, BodyModel], Path]
+
+
+def pelvis_of(body: BodyModel) -> Callable[[BodyParams], np.ndarray]:
+    return lambda params: rest_joints(body, params)[:, 0].numpy()
+
+
+def one(people: People) -> tuple[BodyParams, np.ndarray]:
+    return next(iter(people.values()))
+
+
+def write_tram(folder: Path, people: People, body: BodyModel) -> Path:
+    written(folder / "camera.npy", npy_bytes(TRAM_CAMERA))
+    for number, person in people.items():
+        written(folder / "hps" / f"hps_track_{number}.npy", npy_bytes(tram(*person)))
+    return folder
+
+
+def write_romp_images(folder: Path, people: People, body: BodyModel) -> Path:
+    for name, values in romp(people, pelvis_of(body)).items():
+        written(folder / name.replace(".png", ".npz"), npz_bytes(results=values))
+    return folder
+
+
+# Name -> the system's title, how it is written, the camera that it has, and whether its hands are flat.
+CASES: dict[str, tuple[str, Write, Camera, bool]] = {
+    "gvhmr": (
+        "GVHMR",
+        lambda f, p, b: written(f / "hmr4d_results.pt", torch_bytes(gvhmr(one(p)[0]))),
+        DIAGONAL,
+        False,
+    ),
+    "gvhmr before 1.6": (
+        "GVHMR",
+        lambda f, p, b: written(
+            f / "hmr4d_results.pt", torch_bytes(gvhmr(one(p)[0]), _use_new_zipfile_serialization=False)
+        ),
+        DIAGONAL,
+        False,
+    ),
+    "wham": ("WHAM", lambda f, p, b: written(f / "wham_output.pkl", joblib_bytes(wham(p))), DIAGONAL, False),
+    "tram": ("TRAM", write_tram, DIAGONAL, False),
+    "prompthmr": ("PromptHMR", lambda f, p, b: written(f / "results.pkl", joblib_bytes(prompthmr(p))), DIAGONAL, True),
+    "vibe": ("VIBE", lambda f, p, b: written(f / "vibe_output.pkl", joblib_bytes(vibe(p))), VIBE_CAMERA, False),
+    "phalp": (
+        "4D-Humans (PHALP)",
+        lambda f, p, b: written(f / "results" / "demo_walk.pkl", joblib_bytes(phalp(p))),
+        PHALP_CAMERA,
+        False,
+    ),
+    "romp": (
+        "ROMP or BEV",
+        lambda f, p, b: written(f / "video_results.npz", npz_bytes(results=romp(p, pelvis_of(b)), sequence_results={})),
+        ROMP_CAMERA,
+        False,
+    ),
+    "bev": (
+        "ROMP or BEV",
+        lambda f, p, b: written(f / "video_results.npz", npz_bytes(results=romp(p, pelvis_of(b), bev=True))),
+        ROMP_CAMERA,
+        False,
+    ),
+    "romp without a fit": (
+        "ROMP or BEV",
+        lambda f, p, b: written(
+            f / "video_results.npz", npz_bytes(results=romp(p, pelvis_of(b), jointed=False, fitted=False))
+        ),
+        ROMP_CAMERA,
+        False,
+    ),
+    "romp by image": ("ROMP or BEV", write_romp_images, ROMP_CAMERA, False),
+}
+ALONE = ("gvhmr", "gvhmr before 1.6")
+"""Those of which a file has one person, in all frames."""
+
+
+def of_body(body: BodyModel, params: BodyParams, flat: bool) -> BodyParams:
+    """The same with flat hands."""
+    if not flat:
+        return params
+    left, right = (torch.as_tensor(mean).expand(len(params), 45) for mean in body.hand_mean)
+    return replace(params, left_hand_pose=-left, right_hand_pose=-right)
+
+
+def camera_of(found: ImportedMotion) -> Camera:
+    if found.camera is not None:
+        return found.camera
+    told = found.focal_for(SIZE)
+    assert told is not None
+    return Camera(focal=(told[0], told[0]), center=(SIZE[0] / 2, SIZE[1] / 2), size=SIZE)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_result_reads_back(name: str, tmp_path: Path, tiny_body: BodyModel):
+    title, write, camera, flat = CASES[name]
+    params = truth()
+    numbers = ALL if name in ALONE else LATE
+    found = read_motion(write(tmp_path, {4: (params, numbers)}, tiny_body))
+    assert found.format == f"{title} result" and found.gender == "neutral"
+    assert found.kind == ("smplx" if title in ("GVHMR", "PromptHMR") else "smpl")
+    assert found.numbers == tuple(numbers) and found.numbered == (name not in ALONE)
+    own = camera_of(found)
+    assert np.allclose([*own.focal, *own.center, *own.size], [*camera.focal, *camera.center, *camera.size], rtol=1e-5)
+    joints = joints_in_space(tiny_body, found.on(tiny_body, own))
+    expected = joints_in_space(tiny_body, of_body(tiny_body, params, flat))
+    assert np.abs(joints - expected).max() < 1e-3
+    pixels = [project(lens, torch.as_tensor(at)) for lens, at in ((own, joints), (camera, expected))]
+    assert float((pixels[0] - pixels[1]).abs().max()) < 0.3
+    assert torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5)
+
+
+def test_all_systems_are_written():
+    assert {title for title, *_ in CASES.values()} == {system.title for system in SYSTEMS}
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ALONE])
+def test_of_several_people_the_one_in_most_frames(name: str, tmp_path: Path, tiny_body: BodyModel):
+    _, write, _, _ = CASES[name]
+    few, many = truth(1, 2), truth(2)
+    path = write(tmp_path, {3: (few, np.array([3, 6])), 7: (many, LATE)}, tiny_body)
+    found = read_motion(path)
+    assert found.numbers == tuple(LATE)
+    assert torch.allclose(found.params.body_pose, many.body_pose, atol=1e-5)
+    assert found.notes[0] == "It has 2 people: 7 (5 frames), 3 (2 frames). Number 7 was taken."
+    other = read_motion(path, person=3)
+    assert other.numbers == (3, 6) and torch.allclose(other.params.body_pose, few.body_pose, atol=1e-5)
+    assert [(person.number, person.numbers) for person in people_in(path)] == [(7, tuple(LATE)), (3, (3, 6))]
+    assert other.people == people_in(path)
+    with pytest.raises(InputError, match="has no person 5, only 7, 3; choose one of these"):
+        read_motion(path, person=5)
+
+
+PACKED: dict[str, Callable[[bytes], bytes]] = {
+    "zlib": zlib_packed,
+    "gzip": gzip.compress,
+    "bz2": bz2.compress,
+    "xz": lzma.compress,
+    "lzma": lambda data: lzma.compress(data, format=lzma.FORMAT_ALONE),
+}
+
+
+@pytest.mark.parametrize("packing", PACKED)
+@pytest.mark.parametrize("alignment", [None, 16])
+def test_packed_files_of_joblib(packing: str, alignment: int | None, tmp_path: Path):
+    params = truth()
+    content = wham({0: (params, LATE)}, verts=np.asfortranarray(np.ones((5, 9, 3))))
+    found = read_motion(written(tmp_path / "wham.pkl", PACKED[packing](joblib_bytes(content, alignment=alignment))))
+    assert torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5) and found.numbers == tuple(LATE)
+
+
+@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
+@pytest.mark.parametrize("write", [joblib_bytes, lambda content, protocol: pickle.dumps(content, protocol)])
+def test_protocols_of_pickles(write: Callable[..., bytes], protocol: int, tmp_path: Path):
+    params = truth()
+    content = wham({np.int64(2): (params, LATE)})  # pyright: ignore[reportArgumentType]
+    content[2]["betas"] = np.asfortranarray(content[2]["betas"]).astype(">f8")
+    content[2]["names"] = np.array(["a", None], dtype=object)
+    found = read_motion(written(tmp_path / "wham.pkl", write(content, protocol=protocol)))
+    assert torch.allclose(found.params.betas, params.betas, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
+@pytest.mark.parametrize("new", [True, False])
+def test_tensors_of_every_kind(kind: torch.dtype, new: bool, tmp_path: Path):
+    """Views too: a slice of a larger tensor, turned."""
+    params = truth()
+    whole = torch.zeros(70, FRAMES, dtype=kind)
+    whole[4:67] = params.body_pose.T.to(kind)
+    content = gvhmr(params, incam={"body_pose": whole[4:67].T})
+    path = written(tmp_path / "a.pt", torch_bytes(content, _use_new_zipfile_serialization=new))
+    error = float((read_motion(path).params.body_pose - params.body_pose).abs().max())
+    assert error < {torch.float16: 1e-3, torch.bfloat16: 1e-2}.get(kind, 1e-6)
+
+
+def test_a_parameter_and_a_pickled_tensor(tmp_path: Path):
+    params = truth()
+    content = gvhmr(params, incam={"transl": torch.nn.Parameter(params.camera_translation.float())})
+    for name, data in (
+        ("a.pt", torch_bytes(content)),
+        ("a.pkl", joblib_bytes(content)),
+        ("b.pkl", pickle.dumps(content)),
+    ):
+        found = read_motion(written(tmp_path / name, data))
+        assert torch.allclose(found.params.camera_translation, params.camera_translation, atol=1e-5)
+
+
+def test_tram_in_a_zip_and_alone(tmp_path: Path, tiny_body: BodyModel):
+    params = truth()
+    folder = write_tram(tmp_path / "walk", {0: (params, LATE)}, tiny_body)
+    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
+        for file in folder.rglob("*.npy"):
+            archive.write(file, file.relative_to(tmp_path))
+    track = folder / "hps" / "hps_track_0.npy"
+    for path in (tmp_path / "walk.zip", track):
+        found = read_motion(path)
+        assert found.camera is not None and found.camera.focal == (800.0, 800.0) and not found.notes
+    os.remove(folder / "camera.npy")
+    found = read_motion(track)
+    assert found.camera is None and "no camera.npy" in found.notes[0]
+
+
+def test_a_systems_folder_holds_its_file(tmp_path: Path, tiny_body: BodyModel):
+    for name in ("gvhmr", "wham", "vibe", "prompthmr", "romp"):
+        CASES[name][1](tmp_path / name, {0: (truth(), ALL)}, tiny_body)
+        assert read_motion(tmp_path / name).format == f"{CASES[name][0]} result"
+
+
+def test_images_are_told_by_name(tmp_path: Path, tiny_body: BodyModel):
+    found = read_motion(CASES["phalp"][1](tmp_path, {4: (truth(), LATE)}, tiny_body))
+    assert found.stems == tuple(f"{t + 1:06d}" for t in LATE)
+    found = read_motion(CASES["romp"][1](tmp_path, {4: (truth(), ALL)}, tiny_body))
+    assert found.stems == tuple(f"{t:08d}" for t in ALL)
+
+
+def test_romp_without_tracks(tmp_path: Path, tiny_body: BodyModel):
+    people = {0: (truth(1), ALL), 1: (truth(2), ALL)}
+    results = romp(people, pelvis_of(tiny_body), tracked=False)
+    found = read_motion(written(tmp_path / "a.npz", npz_bytes(results=results)), person=1)
+    assert torch.allclose(found.params.body_pose, people[1][0].body_pose, atol=1e-5)
+    assert "tells no tracks" in found.notes[1]
+
+
+def test_bevs_children_are_told(tmp_path: Path, tiny_body: BodyModel):
+    results = romp({0: (truth(), ALL)}, pelvis_of(tiny_body), bev=True)
+    for values in results.values():
+        values["smpl_betas"][:, 10] = 0.5
+    found = read_motion(written(tmp_path / "a.npz", npz_bytes(results=results)))
+    assert found.notes == ("BEV's number for a child's age is left out: the body is that of an adult.",)
+
+
+def test_frames_come_in_order(tmp_path: Path):
+    params = truth()
+    turned = BodyParams(**{name: value.flip(0) for name, value in vars(params).items()})
+    found = read_motion(written(tmp_path / "a.pkl", joblib_bytes(wham({0: (turned, LATE[::-1].copy())}))))
+    assert found.numbers == tuple(LATE) and torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5)
+
+
+def test_a_body_of_another_size_is_put_on_its_pelvis(tmp_path: Path, tiny_body: BodyModel):
+    """BEV tells where the pelvis is: a body whose own origin lies elsewhere has it there too."""
+    params = truth()
+    found = read_motion(CASES["bev"][1](tmp_path, {0: (params, ALL)}, tiny_body))
+    moved = replace(tiny_body, template=tiny_body.template + np.array([0.3, -0.2, 0.1]))
+    at = [joints_in_space(body, found.on(body, ROMP_CAMERA))[:, 0] for body in (tiny_body, moved)]
+    assert np.abs(at[0] - at[1]).max() < 1e-9
+
+
+def test_a_pickle_of_smplifyx_is_not_taken_for_another(tmp_path: Path):
+    result: dict[str, Any] = {
+        "camera_rotation": np.eye(3)[None],
+        "camera_translation": np.array([[0.0, 0.0, 9.0]]),
+        "betas": np.zeros((1, 10)),
+        "expression": np.zeros((1, 10)),
+        "body_pose": np.zeros((1, 63)),
+        "left_hand_pose": np.zeros((1, 12)),
+        "right_hand_pose": np.zeros((1, 12)),
+        **{key: np.zeros((1, 3)) for key in ("global_orient", "jaw_pose", "leye_pose", "reye_pose")},
+    }
+    for name in ("000.pkl", "upload.pkl"):
+        found = read_motion(written(tmp_path / name, pickle.dumps(result, protocol=2)))
+        assert found.format == "SMPLify-X results"
+
+
+def slim(people: dict[int, Any]) -> dict[int, Any]:
+    """Without meshes: most changed bytes then are of what is read."""
+    return {number: {**values, "verts": np.zeros(3)} for number, values in people.items()}
+
+
+FORMS: dict[str, Callable[[], bytes]] = {
+    "torch.pt": lambda: torch_bytes(gvhmr(truth())),
+    "old.pt": lambda: torch_bytes(gvhmr(truth()), _use_new_zipfile_serialization=False),
+    "wham.pkl": lambda: joblib_bytes(slim(wham({1: (truth(), ALL)}))),
+    "vibe.pkl": lambda: pickle.dumps(slim(vibe({1: (truth(), ALL)}))),
+    "packed.pkl": lambda: zlib_packed(joblib_bytes(slim(vibe({1: (truth(), ALL)})))),
+    "hps_track_0.npy": lambda: npy_bytes(tram(truth(), ALL)),
+    "results.pkl": lambda: joblib_bytes(prompthmr({1: (truth(), ALL)})),
+    "demo.pkl": lambda: joblib_bytes(phalp({1: (truth(), ALL)})),
+    "video_results.npz": lambda: npz_bytes(
+        results=romp({1: (truth(), ALL)}, lambda params: np.zeros((len(params), 3)))
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_changed_and_missing_bytes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A file that is cut off, or of which bytes are changed, is read or refused in one error, and nothing runs."""
+    monkeypatch.setattr(os, "system", lambda command: pytest.fail("something was run"))
+    whole, rng = FORMS[name](), np.random.default_rng(5)
+    refused = 0
+    for _ in range(60):
+        data = bytearray(whole)
+        if rng.random() < 0.2:
+            del data[rng.integers(len(data)) :]
+        for place in rng.integers(min(len(data), 3000) or 1, size=rng.choice([1, 2, 10])):
+            if place < len(data):
+                data[place] = data[place] ^ (1 << rng.integers(8)) if rng.random() < 0.5 else rng.integers(256)
+        path = written(tmp_path / name, bytes(data))
+        try:
+            read_motion(path)
+        except InputError as error:
+            refused += 1
+            assert name in str(error) and len(str(error)) < 700
+    assert refused > 10

@@ -1,0 +1,65 @@
+"""Where the focal length of a clip comes from when nobody gives one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.camera import DEFAULT_FOCAL, ESTIMATED, Camera, focal_from_35mm
+from fitting_core.io.camera_rule import estimated, told_by_photographs
+from fitting_core.io.clip_reader import read_footage
+from fitting_core.keypoints import COUNT, Keypoints
+from tests.fitting_core.video.test_exif import jpeg, tiff
+
+CAMERA = Camera(focal=(400.0, 400.0), center=(160.0, 120.0), size=(320, 240), source=DEFAULT_FOCAL)
+
+
+def photograph(path: Path, millimetres: int | None) -> None:
+    """A picture of 320 x 240 pixels, with Exif data."""
+    cv2.imwrite(str(path), np.zeros((240, 320, 3), np.uint8))
+    if millimetres is not None:
+        with_exif = jpeg(tiff("<", [(0xA405, 3, millimetres)])).removesuffix(b"\xff\xda")
+        path.write_bytes(with_exif + path.read_bytes()[2:])
+
+
+def test_photographs_tell_it(tmp_path: Path):
+    for name in ("1.jpg", "2.jpg"):
+        photograph(tmp_path / name, 28)
+    camera = read_footage(tmp_path, focal_length="auto").camera
+    assert camera.focal[0] == pytest.approx(focal_from_35mm(28, (320, 240))) and camera.calibrated
+    assert camera.source == "35 mm equivalent of 28 mm, as the images tell"
+    assert read_footage(tmp_path, focal_length="diagonal").camera == CAMERA
+    single = told_by_photographs(CAMERA, tmp_path / "1.jpg")
+    assert single is not None and single.focal == camera.focal
+
+
+@pytest.mark.parametrize("told", [(28, 50), (28, None), (None, None), (60_000, 60_000)])
+def test_photographs_that_disagree_or_are_silent_tell_nothing(tmp_path: Path, told: tuple[int | None, int | None]):
+    for name, millimetres in zip(("1.jpg", "2.jpg"), told, strict=True):
+        photograph(tmp_path / name, millimetres)
+    assert told_by_photographs(CAMERA, tmp_path) is None
+    assert read_footage(tmp_path, focal_length="auto").camera == CAMERA
+
+
+def test_no_person_no_estimate():
+    nobody = Keypoints(xy=np.zeros((20, COUNT, 2)), confidence=np.zeros((20, COUNT)))
+    assert estimated(CAMERA, nobody, 30.0) == CAMERA
+
+
+def test_an_estimate_says_how_sure_it_is(monkeypatch: pytest.MonkeyPatch):
+    found = replace_estimate(monkeypatch)
+    camera = estimated(CAMERA, found, 30.0)
+    source = f"{ESTIMATED}, with 80 % confidence between 400 and 700 px"
+    assert camera == replace(CAMERA, focal=(500.0, 500.0), source=source)
+    assert not camera.calibrated
+
+
+def replace_estimate(monkeypatch: pytest.MonkeyPatch) -> Keypoints:
+    """Somebody, of whom the estimate is told."""
+    from fitting_core.lifting import focal_length
+
+    made = focal_length.FocalEstimate(focal=500.0, low=400.2, high=699.8)
+    monkeypatch.setattr(focal_length, "estimate_focal", lambda *_: made)
+    return Keypoints(xy=np.zeros((20, COUNT, 2)), confidence=np.ones((20, COUNT)))

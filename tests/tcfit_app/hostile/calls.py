@@ -1,0 +1,147 @@
+"""Calls of `tcfit`, each in a process of its own that may hang, crash or be killed; and how each ended.
+
+A process that has loaded everything waits for command lines and forks for each: a call takes a tenth of a second.
+"""
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+_GOES_ON = ("http://127.0.0.1:", "Making the demo clip")
+"""What is printed by an app that is open until it is stopped, and by one that takes its time before."""
+LIMIT = 20.0
+"""Seconds after which a call hangs."""
+_LOADED = (
+    "torch", "cv2", "fitting_core.fit.fitting", "fitting_core.io.clip_reader", "fitting_core.measure.report.page",
+    "tcfit_app.cli.fit_command", "tcfit_app.cli.export_command", "tcfit_app.cli.import_command",
+    "tcfit_app.cli.evaluate_command", "tcfit_app.cli.batch_command", "tcfit_app.cli.new_command",
+    "tcfit_app.cli.review_command", "tcfit_app.cli.detect_command", "tcfit_app.cli.models_command",
+)  # fmt: skip
+"""What calls need."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """How a call ended."""
+
+    arguments: tuple[str, ...]
+    status: int
+    """Of the process; negative: the signal that ended it."""
+    out: str
+    err: str
+    hung: bool
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with such an end, whatever the call was; empty if nothing is."""
+        if self.hung:
+            return "" if any(text in self.out + self.err for text in _GOES_ON) else "hangs"
+        if self.status < 0:
+            return f"ends by signal {-self.status}"
+        if "Traceback" in self.err or "Exception ignored" in self.err:
+            return "shows a traceback"
+        if self.status not in (0, 1, 2, 130, 141):
+            return f"ends with status {self.status}"
+        if self.status == 2 and not self.err.strip():
+            return "says nothing about what is wrong"
+        return ""
+
+
+class Calls:
+    """Runs calls, one at a time."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", folder: Path) -> None:
+        self._process, self._folder = process, folder
+
+    def __call__(self, arguments: Sequence[str], *, limit: float = LIMIT) -> Ended:
+        """Run `tcfit` with these arguments, in the folder of all calls."""
+        assert self._process.stdin and self._process.stdout
+        self._process.stdin.write(json.dumps([list(arguments), limit]).encode() + b"\n")
+        self._process.stdin.flush()
+        status, hung = json.loads(self._process.stdout.readline())
+        out, err = (self._folder / name for name in ("out", "err"))
+        return Ended(
+            arguments=tuple(arguments),
+            status=status,
+            out=out.read_bytes().decode("utf-8", "replace"),
+            err=err.read_bytes().decode("utf-8", "replace"),
+            hung=hung,
+        )
+
+
+@contextmanager
+def calls(folder: Path, working: Path) -> Iterator[Calls]:
+    """A process that runs calls.
+
+    Args:
+        folder: New; for what calls print.
+        working: Where they run.
+    """
+    folder.mkdir()
+    command = [sys.executable, "-m", "tests.tcfit_app.hostile.calls", str(folder), str(working)]
+    root = str(Path(__file__).parents[3])
+    environment = {**os.environ, "PYTHONPATH": root, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, cwd=root)
+    try:
+        yield Calls(process, folder)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _serve(folder: Path, working: Path) -> None:
+    for name in _LOADED:
+        __import__(name)
+    os.chdir(working)
+    for line in sys.stdin.buffer:
+        arguments, limit = json.loads(line)
+        print(json.dumps(_forked(arguments, limit, folder)), flush=True)
+
+
+def _forked(arguments: list[str], limit: float, folder: Path) -> tuple[int, bool]:
+    child = os.fork()
+    if child == 0:
+        _become(arguments, folder)
+    end, hung = time.monotonic() + limit, False
+    handle = os.pidfd_open(child)
+    if not select.select([handle], [], [], end - time.monotonic())[0]:
+        hung = True
+        os.killpg(child, signal.SIGKILL)
+    os.close(handle)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), hung
+
+
+def _become(arguments: list[str], folder: Path) -> None:
+    """Be `tcfit` from here on."""
+    os.setpgid(0, 0)
+    for descriptor, name in ((1, "out"), (2, "err")):
+        target = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(target, descriptor)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    sys.stdin, sys.stdout, sys.stderr = (os.fdopen(i, "r" if i == 0 else "w", closefd=False) for i in range(3))
+    sys.stderr.reconfigure(errors="backslashreplace")  # as Python has it
+    status = 70
+    try:
+        from tcfit_app.cli.main import main
+
+        status = main(arguments)
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        status = 1
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+if __name__ == "__main__":
+    _serve(Path(sys.argv[1]), Path(sys.argv[2]))

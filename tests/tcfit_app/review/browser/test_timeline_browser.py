@@ -1,0 +1,444 @@
+"""The timeline in viser's page, in a real browser: its rows, lanes, ruler and overview, its height and its menus."""
+
+from base64 import b64encode
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tcfit_app.review.browser import page_states as states
+from tcfit_app.review.browser.channel import web_files
+from tcfit_app.review.browser.page_events import Hello, Key, LookAt, MoveKey, Plot, Range, Resized, Seek
+from tcfit_app.review.scene.layers import FrameImage
+from tcfit_app.server.serving import ReviewServer, review_server
+from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIMELINE, Tab, open_tab, strip_place
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+RULER = 36.0
+"""Its middle, in pixels below the strip's upper border."""
+LANES = {name: 13 + 15 * (i + 0.5) for i, name in enumerate(("peaks", "notes", "flags", "suspicion", "keys", "edits"))}
+"""Their middles, in pixels above the strip's lower border."""
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ReviewServer]:
+    scripts = web_files()
+    with review_server("A clip", port=0, open_browser=False, scripts=scripts, say=lambda text: None) as running:
+        running.viser.gui.add_text("a field", "")
+        running.viser.on_client_connect(lambda client: TABS[-1].connect(client))
+        yield running
+
+
+@pytest.fixture(scope="module")
+def opened(server: ReviewServer, browser: "Browser") -> Tab:
+    return open_tab(server, browser)
+
+
+@pytest.fixture
+def tab(opened: Tab) -> Iterator[Tab]:
+    """The page with its states as at the start."""
+    start(opened)
+    yield opened
+    assert opened.complaints == []
+
+
+def start(tab: Tab) -> None:
+    for name in ("timeline", "marks", "thumbnails", "keyframes", "suspicions", "fit", "provenance", "range"):
+        tab.send(name, None)
+    tab.send("skeleton", states.Skeleton())
+    tab.send("style", states.Style(bones=False))
+    tab.send("layout", POSTER)
+    tab.send("timeline", TIMELINE)
+    tab.send("rows", ROWS)
+    tab.send("keys", KEYS)
+    tab.page.mouse.move(2, 300)
+    tab.settle()
+    tab.page.locator(".tcfit-strip-border").dblclick()  # its usual height
+    tab.page.mouse.dblclick(*overview_place(tab, 10))  # the whole clip
+    tab.page.mouse.move(2, 300)
+    tab.settle()
+    tab.page.wait_for_timeout(100)
+    tab.events.clear()
+
+
+def height(tab: Tab) -> float:
+    box = tab.page.locator(".tcfit-strip").bounding_box()
+    assert box is not None
+    return box["height"]
+
+
+def lane_place(tab: Tab, frame: float, lane: str) -> tuple[float, float]:
+    return strip_place(tab, frame, height(tab) - LANES[lane])
+
+
+def overview_place(tab: Tab, frame: float) -> tuple[float, float]:
+    return strip_place(tab, frame, height(tab) - 6)
+
+
+def tooltip(tab: Tab) -> list[str]:
+    return (tab.text(".tcfit-strip .tcfit-tooltip") or "").split("\n")
+
+
+def test_pressing_in_the_timeline_seeks(tab: Tab) -> None:
+    tab.page.mouse.move(*strip_place(tab, 100))
+    tab.page.mouse.down()
+    assert tab.await_event(Seek) == Seek(frame=100)
+    tab.page.mouse.move(*strip_place(tab, 150), steps=3)
+    tab.page.mouse.up()
+    tab.settle()
+    assert tab.events[-1] == Seek(frame=150)
+
+
+def test_shift_in_the_timeline_chooses_a_range_and_a_double_click_none(tab: Tab) -> None:
+    place, end = strip_place(tab, 120), strip_place(tab, 60)
+    tab.page.keyboard.down("Shift")
+    tab.drag(place, (end[0] - place[0], 0))
+    tab.page.keyboard.up("Shift")
+    tab.settle()
+    assert tab.events[-1] == Range(first=60, last=120)
+    tab.page.mouse.dblclick(*place)
+    tab.settle()
+    assert tab.await_event(Range) == Range(first=None, last=None)
+
+
+def test_a_drag_in_the_ruler_selects_frames_and_a_click_seeks(tab: Tab) -> None:
+    place, end = strip_place(tab, 90, RULER), strip_place(tab, 150, RULER)
+    tab.drag(place, (end[0] - place[0], 0))
+    tab.settle()
+    assert tab.events[-1] == Range(first=90, last=150)
+    assert not any(isinstance(event, Seek) for event in tab.events)
+    tab.page.mouse.click(*strip_place(tab, 200, RULER))
+    assert tab.await_event(Seek) == Seek(frame=200)
+
+
+def test_the_ends_of_the_selected_frames_are_dragged(tab: Tab) -> None:
+    tab.send("range", states.ChosenRange(first=90, last=150))
+    tab.settle()
+    start_x, y = strip_place(tab, 89.5, RULER)
+    tab.drag((start_x, y), (strip_place(tab, 40, RULER)[0] - start_x, 0))
+    tab.settle()
+    assert tab.events[-1] == Range(first=40, last=150)
+    tab.send("range", states.ChosenRange(first=40, last=150))
+    tab.settle()
+    end_x, y = strip_place(tab, 150.5, RULER)
+    tab.drag((end_x, y), (strip_place(tab, 180, RULER)[0] - end_x, 0))
+    tab.settle()
+    assert tab.events[-1] == Range(first=40, last=180)
+
+
+def test_frames_are_selected_by_their_numbers(tab: Tab) -> None:
+    tab.send("timeline", states.Timeline(length=LENGTH, frame_rate=30.0, first_frame=7))
+    tab.settle()
+    first, last = (tab.page.get_by_label(f"{which} selected frame") for which in ("First", "Last"))
+    first.fill("107")
+    first.press("Enter")
+    assert tab.await_event(Range) == Range(first=100, last=100)
+    tab.send("range", states.ChosenRange(first=100, last=100))
+    tab.settle()
+    assert first.input_value() == last.input_value() == "107"
+    last.fill("1000")
+    last.press("Enter")
+    assert tab.await_event(Range, 2) == Range(first=100, last=LENGTH - 1)
+    last.fill("nothing")
+    last.press("Enter")
+    tab.settle()
+    assert last.input_value() == "306" and len([e for e in tab.events if isinstance(e, Range)]) == 2
+    tab.page.get_by_role("button", name="Select no frames").click()
+    assert tab.await_event(Range, 3) == Range(first=None, last=None)
+
+
+def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
+    place = strip_place(tab, 200)
+    tab.page.mouse.move(*place)
+    for _ in range(4):
+        tab.page.mouse.wheel(0, -200)
+    tab.page.mouse.click(*place)
+    assert tab.await_event(Seek).frame == 200
+    tab.page.mouse.click(place[0] + 40, place[1])
+    tab.settle()
+    assert 201 <= tab.await_event(Seek).frame <= 206  # 20 when all is shown
+    assert tab.text(".tcfit-strip .tcfit-tooltip") is not None
+    for _ in range(6):
+        tab.page.mouse.wheel(0, 600)
+    tab.page.mouse.click(*strip_place(tab, 0))
+    tab.settle()
+    assert tab.await_event(Seek).frame == 0
+
+
+def test_the_overview_moves_and_zooms_what_is_shown(tab: Tab) -> None:
+    end, middle = overview_place(tab, LENGTH - 0.5), overview_place(tab, 99.5)
+    tab.drag(end, (middle[0] - end[0], 0))  # now frames 0 to 99
+    left, right = strip_place(tab, 0), strip_place(tab, LENGTH - 1)
+    tab.page.mouse.click(*right)
+    assert tab.await_event(Seek).frame in (98, 99, 100)
+    window = overview_place(tab, 50)
+    tab.drag(window, (overview_place(tab, 150)[0] - window[0], 0))
+    known = len(tab.events)
+    tab.page.mouse.click(*left)
+    assert 98 <= tab.await_event(Seek, known + 1).frame <= 102
+    tab.page.mouse.dblclick(*overview_place(tab, 150))
+    known = len(tab.events)
+    tab.page.mouse.click(*left)
+    assert tab.await_event(Seek, known + 1).frame == 0
+
+
+def test_the_overview_scrolls_and_zooms_by_keyboard(tab: Tab) -> None:
+    bar = tab.page.get_by_role("slider", name="Frames shown")
+    tab.page.keyboard.press("Tab")
+    bar.focus()  # as if reached by keyboard
+    assert bar.get_attribute("aria-valuetext") == "frames 0 to 299"
+    for _ in range(5):
+        tab.page.keyboard.press("ArrowUp")
+    tab.page.keyboard.press("End")
+    text = bar.get_attribute("aria-valuetext") or ""
+    assert text.endswith("to 299") and 195 < int(text.split()[1]) < 210
+    tab.page.keyboard.press("ArrowLeft")
+    assert 185 < int((bar.get_attribute("aria-valuetext") or "").split()[1]) < 198
+    tab.settle()
+    assert not any(isinstance(event, Key) for event in tab.events)
+
+
+def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
+    tab.send("marks", states.Marks(bad=((40, 60),), flagged=((50, 50),)))
+    came_from = states.Origins(label="run A", texts=("started from a seat", "elsewhere"), which=(0,) * LENGTH)
+    tab.send("provenance", states.Provenance(fits=(came_from,)))
+    tab.page.mouse.move(*strip_place(tab, 50))
+    tab.settle()
+    expected = ["Frame 50  0:01.67", "Error  A 51 px", "run A  started from a seat", "marked bad, flagged"]
+    assert tooltip(tab) == expected
+
+
+def test_a_lane_says_what_its_marks_are_and_leads_to_them(tab: Tab) -> None:
+    found = states.Suspicion(
+        first=100, last=120, frame=110, kind="reprojection", score=4.0, reason="left wrist is 42 px off"
+    )
+    tab.send("suspicions", states.Suspicions(found=(found,)))
+    tab.send("marks", states.Marks(edited=((20, 20),), flagged=((110, 110),)))
+    tab.settle()
+    x, y = lane_place(tab, 102, "suspicion")
+    tab.page.mouse.move(x, y)
+    tab.settle()
+    assert tooltip(tab) == ["Frame 110  0:03.67", "left wrist is 42 px off", "Click: go there and select it"]
+    tab.page.mouse.click(x, y)
+    assert tab.await_event(Seek) == Seek(frame=110)
+    assert tab.await_event(LookAt) == LookAt(frame=110, kind="reprojection")
+    x, y = lane_place(tab, 20, "edits")
+    tab.page.mouse.click(x + 4, y)  # beside it
+    tab.settle()
+    assert tab.await_event(Seek) == Seek(frame=20)
+    tab.page.mouse.click(*lane_place(tab, 60, "edits"))
+    tab.settle()
+    assert tab.await_event(Seek) == Seek(frame=60)
+
+
+def test_keyframes_are_gone_to_and_dragged(tab: Tab) -> None:
+    tab.send("keyframes", states.Keyframes(frames=(50, 200), subject="right wrist"))
+    tab.settle()
+    x, y = lane_place(tab, 200, "keys")
+    tab.page.mouse.click(x, y)
+    assert tab.await_event(Seek) == Seek(frame=200)
+    tab.settle()
+    assert tooltip(tab)[1] == "keyframe of right wrist"
+    tab.drag((x, y), (lane_place(tab, 170, "keys")[0] - x, 0))
+    assert tab.await_event(MoveKey) == MoveKey(frame=200, to=170)
+
+
+def test_the_axis_starts_at_zero_and_names_its_top(tab: Tab) -> None:
+    curve = states.Curve(label="A", color="#ff0000", values=states.curve_values(np.linspace(31, 38, LENGTH)))
+    difference = states.Curve(label="", color="#ff0000", values=states.curve_values(np.linspace(-3, 12, LENGTH)))
+    rows = (
+        states.Row(name="error", title="Error", curves=(curve,)),
+        states.Row(name="error_difference", title="Error, B − A", curves=(difference,), signed=True),
+        states.Row(name="jitter", title="Jitter", empty="Nothing here."),
+    )
+    tab.page.evaluate(RECORD)
+    tab.send("rows", states.Rows(rows=rows))
+    tab.settle()
+    written = tab.page.evaluate("window.written")
+    after_ruler = written[written.index("Frame") :]
+    assert {"0", "40", "−5", "+15", "Nothing here."} <= set(after_ruler)
+
+
+def test_a_heat_map_shows_each_part_and_the_worst_of_frames_that_share_a_pixel(tab: Tab) -> None:
+    hand = [1.0] * LENGTH
+    hand[100] = 40.0
+    heat = states.Heat(parts=("head", "left hand"), values=((1.0,) * LENGTH, tuple(hand)), top=40.0, worse="high")
+    tab.send("rows", states.Rows(rows=(states.Row(name="heat", title="Error by part", unit="px", heat=heat),)))
+    tab.settle()
+    look = """(y) => {
+      const strip = document.querySelector('.tcfit-strip > canvas');
+      const pixels = strip.getContext('2d').getImageData(0, y, strip.width, 1).data;
+      return [...Array(strip.width).keys()].filter((x) => pixels[4 * x] > 220 && pixels[4 * x + 1] > 180);
+    }"""
+    bottom = height(tab) - 13 - 6 * 15
+    bright = tab.page.evaluate(look, round(bottom - 12))
+    left = tab.page.locator(".tcfit-strip").bounding_box()["x"]  # pyright: ignore[reportOptionalSubscript]
+    assert bright and strip_place(tab, 99)[0] < left + bright[0] <= left + bright[-1] < strip_place(tab, 101)[0]
+    assert not [x for x in tab.page.evaluate(look, 62) if x > 178], "the head has no error"
+    tab.page.mouse.move(*strip_place(tab, 100, bottom - 12))
+    tab.settle()
+    assert tooltip(tab) == ["Frame 100  0:03.33", "Error by part  left hand 40 px"]
+    tab.page.mouse.move(*strip_place(tab, 100, RULER))
+    tab.settle()
+    assert tooltip(tab)[1] == "Error by part  left hand 40 px"
+
+
+def test_thumbnails_lie_at_their_frames(tab: Tab) -> None:
+    red = FrameImage.encode(np.tile(np.array([[[255, 0, 0]]], np.uint8), (90, 160, 1)), quality=90).data
+    images = (b64encode(red).decode(),) * 2
+    tab.send("rows", states.Rows(rows=(states.Row(name="video", title="Video", video=True, height=1.5),)))
+    tab.send("thumbnails", states.Thumbnails(frames=(60, 240), images=images))
+    look = """(y) => {
+      const strip = document.querySelector('.tcfit-strip > canvas');
+      const pixels = strip.getContext('2d').getImageData(0, y, strip.width, 1).data;
+      return [...Array(strip.width).keys()].filter((x) => pixels[4 * x] > 200 && pixels[4 * x + 1] < 60);
+    }"""
+    tab.page.wait_for_function(f"() => ({look})(70).length > 0")
+    red_at = np.array(tab.page.evaluate(look, 70))
+    left = tab.page.locator(".tcfit-strip").bounding_box()["x"]  # pyright: ignore[reportOptionalSubscript]
+    first, second = np.split(red_at, np.flatnonzero(np.diff(red_at) > 1) + 1)
+    for frame, there in ((60, first), (240, second)):
+        assert left + there.mean() == pytest.approx(strip_place(tab, frame)[0], abs=2)
+
+
+def test_only_the_cursor_is_drawn_while_the_clip_plays(tab: Tab) -> None:
+    """A curve has as many points as the clip has frames."""
+    count = """() => {
+      const usual = CanvasRenderingContext2D.prototype.stroke;
+      window.strokes = 0;
+      CanvasRenderingContext2D.prototype.stroke = function (...path) {
+        if (this.canvas.parentElement.matches(".tcfit-strip")) window.strokes += 1;
+        usual.apply(this, path);
+      };
+    }"""
+    tab.page.evaluate(count)
+    for _ in range(5):
+        tab.settle()
+    assert tab.page.evaluate("window.strokes") == 0
+    tab.send("rows", ROWS)
+    tab.settle()
+    assert tab.page.evaluate("window.strokes") >= 2
+
+
+def test_a_folded_timeline_has_its_ruler(tab: Tab) -> None:
+    tab.page.get_by_role("button", name="Hide curves and marks").click()
+    for first, y in ((90, RULER - 7), (120, RULER + 8)):
+        place, end = strip_place(tab, first, y), strip_place(tab, 180, y)
+        tab.drag(place, (end[0] - place[0], 0))
+        tab.settle()
+        assert tab.events[-1] == Range(first=first, last=180)
+    tab.page.mouse.click(*strip_place(tab, 200, RULER + 8))
+    assert tab.await_event(Seek) == Seek(frame=200)
+    tab.page.get_by_role("button", name="Show curves and marks").click()
+
+
+def test_rows_are_chosen_in_the_timeline(tab: Tab) -> None:
+    button = tab.page.get_by_role("button", name="Curves ▾")
+    button.click()
+    menu = tab.page.get_by_role("menu", name="Curves")
+    items = menu.get_by_role("menuitemcheckbox")
+    assert items.all_text_contents() == ["Error (px)", "Jitter (mm)", "Error, B − A (px)"]
+    assert [item.get_attribute("aria-checked") for item in items.all()] == ["true", "false", "false"]
+    items.nth(1).click()
+    assert tab.await_event(Plot) == Plot(name="jitter", shown=True)
+    assert menu.is_visible(), "another one can be chosen"
+    tab.page.keyboard.press("ArrowDown")
+    tab.page.keyboard.press("Enter")
+    assert tab.await_event(Plot, 2) == Plot(name="error_difference", shown=True)
+    tab.page.keyboard.press("Escape")
+    assert not menu.is_visible() and button.evaluate("(b) => b === document.activeElement")
+    tab.page.get_by_role("button", name="Close Error").click()
+    assert tab.await_event(Plot, 3) == Plot(name="error", shown=False)
+
+
+def test_a_menu_takes_the_keys_and_a_press_elsewhere_closes_it(tab: Tab) -> None:
+    tab.page.get_by_role("button", name="Curves ▾").click()
+    for key in ("b", "ArrowUp", "Home"):
+        tab.page.keyboard.press(key)
+    first = tab.page.get_by_role("menuitemcheckbox").first
+    assert first.evaluate("(item) => item === document.activeElement")
+    tab.page.mouse.click(*strip_place(tab, 50))
+    assert tab.page.get_by_role("menu").count() == 0
+    tab.settle()
+    assert not any(isinstance(event, Key) for event in tab.events)
+
+
+MENUS = states.FrameMenus(
+    selected=(
+        (states.MenuItem(label="Re-run frames 90–150", action="rerun", keys="R"),),
+        (states.MenuItem(label="Mark bad, frames 90–150", action="bad", keys="X", disabled=True),),
+    ),
+    elsewhere=((states.MenuItem(label="Select frames from here on", action="range_start", keys="["),),),
+)
+
+
+def menu_texts(tab: Tab) -> list[str]:
+    return tab.page.get_by_role("menuitem").locator("span").all_text_contents()
+
+
+def test_a_right_click_says_what_can_be_done_with_the_selected_frames(tab: Tab) -> None:
+    tab.send("range", states.ChosenRange(first=90, last=150))
+    tab.send("frame_menus", MENUS)
+    tab.send("cursor", states.Cursor(frame=10))
+    tab.await_drawn(10)
+    tab.page.mouse.click(*strip_place(tab, 100), button="right")
+    assert tab.await_event(Seek) == Seek(frame=100), "what is changed must be on show"
+    offered = ["Re-run frames 90–150", "Mark bad, frames 90–150", "Zoom to frames 90–150", "Show the whole clip"]
+    assert menu_texts(tab) == [*offered, "Select no frames"]
+    bad = tab.page.get_by_role("menuitem", name="Mark bad")
+    assert bad.get_attribute("aria-disabled") == "true"
+    bad.click(force=True)
+    tab.page.get_by_role("menuitem", name="Re-run").click()
+    assert tab.await_event(Key) == Key(action="rerun", repeat=False)
+    assert tab.page.get_by_role("menu").count() == 0 and len([e for e in tab.events if isinstance(e, Key)]) == 1
+    tab.page.mouse.click(*strip_place(tab, 100), button="right")
+    tab.page.get_by_role("menuitem", name="Select no frames").click()
+    assert tab.await_event(Range) == Range(first=None, last=None)
+
+
+def test_a_right_click_elsewhere_is_about_the_frame_there(tab: Tab) -> None:
+    tab.send("frame_menus", MENUS)
+    tab.settle()
+    tab.page.mouse.click(*strip_place(tab, 60), button="right")
+    assert tab.await_event(Seek) == Seek(frame=60)
+    assert menu_texts(tab) == ["Select frames from here on", "Show the whole clip"]
+    tab.page.keyboard.press("Enter")
+    assert tab.await_event(Key) == Key(action="range_start", repeat=False)
+    tab.page.get_by_role("button", name="What to do with frames").click()
+    assert menu_texts(tab)[0] == "Select frames from here on"
+    tab.page.keyboard.press("Escape")
+
+
+def test_the_height_is_dragged_and_set_by_keys_and_stays_after_a_reload(tab: Tab) -> None:
+    usual = height(tab)
+    border = tab.page.get_by_role("separator", name="Height of the timeline")
+    box = border.bounding_box()
+    assert box is not None
+    x, y = box["x"] + 200, box["y"] + box["height"] / 2
+    tab.drag((x, y), (0, -90))
+    tab.page.wait_for_timeout(200)
+    assert height(tab) == pytest.approx(usual + 90, abs=2)
+    canvas = tab.page.evaluate("() => __viserMutable.canvas.clientHeight")
+    assert canvas == pytest.approx(640 - height(tab), abs=1) and tab.await_event(Resized).height == canvas
+    tab.page.keyboard.press("Tab")
+    border.focus()  # as if reached by keyboard: else the key is the frames'
+    tab.page.keyboard.press("ArrowDown")
+    wanted = height(tab)
+    assert wanted == pytest.approx(usual + 70, abs=2)
+    tab.page.keyboard.press("End")
+    assert 640 - height(tab) >= 150 and border.get_attribute("aria-valuenow") == str(round(height(tab)))
+    tab.page.keyboard.press("Home")
+    assert height(tab) < usual and not any(isinstance(event, Key) for event in tab.events)
+    tab.drag((x, tab.page.locator(".tcfit-strip").bounding_box()["y"]), (0, -60))  # pyright: ignore
+    wanted = height(tab)
+    known = len([event for event in tab.events if isinstance(event, Hello)])
+    tab.page.reload()
+    tab.await_event(Hello, known + 1)
+    tab.page.locator(".mantine-Notification-closeButton").click()
+    for name, state in (("timeline", TIMELINE), ("rows", ROWS)):
+        tab.send(name, state)
+    tab.settle()
+    assert height(tab) == wanted

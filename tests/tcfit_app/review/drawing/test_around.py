@@ -1,0 +1,130 @@
+"""Close-ups and trails: what they follow, and what the page is told of them. No browser."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from fitting_core.keypoints import GROUPS, INDEX
+from tcfit_app.project.project import Project
+from tcfit_app.review.browser.page_events import Hello, Key
+from tcfit_app.review.browser.page_states import Focus, Trail
+from tcfit_app.review.drawing.around import REACH, followed, in_image
+from tcfit_app.review.gestures.zooming import show_close_up, usual_size
+from tcfit_app.review.panels.view_panel import ViewPanel
+from tests.drivers.lone_page import LonePage, lone_page
+from tests.samples.sessions import QUICK, OneBody, idle, small_clip
+
+WRIST = INDEX["right_wrist"]
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    """A page of a project of the tiny body, with a fit."""
+    with (
+        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
+        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
+    ):
+        session = made.page.tab.session
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+        made.only(ViewPanel)
+        made.page.receive(Hello("me", 1000, 700))
+        made.page.tab.set(video=False)
+        yield made
+
+
+def told(tested: LonePage) -> dict[str, Any]:
+    """What the page is told by drawing once more."""
+    sent: dict[str, Any] = {}
+    channel = tested.page.tab.channel
+    usual = channel.send
+    channel.send = lambda name, state: sent.update({name: state})  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        tested.page.tab.look()
+        tested.page.picture.draw()
+    finally:
+        channel.send = usual
+    return sent
+
+
+def test_a_close_up_is_held_still_and_bridges_frames_without_detections():
+    rng = np.random.default_rng(0)
+    steady = np.array([100.0, 50.0])
+    xy = steady + rng.normal(0, 3.0, (17, 21, 2)) + rng.normal(0, 6.0, (17, 1, 2))
+    there = np.ones((17, 21), bool)
+    there[7:10] = False
+    found = followed(xy, there, 8)
+    assert found is not None and np.linalg.norm(found - steady) < 6.0, "one frame is up to twice as far off"
+    xy[~there] = 0.0
+    assert followed(xy, there, 8) == pytest.approx(found), "what is undetected lies in the corner and does not count"
+    assert followed(xy, np.zeros_like(there), 8) is None
+
+
+def test_the_usual_size_is_that_of_the_box_around_what_was_detected():
+    xy = np.zeros((4, 3, 2))
+    xy[:, 1], xy[:, 2] = (30.0, 10.0), (900.0, 900.0)
+    there = np.array([[True, True, False]] * 3 + [[False] * 3])
+    assert usual_size(xy, there) == 30.0
+    assert usual_size(xy, np.zeros_like(there)) is None
+
+
+def test_points_are_seen_where_the_camera_has_them():
+    camera = Camera(focal=(500.0, 600.0), center=(320.0, 240.0), size=(640, 480))
+    pixels = in_image(np.array([[0.2, -0.1, 2.0], [0.0, 0.0, -1.0]]), camera)
+    assert pixels[0] == pytest.approx((370.0, 210.0)) and np.isnan(pixels[1]).all()
+
+
+def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested: LonePage):
+    tab = tested.page.tab
+    told(tested)
+    whole = tab.scene.cameras.pose
+    corrected = tab.session.project.corrected
+    detected = [part for part in ("right_hand", "left_hand", "face") if corrected.confidence[:, GROUPS[part]].any()]
+    if not detected:
+        with pytest.raises(InputError, match="Neither hands nor face"):
+            tested.page.receive(Key(action="close_up", repeat=False))
+        return
+    tested.page.receive(Key(action="close_up", repeat=False))
+    assert tab.state.close_up == detected[0]
+    assert tab.scene.cameras.pose.distance < whole.distance
+    focus = told(tested)["focus"]
+    assert isinstance(focus, Focus)
+    for _ in detected:
+        tested.page.receive(Key(action="close_up", repeat=False))
+    assert tab.state.close_up is None and tab.scene.cameras.pose == whole
+    assert told(tested)["focus"] is None
+    show_close_up(tab, detected[0])
+    tested.page.receive(Key(action="fit_view", repeat=False))
+    assert tab.state.close_up is None
+    tab.set(mode="space")
+    with pytest.raises(InputError, match="Edit and A"):
+        show_close_up(tab, detected[0])
+
+
+def test_a_trail_has_the_detections_and_each_picture_s_fit(tested: LonePage):
+    tab = tested.page.tab
+    tab.seek(3)
+    tab.set(selection=(WRIST,), mode="ab")
+    assert told(tested).get("trail") is None
+    tested.page.receive(Key(action="trail", repeat=False))
+    trail = told(tested)["trail"]
+    assert isinstance(trail, Trail)
+    first, last = max(0, 3 - REACH), min(3 + REACH, tab.length - 1)
+    assert trail.now == 3 - first and len(trail.detected[0]) == last - first + 1
+    corrected = tab.session.project.corrected
+    assert trail.detected[0][trail.now] == pytest.approx(corrected.xy[3, WRIST], abs=0.01)
+    assert len(trail.fitted) == 2 and trail.colors == ("#5aa0ff", "#ff963c")
+    shown = tab.look().b
+    assert shown is not None
+    points = tab.data.meshes(shown).keypoints(shown.params)[3, [WRIST]]
+    assert trail.fitted[1][0][trail.now] == pytest.approx(in_image(points, shown.camera)[0], abs=0.01)
+    assert "trail" not in told(tested), "nothing has changed"
+    tab.set(selection=())
+    assert told(tested)["trail"] is None

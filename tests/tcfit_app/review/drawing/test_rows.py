@@ -1,0 +1,150 @@
+"""The rows of the timeline: what each shows of the fits A and B."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.errors import InputError
+from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
+from tcfit_app.analysis.heat_maps import HEAT_MAPS, HeatMap
+from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.review.browser.page_events import Plot
+from tcfit_app.review.drawing.rows import CHOICES, MOST_ROWS, PLOTS, with_plot
+from tcfit_app.review.tab.state import TabState
+from tests.drivers.lone_page import LonePage, lone_page, sample_project
+
+VALUES = {1: np.array([1.0, 2, 3, 4, 5, 6]), 2: np.array([2.0, 2, 2, 2, 2, np.nan])}
+"""By run."""
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
+    """Two runs, which are A and B."""
+    with (
+        sample_project(tmp_path / "walk.tcfit", "first", "second") as project,
+        lone_page(panel_server, project) as made,
+    ):
+        tab = made.page.tab
+        tab.set(a=FitChoice(run=1), b=FitChoice(run=2))
+
+        def curve(name: str, shown: Shown) -> Curve:
+            return curves.setdefault((name, shown.run.id), of(name, VALUES[shown.run.id]))
+
+        curves: dict[tuple[str, int], Curve] = {}
+        between = of(BETWEEN, np.arange(6.0))
+        tab.data.curve = curve  # pyright: ignore[reportAttributeAccessIssue]
+        tab.data.between = lambda a, b: between  # pyright: ignore[reportAttributeAccessIssue]
+        yield made
+
+
+def of(name: str, values: np.ndarray) -> Curve:
+    return Curve(name=name, title="", unit="", values=values)
+
+
+def sent(tested: LonePage) -> list[dict[str, Any]]:
+    """All states of the rows that were sent by drawing now."""
+    found: list[dict[str, Any]] = []
+    channel = tested.page.tab.channel
+    channel.send = lambda name, state: found.append(msgspec.to_builtins(state)) if name == "rows" else None  # pyright: ignore
+    tested.page.tab.look()
+    tested.page.timeline.draw()
+    return found
+
+
+def test_a_new_page_shows_what_can_be_plotted():
+    assert set(TabState().plots) <= set(PLOTS) and {choice.name for choice in CHOICES} == set(PLOTS)
+    assert len({choice.title for choice in CHOICES}) == len(CHOICES) == 2 * len(CURVES) + len(HEAT_MAPS) + 2
+
+
+def test_each_fit_has_its_line(tested: LonePage):
+    (state,) = sent(tested)
+    assert [fit["label"] for fit in state["fits"]] == ["A", "B"]
+    first = state["rows"][0]
+    assert first["name"] == "reprojection" and [curve["label"] for curve in first["curves"]] == ["A", "B"]
+    assert list(first["curves"][1]["values"]) == [2, 2, 2, 2, 2, None]
+    assert not sent(tested), "nothing has changed"
+
+
+def test_the_same_fit_has_one_line_and_no_difference(tested: LonePage):
+    tested.page.tab.set(a=FitChoice(run=2), plots=("jitter", "jitter_difference", BETWEEN))
+    (state,) = sent(tested)
+    each, *compared = state["rows"]
+    assert [fit["label"] for fit in state["fits"]] == ["A and B"] == [curve["label"] for curve in each["curves"]]
+    assert all(not row["curves"] and "same fit" in row["empty"] for row in compared)
+
+
+def test_a_difference_is_b_minus_a(tested: LonePage):
+    tested.page.tab.set(plots=("jitter_difference", BETWEEN))
+    (state,) = sent(tested)
+    difference, distance = state["rows"]
+    assert difference["signed"] and not distance["signed"]
+    assert list(difference["curves"][0]["values"]) == [1, 0, -1, -2, -3, None]
+    assert list(distance["curves"][0]["values"]) == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_heat_map_is_that_of_b(tested: LonePage):
+    tab, asked = tested.page.tab, []
+    found = HeatMap(name="confidence_by_part", parts=("head", "torso"), values=np.array([[1, 0.5], [np.nan, 0]]), top=1)
+
+    def heat_map(name: str, shown: Shown) -> HeatMap:
+        asked.append((name, shown.run.id))
+        return found
+
+    tab.data.heat_map = heat_map  # pyright: ignore[reportAttributeAccessIssue]
+    tab.set(plots=("confidence_by_part",))
+    (state,) = sent(tested)
+    heat = state["rows"][0]["heat"]
+    assert asked == [("confidence_by_part", 2)] and heat["worse"] == "low" and not state["rows"][0]["curves"]
+    assert state["rows"][0]["height"] > 1
+    assert [list(values) for values in heat["values"]] == [[1, None], [0.5, 0]]
+    assert not sent(tested)
+
+
+def test_the_row_of_the_video_says_why_it_is_empty(tested: LonePage):
+    tab = tested.page.tab
+    tab.set(plots=("video",))
+    (state,) = sent(tested)
+    row = state["rows"][0]
+    assert row["video"] and row["empty"] == tab.data.video.problem_of(0) != ""
+
+
+def test_a_curve_stays_until_a_newer_one_of_the_same_fit_is_there(tested: LonePage):
+    tab = tested.page.tab
+    tab.set(plots=("jitter",))
+    assert len(sent(tested)) == 1
+    tab.data.curve = lambda name, shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    assert not sent(tested)
+    tab.set(b=FitChoice(run=1))
+    (state,) = sent(tested)
+    assert not state["rows"][0]["curves"] and "empty" in state["rows"][0]
+
+
+def test_the_curve_of_a_fit_stays_until_that_of_its_corrections_is_there(tested: LonePage):
+    tab = tested.page.tab
+    tab.set(plots=("jitter",))
+    assert len(sent(tested)) == 1
+    before = tab.look()
+    assert before.b is not None
+    run = replace(before.b.run, id=9, kind="corrections", parent=before.b.run.id)
+    tab.look = lambda: None  # pyright: ignore[reportAttributeAccessIssue]
+    tab._shown = replace(before, b=replace(before.b, run=run))
+    tab.data.curve = lambda name, shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    assert not sent(tested)
+
+
+def test_rows_come_and_go(tested: LonePage):
+    tab, page = tested.page.tab, tested.page
+    page.receive(Plot(name="volume", shown=True))
+    page.receive(Plot(name="volume", shown=True))
+    page.receive(Plot(name="reprojection", shown=False))
+    page.receive(Plot(name="no such thing", shown=True))
+    assert tab.state.plots == ("jitter", "volume")
+    full = tuple(PLOTS)[:MOST_ROWS]
+    with pytest.raises(InputError, match="at most"):
+        with_plot(full, tuple(PLOTS)[-1], shown=True)

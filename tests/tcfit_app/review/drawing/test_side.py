@@ -1,0 +1,162 @@
+"""The side view of a tab: what the page is told, and what keys and buttons make of it. No browser."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from tcfit_app.project.project import Project
+from tcfit_app.review.browser.page_events import Hello, Key, Widen
+from tcfit_app.review.browser.page_states import Bodies, Layout, Side
+from tcfit_app.review.panels.view_panel import ViewPanel
+from tcfit_app.review.tab.state import SIDE_WIDTHS
+from tcfit_app.review.tab.tab import Sent
+from tests.drivers.lone_page import LonePage, lone_page
+from tests.samples.sessions import QUICK, OneBody, idle, small_clip, until
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    """A page of a project of the tiny body, with a fit."""
+    with (
+        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
+        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
+    ):
+        session = made.page.tab.session
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+        made.only(ViewPanel)
+        made.page.receive(Hello("me", 1000, 700))
+        made.page.tab.set(video=False)
+        yield made
+
+
+def told(tested: LonePage, name: str) -> Any:
+    """What the page was told last under a name, once all is made."""
+    sent: dict[str, Any] = {}
+    channel = tested.page.tab.channel
+    usual = channel.send
+    channel.send = lambda name, state: sent.update({name: state})  # pyright: ignore[reportAttributeAccessIssue]
+    tested.page.tab.sent, tested.page.tab._shown = Sent(), None
+    try:
+        waits = name in ("side", "bodies", "space")
+        until(tested.page.tab.session, lambda: tested.page.picture.draw() and (not waits or name in sent))
+    finally:
+        channel.send = usual
+    return sent.get(name)
+
+
+def press(tested: LonePage, action: str) -> None:
+    tested.page.receive(Key(action=action, repeat=False))
+
+
+def seen(tested: LonePage, name: str = "side") -> Any:
+    """What the page is told under a name once there is a body."""
+    found: list[Any] = []
+
+    def there() -> bool:
+        state = told(tested, name)
+        found[:] = [state] if state is not None else []
+        return bool(found)
+
+    until(tested.page.tab.session, there)
+    return found[0]
+
+
+def colors(tested: LonePage) -> list[str]:
+    return [body.color for body in seen(tested, "bodies").bodies]
+
+
+def plates(tested: LonePage) -> list[str]:
+    layout = told(tested, "layout")
+    assert isinstance(layout, Layout)
+    return [poster.label for poster in layout.posters if poster.kind == "side"]
+
+
+def test_it_is_there_at_first_and_shows_the_bodies_of_the_pictures(tested: LonePage):
+    assert plates(tested) == ["from the right"]
+    assert colors(tested) == ["#ff963c"]
+    tested.page.tab.set(blinked=True)
+    assert colors(tested) == ["#5aa0ff"]
+    tested.page.tab.set(mode="ab")
+    assert colors(tested) == ["#5aa0ff", "#ff963c"]
+    assert len(seen(tested).shifts) == 2
+    tested.page.tab.set(mode="space")
+    assert plates(tested) == []
+
+
+def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePage):
+    tab, state, bodies = tested.page.tab, seen(tested), seen(tested, "bodies")
+    assert isinstance(state, Side) and isinstance(bodies, Bodies)
+    (body,), (shift,) = bodies.bodies, state.shifts
+    shown = tab.look().b
+    assert shown is not None
+    points = tab.data.meshes(shown).keypoints(shown.params)[tab.state.frame, :25]
+    np.testing.assert_allclose(tab.data.body_points(shown, tab.state.frame), points, atol=1e-6)
+    known = np.isfinite(points).all(1)
+    assert [point is not None for point in body.points] == known.tolist()
+    found = np.array([point for point in body.points if point is not None])
+    np.testing.assert_allclose(found, points[known], atol=1e-4)
+    size = tab.session.project.clip.camera.size
+    pixels = found @ np.transpose(state.plate) + shift
+    assert ((pixels >= 0) & (pixels <= [tab.side_width * size[1], size[1]])).all()
+    # The floor is where the plate has it.
+    assert state.floor is not None
+    heights = bodies.floor - found @ bodies.down
+    np.testing.assert_allclose(heights, (state.floor - pixels[:, 1]) / state.metre, atol=2e-3)
+
+
+def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):
+    tested.page.tab.set(mode="space", bodies=False, apart=1.0)
+    until(tested.page.tab.session, lambda: len(colors(tested)) == 2)
+    state = seen(tested, "space")
+    assert state.offsets == (-0.5, 0.5)
+    np.testing.assert_allclose(state.turn[1], seen(tested, "bodies").down, atol=1e-4)
+
+
+def test_keys_switch_and_turn_it(tested: LonePage):
+    press(tested, "side")
+    assert not tested.page.tab.state.side and plates(tested) == []
+    press(tested, "turn_side")
+    assert plates(tested) == ["from the right"], "what was off is switched on as it was"
+    labels = []
+    for _ in range(3):
+        press(tested, "turn_side")
+        labels += plates(tested)
+    assert labels == ["from above", "from the left", "from the right"]
+    tested.page.tab.set(side_from=30.0)
+    press(tested, "turn_side")
+    assert plates(tested) == ["from the left"]
+
+
+def test_the_panel_turns_and_widens_it(tested: LonePage):
+    tab = tested.page.tab
+    tested.press("view.side", "top")
+    assert tab.state.side_from == "top"
+    tested.enter("Turn", 30)
+    assert tab.state.side_from == 30.0
+    before = tab.side_width
+    tested.press("view.widen", "+")
+    assert tab.side_width == pytest.approx(1.25 * before, abs=0.01)
+    for width, kept in ((0.01, SIDE_WIDTHS[0]), (99.0, SIDE_WIDTHS[1]), (0.777, 0.78)):
+        tested.page.receive(Widen(width))
+        assert tab.side_width == kept
+    layout = told(tested, "layout")
+    assert [poster.width for poster in layout.posters if poster.kind == "side"] == [0.78]
+    tab.set(mode="space")
+    tested.draw()
+    assert not tested.field("Turn").visible and tab.buttons.on_show("view.from", "front")
+
+
+def test_without_a_fit_there_is_none(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel):
+    with (
+        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
+        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
+    ):
+        made.page.receive(Hello("me", 1000, 700))
+        made.page.tab.set(video=False)
+        assert plates(made) == []

@@ -1,0 +1,249 @@
+"""Correcting depth with the panels' buttons and keys: what is stored, what is said, and that the fit follows."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.errors import InputError
+from fitting_core.keypoints import INDEX
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
+from tcfit_app.project.edits.kinds import ClearDepth, Lock, MarkBad, Pin, SetDepth, Unlock
+from tcfit_app.project.project import Project
+from tcfit_app.review.gestures.edit_words import describe
+from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tcfit_app.review.panels.review_panel import ReviewPanel
+from tcfit_app.review.tab.state import FitSettings
+from tests.drivers.lone_page import LonePage, lone_page
+from tests.samples.sessions import QUICK, OneBody, small_clip
+
+ROOT, ELBOW, WRIST = (INDEX[f"right_{n}"] for n in ("shoulder", "elbow", "wrist"))
+
+PERSPECTIVE = 0.1
+"""Metres by which a limb that looks alike is off the mirror image in depth, 2.5 m from the camera."""
+
+
+@pytest.fixture(scope="module")
+def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory, panel_server: viser.ViserServer) -> Path:
+    """A project with one whole fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
+    with Project.create(folder, small_clip(tiny_body)) as project, page_of(panel_server, project, tiny_body) as tested:
+        tested.fit()
+    return folder
+
+
+def page_of(server: viser.ViserServer, project: Project, body: BodyModel):
+    return lone_page(server, project, bodies=OneBody(body))
+
+
+@pytest.fixture
+def tested(fitted: Path, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
+    import shutil
+
+    folder = Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
+    with Project.open(folder) as project, page_of(panel_server, project, tiny_body) as made:
+        made.only(KeypointsPanel)
+        made.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
+        yield made
+
+
+def depths(tested: LonePage, body: BodyModel) -> np.ndarray:
+    """Of the fit on show, behind the pelvis, metres."""
+    shown = tested.page.tab.look().b
+    assert shown is not None
+    return keypoints_in_space(body, shown.params)[0][..., 2] - joints_in_space(body, shown.params)[:, :1, 2]
+
+
+def last_edit(tested: LonePage) -> object:
+    return tested.page.tab.session.project.log[-1].action
+
+
+def test_a_limb_is_mirrored_and_the_fit_follows(tested: LonePage, tiny_body: BodyModel):
+    tab = tested.page.tab
+    before = depths(tested, tiny_body)
+    target = 2 * before[:, [ROOT]] - before[:, [ELBOW, WRIST]]
+    tab.seek(4)
+    tab.set(selection=(WRIST,))
+    tested.press("action", "mirror_depth")
+    edit = last_edit(tested)
+    assert isinstance(edit, SetDepth) and (edit.frames, edit.joints) == ((4,), (ELBOW, WRIST))
+    np.testing.assert_allclose(edit.depth, target[[4]], atol=PERSPECTIVE)
+    assert tab.message[0].startswith("Saved: right elbow, right wrist put ") and "the pelvis" in tab.message[0]
+    assert "the pelvis</div>" in tested.html(), "beside the keypoint that is selected"
+    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    way, left = (abs(fit[4, [ELBOW, WRIST]] - edit.depth[0]).max() for fit in (before, depths(tested, tiny_body)))
+    assert left < max(0.03, 0.3 * way)
+    tested.press("action", "undo")
+    assert np.isnan(tab.session.project.corrected.depth).all() and tab.message[0].startswith("Undone: right elbow")
+    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+
+
+@pytest.mark.parametrize(("name", "sign"), [("in_front", -1), ("behind", 1)])
+def test_a_range_goes_to_one_side(tested: LonePage, tiny_body: BodyModel, name: str, sign: int):
+    tab, before = tested.page.tab, depths(tested, tiny_body)
+    tab.session.edit_follower.after_edits = False
+    tab.set(frame=2, frames=range(2, 6), selection=(ELBOW, INDEX["left_ankle"]))
+    tested.press("action", name)
+    edit = last_edit(tested)
+    assert isinstance(edit, SetDepth) and edit.frames == (2, 3, 4, 5)
+    assert edit.joints == (INDEX["left_knee"], INDEX["left_ankle"], ELBOW, WRIST)
+    hip, shoulder = (before[2:6, [INDEX[n]]] for n in ("left_hip", "right_shoulder"))
+    off = np.array(edit.depth) - np.hstack([hip, hip, shoulder, shoulder])
+    assert (sign * off >= -1e-4).all()
+    stored = tab.session.project.clip.keypoints.told_depth
+    assert np.isfinite(stored).sum() == 4 * 4
+    with Project.open(tab.session.project.folder, read_only=True) as copy:
+        np.testing.assert_array_equal(copy.clip.keypoints.told_depth, stored)
+
+
+def test_depths_are_interpolated_between_told_ones(tested: LonePage):
+    tab, project = tested.page.tab, tested.page.tab.session.project
+    tab.session.edit_follower.after_edits = False
+    tab.set(selection=(WRIST,))
+    tab.seek(3)
+    with pytest.raises(InputError, match="in which the depths of the selected limbs were set"):
+        tested.press("action", "interpolate_depth")
+    project.append(SetDepth(frames=(1, 5), joints=(ELBOW, WRIST), depth=((0.1, 0.2), (0.3, -0.2))))
+    tested.press("action", "interpolate_depth")
+    edit = last_edit(tested)
+    assert isinstance(edit, SetDepth) and edit.frames == (2, 3, 4)
+    np.testing.assert_allclose(edit.depth, [(0.15, 0.1), (0.2, 0.0), (0.25, -0.1)])
+    assert np.array_equal(project.clip.keypoints.xy, project.detections.xy)
+    tab.set(frames=range(1, 6))
+    tested.press("action", "clear_depth")
+    assert last_edit(tested) == ClearDepth(frames=(1, 2, 3, 4, 5), joints=(ELBOW, WRIST))
+    assert project.clip.keypoints.depth is None
+    with pytest.raises(InputError, match="Nothing was said of the depth"):
+        tested.press("action", "clear_depth")
+
+
+def test_a_joint_is_pinned_where_it_is_now(tested: LonePage, tiny_body: BodyModel):
+    tab = tested.page.tab
+    tab.seek(4)
+    tab.set(selection=(WRIST,))
+    with pytest.raises(InputError, match="Select the frames first"):
+        tested.press("action", "pin")
+    shown = tab.look().b
+    assert shown is not None
+    where = keypoints_in_space(tiny_body, shown.params)[0][4, WRIST]
+    tab.set(frames=range(2, 7))
+    tested.press("action", "pin")
+    edit = last_edit(tested)
+    assert isinstance(edit, Pin) and (edit.frames, edit.joints) == ((2, 3, 4, 5, 6), (WRIST,))
+    assert tab.message[0] == "Saved: right wrist pinned in space, frames 2–6"
+    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    shown = tab.look().b
+    assert shown is not None
+    after = keypoints_in_space(tiny_body, shown.params)[0][2:7, WRIST]
+    assert np.linalg.norm(after - where, axis=1).max() < 0.05
+    tab.set(selection=(WRIST, 30))
+    with pytest.raises(InputError, match="1 of the selected keypoints are not the body's"):
+        tested.press("action", "pin")
+
+
+def test_a_joint_is_locked_as_it_is_turned(tested: LonePage):
+    tab = tested.page.tab
+    tab.seek(4)
+    tab.set(selection=(WRIST, 30), frames=range(2, 7))
+    shown = tab.look().b
+    assert shown is not None
+    wrist = slice(3 * (JOINT["right_wrist"] - 1), 3 * JOINT["right_wrist"])
+    turn = shown.params.body_pose[4, wrist]
+    tested.press("action", "lock")
+    edit = last_edit(tested)
+    assert isinstance(edit, Lock) and (edit.frames, edit.joints) == ((2, 3, 4, 5, 6), (WRIST,))
+    np.testing.assert_allclose(edit.turn, [turn.tolist()], atol=1e-5)
+    assert tab.message[0] == "Saved: right wrist locked as it is turned, frames 2–6"
+    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    after = tab.look().b
+    assert after is not None and abs(after.params.body_pose[2:7, wrist] - turn).max() < 0.05
+    tested.press("action", "unlock")
+    assert last_edit(tested) == Unlock(frames=(2, 3, 4, 5, 6), joints=(WRIST,))
+    with pytest.raises(InputError, match="None of the selected joints is locked in frames 2–6"):
+        tested.press("action", "unlock")
+    tab.set(selection=(30,))
+    with pytest.raises(InputError, match="can be locked: select one of them"):
+        tested.press("action", "lock")
+
+
+def test_what_cannot_be_said_of_depth(tested: LonePage, fitted: Path, monkeypatch: pytest.MonkeyPatch):
+    tab = tested.page.tab
+    with pytest.raises(InputError, match="Select keypoints first"):
+        tested.press("action", "mirror_depth")
+    tab.set(selection=(0,))
+    with pytest.raises(InputError, match="select an elbow"):
+        tested.press("action", "mirror_depth")
+    tab.set(selection=(WRIST,))
+    tab.session.project.append(MarkBad(frames=(0,), joints=(ELBOW, WRIST)))
+    with pytest.raises(InputError, match="marked bad"):
+        tested.press("action", "behind")
+    monkeypatch.setattr(tab, "look", lambda: replace(tab.shown, b=None))
+    with pytest.raises(InputError, match="fit first"):
+        tested.press("action", "behind")
+    assert len(tab.session.project.log) == 1
+
+
+def test_the_queue_offers_to_mirror_a_limb(tested: LonePage, tiny_body: BodyModel):
+    tab, before = tested.page.tab, depths(tested, tiny_body)
+    tab.session.edit_follower.after_edits = False
+    tested.panels = [panel for panel in tested.page.panels if isinstance(panel, ReviewPanel)]
+    entry = Suspect(
+        frame=4,
+        frames=range(3, 6),
+        score=2.0,
+        kind="depth",
+        reason="right wrist may be 30 cm nearer",
+        joints=(WRIST,),
+        also=(),
+    )
+    other = replace(entry, frame=1, frames=range(1, 2), kind="jump", reason="jumps")
+    queue = ReviewQueue(left=(entry, other), looked_at=0)
+    tab.data.queue = lambda shown: queue  # pyright: ignore[reportAttributeAccessIssue]
+    assert tested.html().count("review.mirror") == 1
+    tested.press("review.mirror", "4 depth")
+    edit = last_edit(tested)
+    assert (
+        isinstance(edit, SetDepth)
+        and edit.frames == (3, 4, 5)
+        and (tab.state.frame, tab.state.selection) == (4, (WRIST,))
+    )
+    np.testing.assert_allclose(np.array(edit.depth)[:, 1], 2 * before[3:6, ROOT] - before[3:6, WRIST], atol=PERSPECTIVE)
+
+
+@pytest.mark.parametrize("unswapping", [False, True])
+def test_a_keypoint_that_the_fit_swaps_back_takes_the_other_arms_depth(
+    tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch, unswapping: bool
+):
+    tab, before = tested.page.tab, depths(tested, tiny_body)
+    tab.session.edit_follower.after_edits = False
+    shown = tab.look().b
+    assert shown is not None
+    run = replace(shown.run, config=replace(shown.run.config, unswap_sides=unswapping))
+    monkeypatch.setattr(tab, "look", lambda: replace(tab.shown, b=replace(shown, run=run)))
+    monkeypatch.setattr("tcfit_app.review.gestures.correcting_depth.unswapped", lambda k: (k, {"arms": np.array([4])}))
+    tab.set(frame=3, frames=range(3, 5), selection=(WRIST,))
+    tested.page.gestures.depth.send("mirror")
+    edit = last_edit(tested)
+    assert isinstance(edit, SetDepth)
+    for row, frame, side in ((0, 3, "right"), (1, 4, "left" if unswapping else "right")):
+        root, wrist = INDEX[f"{side}_shoulder"], INDEX[f"{side}_wrist"]
+        np.testing.assert_allclose(edit.depth[row][1], 2 * before[frame, root] - before[frame, wrist], atol=PERSPECTIVE)
+
+
+@pytest.mark.parametrize(
+    ("depth", "words"),
+    [
+        (((-0.12,),), "right wrist put 12 cm nearer than the pelvis, frame 7"),
+        (((0.12,), (0.304,)), "right wrist put 12 to 30 cm farther than the pelvis, frames 7–8"),
+        (((-0.12,), (-0.3,)), "right wrist put 12 to 30 cm nearer than the pelvis, frames 7–8"),
+        (((-0.12,), (0.3,)), "right wrist put 12 cm nearer to 30 cm farther than the pelvis, frames 7–8"),
+        (((0.001,),), "right wrist put 0 cm farther than the pelvis, frame 7"),
+    ],
+)
+def test_depths_in_words(depth: tuple, words: str):
+    assert describe(SetDepth(frames=tuple(range(len(depth))), joints=(WRIST,), depth=depth), 7) == words

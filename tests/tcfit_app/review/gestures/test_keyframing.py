@@ -1,0 +1,223 @@
+"""Keyframes and drags as a user makes them: what is stored, which frames follow, and what goes along."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.keypoints import INDEX, LEFT_HAND
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.edits.corrected import Corrected
+from tcfit_app.project.edits.kinds import MarkBad, MoveKey, MoveKeypoint, Nudge, PlaceKey, RemoveKey, SetDepth
+from tcfit_app.project.project import Project
+from tcfit_app.review.browser.page_events import Drag, DragDepth
+from tcfit_app.review.gestures.edit_words import describe
+from tcfit_app.review.gestures.keyframing import filled, with_hands
+from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tests.drivers.lone_page import LonePage, lone_page
+from tests.samples.sessions import OneBody, small_clip
+
+WRIST, ELBOW = INDEX["left_wrist"], INDEX["left_elbow"]
+
+
+@pytest.fixture(scope="module")
+def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory, panel_server: viser.ViserServer) -> Path:
+    """A project with one whole fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
+    bodies = OneBody(tiny_body)
+    with (
+        Project.create(folder, small_clip(tiny_body)) as project,
+        lone_page(panel_server, project, bodies=bodies) as made,
+    ):
+        made.fit()
+    return folder
+
+
+@pytest.fixture
+def tested(fitted: Path, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
+    folder = Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made:
+        made.only(KeypointsPanel)
+        yield made
+
+
+def last_edit(tested: LonePage) -> object:
+    return tested.page.tab.session.project.log[-1].action
+
+
+def corrected(tested: LonePage) -> Corrected:
+    return tested.page.tab.session.project.corrected
+
+
+def drag(tested: LonePage, frame: int, dx: float, *joints: int) -> None:
+    tested.page.tab.seek(frame)
+    for phase, by in (("start", 0.0), ("end", dx)):
+        tested.page.receive(Drag(phase, joints, by, 0.0, frame))  # pyright: ignore[reportArgumentType]
+
+
+def idle(tested: LonePage) -> None:
+    session = tested.page.tab.session
+    tested.until(lambda: not session.jobs and not session.edit_follower.busy)
+
+
+def test_two_drags_take_the_frames_between_along_and_the_fit_follows_all(tested: LonePage):
+    tab, session = tested.page.tab, tested.page.tab.session
+    detected = session.project.detections.xy[:, WRIST]
+    shown = tab.look().b
+    assert shown is not None
+    before = shown.params.body_pose.clone()
+    drag(tested, 1, 20.0, WRIST)
+    assert last_edit(tested) == PlaceKey(
+        frames=(1,), joints=(WRIST,), at=1, xy=((float(detected[1, 0] + 20), float(detected[1, 1])),)
+    )
+    drag(tested, 6, 40.0, WRIST)
+    edit = last_edit(tested)
+    assert isinstance(edit, PlaceKey) and (edit.frames, edit.at) == ((2, 3, 4, 5, 6), 6)
+    assert tab.message[0] == "Saved: left wrist moved, frame 6; frames 2–5 follow"
+    np.testing.assert_allclose(corrected(tested).xy[:7, WRIST, 0] - detected[:7, 0], [0, 20, 24, 28, 32, 36, 40])
+    idle(tested)
+    after = session.fits.fit(session.fits.corrections_of(shown.run.id)).last.params.body_pose
+    moved = (after - before).abs().amax(1)
+    assert all(moved[frame] > 1e-3 for frame in range(1, 7)), "also those between, which no drag was in"
+    tested.press("action", "undo")
+    np.testing.assert_allclose(corrected(tested).xy[:7, WRIST, 0] - detected[:7, 0], [0, 20, 0, 0, 0, 0, 0])
+    idle(tested)
+
+
+def test_keys_are_deleted_and_moved(tested: LonePage):
+    tab, session = tested.page.tab, tested.page.tab.session
+    session.edit_follower.after_edits = False
+    detected = session.project.detections.xy[:, WRIST, 0]
+    for frame in (1, 5):
+        drag(tested, frame, 20.0, WRIST)
+    tab.set(selection=(WRIST, ELBOW))
+    assert not tested.button("Delete keyframe").disabled
+    tested.page.gestures.correcting.move_key(5, 3)
+    assert last_edit(tested) == MoveKey(frames=(2, 3, 4, 5), joints=(WRIST,), at=5, to=3)
+    assert tab.message[0] == "Saved: left wrist keyframe moved to frame 3, frame 5; frames 2–4 follow"
+    np.testing.assert_allclose((corrected(tested).xy[:, WRIST, 0] - detected)[:6], [0, 20, 20, 20, 0, 0])
+    with pytest.raises(InputError, match="There is a keyframe already"):
+        tested.page.gestures.correcting.move_key(3, 1)
+    tab.seek(3)
+    tested.click("Delete keyframe")
+    assert last_edit(tested) == RemoveKey(frames=(2, 3), joints=(WRIST,), at=3)
+    np.testing.assert_allclose((corrected(tested).xy[:, WRIST, 0] - detected)[:6], [0, 20, 0, 0, 0, 0])
+    with pytest.raises(InputError, match="has a keyframe in this frame"):
+        tested.press("action", "delete_key")
+    assert tested.button("Delete keyframe").disabled
+
+
+def test_without_keyframes_a_drag_is_for_its_frame(tested: LonePage):
+    tested.page.tab.session.edit_follower.after_edits = False
+    drag(tested, 1, 20.0, WRIST)
+    tested.press("action", "keyframes")
+    drag(tested, 5, 20.0, WRIST)
+    edit = last_edit(tested)
+    assert isinstance(edit, MoveKeypoint) and edit.frames == (5,)
+    assert corrected(tested).edited[:, WRIST].nonzero()[0].tolist() == [1, 5]
+    # I fills what lies between, also from the frame that was corrected last.
+    tested.page.tab.set(selection=(WRIST,))
+    tested.press("action", "interpolate")
+    assert corrected(tested).edited[:, WRIST].nonzero()[0].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_a_nudged_wrist_takes_its_hand_along(tested: LonePage):
+    tab = tested.page.tab
+    tab.session.edit_follower.after_edits = False
+    points = tuple(range(LEFT_HAND.start, LEFT_HAND.stop))
+    places = tuple((100.0 + joint, 200.0) for joint in points)
+    tab.session.project.append(MoveKeypoint(frames=(2,), joints=points, xy=(places,)))
+    tab.session.project.append(MarkBad(frames=(2,), joints=(LEFT_HAND.start + 3,)))
+    tab.seek(2)
+    tab.set(selection=(WRIST,))
+    tested.press("action", "nudge_left")
+    edit = last_edit(tested)
+    hand = tuple(j for j in range(LEFT_HAND.start, LEFT_HAND.stop) if j != LEFT_HAND.start + 3)
+    assert isinstance(edit, PlaceKey) and edit.joints == (WRIST, *hand)
+    assert tab.message[0] == "Saved: left wrist and its hand moved, frame 2"
+    tab.set(hand_along=False, keyframes=False)
+    tested.press("action", "nudge_left")
+    assert last_edit(tested) == Nudge(frames=(2,), joints=(WRIST,), by=(-1.0, 0.0))
+    root = LEFT_HAND.start
+    assert set(with_hands((root,), corrected(tested), 2)) == {WRIST, *hand}
+    assert with_hands((ELBOW, root + 1), corrected(tested), 2) == (ELBOW, root + 1)
+
+
+def in_depth(tested: LonePage, phase: str, metres: float, frame: int, joint: int = WRIST) -> None:
+    tested.page.receive(DragDepth(phase, joint, metres, frame))  # pyright: ignore[reportArgumentType]
+
+
+def test_a_keypoint_is_dragged_in_depth_and_the_body_follows(tested: LonePage):
+    tab, session = tested.page.tab, tested.page.tab.session
+
+    def depth(frame: int) -> float:
+        shown = tab.look().b
+        assert shown is not None
+        points = tab.data.body_points(shown, frame)
+        return float(points[WRIST, 2] - points[INDEX["mid_hip"], 2])
+
+    before, xy = depth(3), corrected(tested).xy.copy()
+    in_depth(tested, "start", 0.0, 3)
+    in_depth(tested, "move", -0.05, 3)
+    tested.until(lambda: session.edit_follower.live is not None)
+    in_depth(tested, "end", -0.08, 3)
+    edit = last_edit(tested)
+    assert isinstance(edit, SetDepth) and (edit.frames, edit.joints) == ((3,), (WRIST,))
+    assert np.array_equal(corrected(tested).xy, xy), "nothing moves in the picture"
+    idle(tested)
+    assert depth(3) - before == pytest.approx(-0.08, abs=0.03)
+    in_depth(tested, "start", 0.0, 6)
+    in_depth(tested, "end", 0.0, 6)
+    between = last_edit(tested)
+    assert isinstance(between, SetDepth) and between.frames == (4, 5, 6)
+    told = corrected(tested).depth[3:7, WRIST]
+    np.testing.assert_allclose(told, np.linspace(told[0], told[-1], 4), atol=1e-4)
+    idle(tested)
+
+
+def test_drags_in_depth_that_come_to_nothing(tested: LonePage):
+    project = tested.page.tab.session.project
+    in_depth(tested, "start", 0.0, 3)
+    in_depth(tested, "cancel", 0.0, 3)
+    in_depth(tested, "end", 0.5, 3)
+    in_depth(tested, "start", 0.0, 10_000)
+    assert not project.log
+    in_depth(tested, "start", 0.0, 3)
+    tested.page.receive(Drag("end", (WRIST,), 5.0, 5.0, 3))
+    assert not project.log, "the end of another drag"
+    in_depth(tested, "end", 10.0, 3)
+    assert corrected(tested).depth[3, WRIST] == 3.0, "the most that an edit takes"
+    project.append(MarkBad(frames=(3,), joints=(WRIST,)))
+    with pytest.raises(InputError, match="marked bad"):
+        in_depth(tested, "start", 0.0, 3)
+
+
+def test_depths_between_told_ones():
+    told = np.full((80, 1), np.nan)
+    told[[10, 70]] = 0.3
+    frames, depths = filled(told, (13,), np.array([[0.0]]))
+    assert frames == (11, 12, 13)
+    np.testing.assert_allclose(depths[:, 0], [0.2, 0.1, 0.0])
+    frames, depths = filled(told, (41, 68), np.array([[0.0], [0.1]]))
+    assert frames == (41, 68, 69)
+    np.testing.assert_allclose(depths[:, 0], [0.0, 0.1, 0.2])
+
+
+def test_it_is_said_why_a_fit_does_not_follow(tested: LonePage):
+    tab = tested.page.tab
+    tab.set(b=FitChoice(phase=2))
+    drag(tested, 1, 20.0, WRIST)
+    told = tab.message[0]
+    assert "left wrist moved, frame 1. The fit does not follow: B shows" in told and "shared shape" in told
+    assert not tab.session.edit_follower.busy
+
+
+def test_keyframes_in_words():
+    assert describe(RemoveKey(frames=(1, 2, 3), joints=(WRIST,), at=2), 1) == (
+        "left wrist keyframe deleted, frame 3; frames 2, 4 follow"
+    )

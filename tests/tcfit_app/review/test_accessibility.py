@@ -1,0 +1,79 @@
+"""axe-core finds no serious fault in any panel and mode: names, contrast, roles."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.keypoints import INDEX
+from tcfit_app.review.panels import PANELS
+from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+
+
+@pytest.fixture(scope="module")
+def fitted(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
+    folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("read") / "demo.tcfit"))
+    with reviewing(folder, browser) as found:
+        found.app.post(lambda: found.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
+        until(lambda: found.session.fits.runs and not found.session.jobs, "the fit")
+        found.app.post(lambda: found.page.tab.set(selection=(INDEX["right_wrist"],)))
+        yield found
+
+
+@pytest.fixture(scope="module", params=["dark", "light"])
+def review(fitted: Reviewing, request: pytest.FixtureRequest) -> Reviewing:
+    """The same page as systems have it that are dark or light."""
+    fitted.tab.emulate_media(color_scheme=request.param)
+    until(lambda: fitted.tab.evaluate("document.documentElement.dataset.mantineColorScheme") == request.param)
+    return fitted
+
+
+def faults(review: Reviewing) -> list[str]:
+    """What hinders people, by axe's own judgement."""
+    review.tab.wait_for_timeout(600)  # fields get their names once a panel is there
+    found = axe.Axe().run(review.tab).response["violations"]
+    grave = [fault for fault in found if fault["impact"] in ("serious", "critical")]
+    return [f"{fault['id']}: {node['html'][:200]}" for fault in grave for node in fault["nodes"]]
+
+
+@pytest.mark.parametrize("title", [panel.title for panel in PANELS])
+def test_panels(review: Reviewing, title: str):
+    review.tab.get_by_role("tab", name=title, exact=True).click()
+    assert faults(review) == []
+
+
+def test_the_timeline_is_light_or_dark_as_the_system_is(review: Reviewing):
+    """Not its ground alone: what is drawn on its canvas is told apart from that."""
+    light = review.tab.evaluate("matchMedia('(prefers-color-scheme: light)').matches")
+    review.tab.wait_for_timeout(300)
+    drawn = cv2.imdecode(np.frombuffer(review.tab.locator(".tcfit-strip").screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert drawn is not None
+    ground = np.median(drawn)
+    assert ground > 200 if light else ground < 60
+    assert (np.abs(drawn.astype(int) - ground) > 80).mean() > 0.005
+
+
+@pytest.mark.parametrize("mode", ["ab", "space"])
+def test_modes(review: Reviewing, mode: str):
+    review.tab.get_by_role("tab", name="View", exact=True).click()
+    review.app.post(lambda: review.page.tab.set(mode=mode, difference=True))
+    assert faults(review) == []
+
+
+def test_menus_and_the_window_of_keys(review: Reviewing):
+    review.app.post(lambda: review.page.tab.set(mode="edit", difference=False))
+    review.press("h", lambda: review.tab.locator(".tcfit-keys").count())
+    assert faults(review) == []
+    review.press("Escape", lambda: not review.tab.locator(".tcfit-keys").count())
+    review.tab.get_by_role("button", name="Curves").first.click()
+    until(lambda: review.tab.get_by_role("menu").count(), "the menu")
+    assert faults(review) == []

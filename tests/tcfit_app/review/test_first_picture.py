@@ -1,0 +1,79 @@
+"""The first picture of a page is drawn where it stays, whatever else comes after it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from tcfit_app.project.project import Project
+from tests.drivers.review_page import opened, reviewing
+from tests.samples.project_samples import sample_clip
+from tests.samples.spot_clips import empty_project, spot_video
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+CORNERS = """
+  window.corners = new Set();
+  const look = () => {
+    const layout = window.tcfit?.state?.("layout");
+    let drawn = false;
+    for (const [name, node] of Object.entries(window.__viserMutable?.nodeRefFromName ?? {}))
+      if (name.endsWith("/video")) node?.traverse((child) => (drawn ||= Boolean(child.material?.map?.image?.width)));
+    if (layout?.image && drawn) {
+      const places = [tcfit.place(0, 0), tcfit.place(...layout.image)].flat().map(Math.round);
+      corners.add([...places, __viserMutable.canvas.clientHeight].join(" "));
+    }
+    requestAnimationFrame(look);
+  };
+  look();
+"""
+"""Notes where the corners of the picture are, from when it is there."""
+
+
+@pytest.mark.parametrize("size", [(720, 1280), (1280, 720)])
+def test_the_first_picture_is_drawn_where_it_stays(browser: "Browser", tmp_path: Path, size: tuple[int, int]):
+    clip = sample_clip()
+    center = size[0] / 2, size[1] / 2
+    folder = tmp_path / "clip.tcfit"
+    Project.create(folder, replace(clip, camera=replace(clip.camera, size=size, center=center))).close()
+    with reviewing(folder, browser) as first:
+        review = opened(first.app, first.server, browser, script=CORNERS)
+        review.tab.wait_for_function("corners.size > 0")
+        review.tab.get_by_role("tab", name="View", exact=True).wait_for()
+        review.rest()
+        found = review.tab.evaluate("[...corners]")
+        assert len(found) == 1, found
+        left, top, right, bottom, height = map(int, found[0].split())
+        assert (right - left) / (bottom - top) == pytest.approx(size[0] / size[1], rel=0.02) and bottom <= height
+
+
+LATE_PICTURES = """
+  const { get, set } = Object.getOwnPropertyDescriptor(HTMLImageElement.prototype, "src");
+  Object.defineProperty(HTMLImageElement.prototype, "src", {
+    get, set(value) { setTimeout(() => set.call(this, value), 1500); }
+  });
+"""
+"""As in a browser that is busy: viser has drawn its nodes before their first pictures are decoded."""
+
+
+def test_a_picture_that_comes_late_is_seen(browser: "Browser", tmp_path: Path):
+    """Not the white of a material that was compiled before."""
+    folder = tmp_path / "clip.tcfit"
+    media = spot_video(tmp_path / "spots")
+    empty_project(folder, media)
+    with reviewing(folder, browser) as first:
+        review = opened(first.app, first.server, browser, script=LATE_PICTURES)
+        review.tab.wait_for_timeout(4000)
+        review.rest()
+        pixels = cv2.imdecode(np.frombuffer(review.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        assert pixels is not None
+        width, height = review.session.project.clip.camera.size
+        (left, top), (right, bottom) = (
+            review.tab.evaluate("([x, y]) => tcfit.place(x, y)", corner) for corner in ([0, 0], [width, height])
+        )
+        shown = pixels[round(top) + 2 : round(bottom) - 2, round(left) + 2 : round(right) - 2]
+        assert shown.std() > 5 and np.median(shown) < 250

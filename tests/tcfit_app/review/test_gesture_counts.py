@@ -1,0 +1,148 @@
+"""How many clicks, drags and keys the usual tasks take: each is done here as a user does it, and counted."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from fitting_core.keypoints import INDEX, NAMES
+from tests.drivers.page_tab import GUTTER, MARGIN
+from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+WRIST, HAND = INDEX["right_wrist"], range(NAMES.index("right_thumb1") - 1, NAMES.index("right_thumb1") + 20)
+RULER = 40.0
+"""Its middle, in pixels below the timeline's upper border."""
+
+
+@dataclass
+class User:
+    """Does things, and counts them."""
+
+    review: Reviewing
+    count: int = 0
+
+    def click(self, x: float, y: float) -> None:
+        self.count += 1
+        self.review.tab.mouse.click(x, y)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        self.count += 1
+        mouse = self.review.tab.mouse
+        mouse.move(*start)
+        mouse.down()
+        mouse.move(*end, steps=5)
+        mouse.up()
+
+    def key(self, name: str) -> None:
+        self.count += 1
+        self.review.tab.keyboard.press(name)
+
+    def press(self, role: str, name: str) -> None:
+        self.count += 1
+        self.review.tab.get_by_role(role, name=name, exact=False).first.click()  # pyright: ignore[reportArgumentType]
+
+    def in_timeline(self, frame: float, y: float = 90.0) -> tuple[float, float]:
+        box = self.review.tab.locator(".tcfit-strip").bounding_box()
+        assert box is not None
+        length = self.review.page.tab.length
+        return box["x"] + GUTTER + (frame + 0.5) / length * (box["width"] - GUTTER - MARGIN), box["y"] + y
+
+    def seek(self, frame: int) -> None:
+        self.click(*self.in_timeline(frame))
+        until(lambda: self.review.frame == frame, f"frame {frame}")
+        until(lambda: self.review.tab.evaluate("() => tcfit.state('keypoints').frame") == frame, "its keypoints")
+
+    def select_frames(self, first: int, last: int) -> None:
+        self.drag(self.in_timeline(first, RULER), self.in_timeline(last, RULER))
+        until(lambda: self.review.page.tab.state.frames == range(first, last + 1), "the selected frames")
+
+    def move_wrist(self, by: tuple[float, float]) -> None:
+        x, y = self.review.place("right_wrist")
+        self.drag((x, y), (x + by[0], y + by[1]))
+
+
+@pytest.fixture(scope="module")
+def review(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
+    folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("counted") / "demo.tcfit"))
+    with reviewing(folder, browser) as found:
+        found.app.post(lambda: found.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
+        until(lambda: found.session.fits.runs and not found.session.jobs, "the fit")
+        yield found
+        assert not found.complaints
+
+
+@pytest.fixture
+def user(review: Reviewing) -> User:
+    page = review.page
+    review.app.post(lambda: page.tab.set(mode="edit", frame=8, selection=(), frames=None, side=True))
+    until(lambda: review.frame == 8)
+    review.rest()
+    return User(review)
+
+
+def test_a_wrist_that_is_wrong_over_ten_frames(user: User):
+    review = user.review
+    before, edits = review.session.project.corrected, review.session.project.last_edit
+    for frame in (5, 14):
+        user.seek(frame)
+        user.move_wrist((30.0, -20.0))
+        edits += 1
+        until(lambda done=edits: review.session.project.last_edit == done, "the edit")
+    assert user.count == 4, "two seeks and two drags"
+    after, way = review.session.project.corrected, np.array([30.0, -20.0]) / review.scale()
+    for frame in range(5, 15):
+        np.testing.assert_allclose(after.xy[frame, WRIST] - before.xy[frame, WRIST], way, atol=0.1)
+        there = [joint for joint in HAND if before.confidence[frame, joint] > 0]
+        assert there and np.abs(after.xy[frame, there] - before.xy[frame, there] - way).max() < 0.1
+    review.rest()
+
+
+def test_a_keypoint_that_is_bad_over_a_range(user: User):
+    user.select_frames(3, 12)
+    user.click(*user.review.place("right_wrist"))
+    user.key("x")
+    until(lambda: user.review.session.project.corrected.bad[3:13, WRIST].all(), "the marks")
+    assert user.count == 3
+
+
+def test_another_weight_on_a_range_beside_the_old_run(user: User):
+    review, page = user.review, user.review.page
+    runs = len(review.session.fits.runs)
+    user.select_frames(6, 14)
+    user.press("tab", "Fit")
+    field = review.tab.get_by_label("w_T", exact=False).first
+    user.count += 1
+    field.fill("500")
+    field.press("Enter")
+    until(lambda: page.tab.state.settings.config.temporal.weight == 500, "the weight")
+    user.press("button", "Re-run frames")
+    until(lambda: len(review.session.fits.runs) > runs, "the run")
+    user.key("2")
+    review.rest()
+    assert user.count == 5
+    old, new = page.tab.look().a, page.tab.look().b
+    assert old is not None and new is not None
+    assert new.run.id == review.session.fits.runs[-1].id and old.run.id == new.run.parent
+
+
+def test_an_arm_on_the_wrong_side_over_twenty_frames(user: User):
+    user.select_frames(2, 21)
+    user.click(*user.review.place("right_wrist"))
+    user.key("Shift+M")
+    until(lambda: np.isfinite(user.review.session.project.corrected.depth[2:22, WRIST]).all(), "the depths")
+    assert user.count == 3
+    user.review.rest()
+
+
+def test_a_glb(user: User):
+    user.press("tab", "Export")
+    with user.review.tab.expect_download() as waiting:
+        user.press("button", "GLB")
+    assert waiting.value.suggested_filename.endswith(".glb") and user.count == 2

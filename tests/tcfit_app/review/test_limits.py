@@ -1,0 +1,46 @@
+"""What a page can make the app keep has an end."""
+
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import pytest
+import viser
+
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.review import app as review_app
+from tcfit_app.review.app import ReviewApp
+from tcfit_app.review.browser.page_events import Hello
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.tab.tab import REMEMBERED
+from tests.drivers.lone_page import lone_page, sample_project
+
+
+def test_tabs_that_were_closed_are_forgotten_in_the_end(panel_server: viser.ViserServer, tmp_path: Path):
+    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as made:
+        page, remembered = made.page, made.page.tab._remembered
+
+        def greet(name: str) -> None:
+            page.receive(Hello(tab=name, width=960, height=640))
+
+        greet("an old one that is still there")
+        page.tab.set(frame=3)
+        for i in range(2 * REMEMBERED):
+            greet(f"forged {i}")
+            if i % 100 == 0:
+                greet("an old one that is still there")
+                assert [*remembered][-1] == "an old one that is still there"
+        assert len(remembered) == REMEMBERED
+        assert "an old one that is still there" in remembered and "forged 0" not in remembered
+
+
+def test_what_pages_ask_for_waits_only_so_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(review_app, "MOST_COMMANDS", 10)
+    done: list[int] = []
+    with sample_project(tmp_path / "walk.tcfit") as project:
+        app = ReviewApp(Session(project, Bodies()), MagicMock())
+        for i in range(30):
+            app._take(lambda i=i: done.append(i))
+        app.post(lambda: done.append(-1))
+        app._obey(0.0)
+        app.close()
+    assert done == [*range(10), -1], "and what the app itself asks for is done"

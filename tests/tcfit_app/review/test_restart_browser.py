@@ -1,0 +1,64 @@
+"""tcfit is started again at the same port, with a page of the one before still open."""
+
+import re
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.project.edits.kinds import MarkBad
+from tcfit_app.project.project import Project
+from tcfit_app.review.app import ReviewApp
+from tcfit_app.review.browser.channel import web_files
+from tcfit_app.review.session.session import Session
+from tcfit_app.server.serving import ReviewServer, review_server
+from tests.drivers.review_page import PATIENCE, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+
+@contextmanager
+def served(folder: Path, port: int) -> Iterator[tuple[ReviewApp, ReviewServer]]:
+    with (
+        Project.open(folder) as project,
+        review_server("again", port=port, open_browser=False, scripts=web_files(), say=lambda text: None) as server,
+    ):
+        app = ReviewApp(Session(project, Bodies()), server.viser)
+        thread = threading.Thread(target=app.run)
+        thread.start()
+        try:
+            yield app, server
+        finally:
+            app.stop()
+            thread.join(PATIENCE)
+            app.close()
+
+
+def test_a_page_goes_on_with_the_next_tcfit(demo_project: Path, browser: "Browser", tmp_path: Path):
+    folder = Path(shutil.copytree(demo_project, tmp_path / "demo.tcfit"))
+    context = browser.new_context(viewport={"width": 1200, "height": 700})
+    tab = context.new_page()
+    card = tab.locator(".tcfit-card h2")
+    with served(folder, 0) as (app, server):
+        port = server.address.port
+        tab.goto(server.gate.link)
+        page = until(lambda: next((p for p in app.pages.values() if p.tab.ready), None), "the page")
+        app.post(lambda: page.tab.session.edit(MarkBad(frames=(1,), joints=(4,)), author=page.tab.author))
+        until(lambda: app.session.project.log, "the edit")
+    until(lambda: card.is_visible() and "cannot be reached" in card.inner_text(), "the loss")
+    with served(folder, port) as (app, server):
+        assert server.address.port == port
+        until(lambda: "started again" in card.inner_text(), "what to do")
+        other = context.new_page()
+        other.goto(server.gate.link)
+        until(lambda: sum(p.tab.ready for p in app.pages.values()) == 2, "both pages")
+        tab.bring_to_front()
+        until(lambda: not card.is_visible(), "the end of the loss")
+        for one in (tab, other):
+            one.get_by_role("tab", name="Keypoints", exact=True).click()
+            one.locator("tr", has_text="marked bad").get_by_text(re.compile("^you$")).wait_for()
+    context.close()

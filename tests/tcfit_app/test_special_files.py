@@ -1,0 +1,72 @@
+"""Paths that are no plain files, where the app reads what a user names: refused, or taken for nothing, at once."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from tcfit_app.batch.fingerprint import content_of
+from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
+from tcfit_app.batch.records import read_record
+from tcfit_app.bench.figures import read_bench
+from tcfit_app.options.batch import BatchOptions
+from tcfit_app.options.fit import FitOptions
+from tcfit_app.project.packed import packed_creation_time, unpack
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.clip import DETECTIONS
+from tests.samples.project_samples import sample_clip
+from tests.samples.special_files import SPECIAL, pipe
+
+
+def task(video: Path, keypoints: Path) -> ClipTask:
+    fit = FitOptions(video=video, keypoints=keypoints, out=video.parent / "out")
+    return ClipTask(line=2, name="out", fit=fit, config=FitConfig())
+
+
+def from_list(path: Path) -> Any:
+    return read_manifest(BatchOptions(manifest=path), Complaints(path))
+
+
+READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
+    "figures of the bench": ("before.json", read_bench),
+    "a list of clips": ("clips.csv", from_list),
+    "a clip's video": ("walk.mp4", lambda path: content_of(task(path, path.parent))),
+    "a clip's keypoints": ("walk.json", lambda path: content_of(task(path.parent, path))),
+    "a packed project": ("walk.tcfitz", lambda path: unpack(path, path.parent / "walk")),
+    "the age of a packed project": ("walk.tcfitz", packed_creation_time),
+}
+
+
+@pytest.mark.parametrize("make", SPECIAL)
+@pytest.mark.parametrize("name, read", READERS.values(), ids=READERS)
+def test_what_is_no_plain_file_is_refused_at_once(
+    tmp_path: Path, name: str, read: Callable[[Path], Any], make: Callable[[Path], None]
+):
+    make(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name}: is a (named pipe|device), expected a file"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("make", SPECIAL)
+def test_detections_of_a_project(tmp_path: Path, make: Callable[[Path], None]):
+    Project.create(tmp_path / "p", sample_clip()).close()
+    (tmp_path / "p" / DETECTIONS).unlink()
+    make(tmp_path / "p" / DETECTIONS)
+    with pytest.raises(InputError, match=r"is a (named pipe|device), expected a file"):
+        Project.open(tmp_path / "p")
+
+
+def test_a_record_that_is_none_is_no_record(tmp_path: Path):
+    pipe(tmp_path / "record.json")
+    assert read_record(tmp_path / "record.json") is None
+
+
+def test_special_files_in_a_clips_folder_do_not_count(tmp_path: Path):
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "0.png").write_bytes(b"an image")
+    before = content_of(task(tmp_path / "images", tmp_path / "images"))
+    pipe(tmp_path / "images" / "pipe")
+    assert content_of(task(tmp_path / "images", tmp_path / "images")) == before
