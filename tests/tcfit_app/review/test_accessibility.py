@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import cv2
 import numpy as np
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
 
 
+SHOWN_THEME = "document.documentElement.dataset.mantineColorScheme"
+
+
 @pytest.fixture(scope="module")
 def fitted(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
     folder = Path(shutil.copytree(demo_project, tmp_path_factory.mktemp("read") / "demo.tcfit"))
@@ -32,9 +35,14 @@ def fitted(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.Temp
 @pytest.fixture(scope="module", params=["dark", "light"])
 def review(fitted: Reviewing, request: pytest.FixtureRequest) -> Reviewing:
     """The same page as systems have it that are dark or light."""
-    fitted.tab.emulate_media(color_scheme=request.param)
-    until(lambda: fitted.tab.evaluate("document.documentElement.dataset.mantineColorScheme") == request.param)
+    turn(fitted, request.param)
     return fitted
+
+
+def turn(review: Reviewing, theme: Literal["dark", "light"]) -> None:
+    """The system goes over to another theme."""
+    review.tab.emulate_media(color_scheme=theme)
+    until(lambda: review.tab.evaluate(SHOWN_THEME) == theme, f"the {theme} page")
 
 
 def faults(review: Reviewing) -> list[str]:
@@ -60,6 +68,22 @@ def test_the_timeline_is_light_or_dark_as_the_system_is(review: Reviewing):
     ground = np.median(drawn)
     assert ground > 200 if light else ground < 60
     assert (np.abs(drawn.astype(int) - ground) > 80).mean() > 0.005
+
+
+def test_the_page_follows_the_system_while_it_draws(review: Reviewing):
+    """Chromium tells no change of the system's theme that a script has seen by asking before."""
+    review.tab.evaluate(
+        """async () => {
+          const { isDark } = await import("/tcfit/theme.js");
+          (window.asking = () => { isDark(); requestAnimationFrame(window.asking); })();
+        }"""
+    )
+    was = review.tab.evaluate(SHOWN_THEME)
+    for _ in range(4):
+        for theme in ("light", "dark"):
+            turn(review, theme)
+    turn(review, was)
+    review.tab.evaluate("() => void (window.asking = () => {})")
 
 
 @pytest.mark.parametrize("mode", ["ab", "space"])

@@ -200,6 +200,8 @@ watch("beat", (beat) => {
   if (resting !== null) {
     [field, resting] = [resting, null];
     receive("lost", null);
+    emitSoon({ type: "resized", ...canvasSize() }); // or the theme, while nothing went out
+    emit({ type: "theme", dark: isDark() });
   }
   silence = setTimeout(fallSilent, MISSED_BEATS * beat.milliseconds, beat);
 });

@@ -26,17 +26,22 @@ const LIGHT = {
 };
 
 const light = window.matchMedia("(prefers-color-scheme: light)");
+// Asked for once: Chromium tells no change that was seen by asking before it has told it.
+let dark = !light.matches;
 
 /** Those that hold now; for canvases. */
-export const tones = { ...(light.matches ? LIGHT : DARK) };
+export const tones = { ...(dark ? DARK : LIGHT) };
 
 /** Whether everything beside the picture is dark. */
-export const isDark = () => !light.matches;
+export const isDark = () => dark;
 
-/** Calls back when the system goes over to the other one. @param {() => void} change */
+light.addEventListener("change", ({ matches }) => {
+  dark = !matches;
+  Object.assign(tones, dark ? DARK : LIGHT);
+});
+
+/** Calls back when the system has gone over to the other one. @param {() => void} change */
 export const onOtherTheme = (change) => light.addEventListener("change", change);
-
-onOtherTheme(() => Object.assign(tones, light.matches ? LIGHT : DARK));
 
 /** @param {typeof DARK} palette */
 const variables = (palette) => Object.entries(palette).map(([name, color]) => `--tcfit-${name}: ${color};`).join(" ");

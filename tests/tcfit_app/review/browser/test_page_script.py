@@ -16,7 +16,7 @@ from fitting_core.keypoints import COUNT
 from tcfit_app.review.browser import channel
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import loading, web_files
-from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Resized, Select
+from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Resized, Select, Theme
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import (
     ELBOW,
@@ -547,7 +547,8 @@ def test_a_lost_connection_comes_back_as_the_same_tab(tab: Tab, server: ReviewSe
 
 
 def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
-    """The page then takes nothing, lets go of a drag, and goes on in the same connection once it hears again."""
+    """The page then takes nothing, lets go of a drag, and goes on in the same connection once it hears again. What has
+    become of it meanwhile, it tells then."""
     clients = len(tab.clients)
     x, y = tab.screen(*PLACES[WRIST])
     tab.page.mouse.move(x, y)
@@ -562,13 +563,17 @@ def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
     tab.page.mouse.up()
     tab.drag((x, y), (40, 0))
     tab.page.keyboard.press("b")
+    tab.page.emulate_media(color_scheme="dark")
     tab.send("beat", states.Beat(milliseconds=60_000))
     tab.page.wait_for_selector(".tcfit-card", state="hidden")
     tab.page.keyboard.press("b")
     assert tab.await_event(Key).action == "bad"
     tab.settle()
-    assert [event for event in tab.events[known:] if not isinstance(event, Drawn)] == [tab.await_event(Key)]
+    heard = [event for event in tab.events[known:] if not isinstance(event, Drawn | Resized)]
+    assert heard == [Theme(dark=True), tab.await_event(Key)]
+    assert tab.await_event(Resized).width > 0
     tab.send("beat", None)
+    tab.page.emulate_media(color_scheme="light")
     assert len(tab.clients) == clients
 
 
