@@ -564,6 +564,7 @@ def test_a_server_that_does_not_answer_is_noticed(tab: Tab) -> None:
     tab.drag((x, y), (40, 0))
     tab.page.keyboard.press("b")
     tab.page.emulate_media(color_scheme="dark")
+    tab.page.evaluate("() => new Promise((told) => requestAnimationFrame(() => requestAnimationFrame(told)))")
     tab.send("beat", states.Beat(milliseconds=60_000))
     tab.page.wait_for_selector(".tcfit-card", state="hidden")
     tab.page.keyboard.press("b")
