@@ -3,61 +3,93 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Shaped
 
 from fitting_core.keypoints import Keypoints
+
+_RECORD = np.dtype(
+    [
+        ("xy", float, 2),
+        ("shift", float, 2),
+        ("confidence", float),
+        ("depth", float),
+        ("turn", np.float32, 3),
+        ("bad", bool),
+        ("edited", bool),
+        ("key", bool),
+    ],
+    align=True,
+)
+"""All about one keypoint of one frame, in 64 bytes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corrected:
     """Some keypoints of some frames: all of a clip, or those that one edit touches."""
 
-    xy: Float[np.ndarray, "F K 2"]
-    """Pixels, as in Keypoints."""
-    confidence: Float[np.ndarray, "F K"]
-    """0 (not detected) to 1; of a keypoint marked bad what it has once it is restored."""
-    bad: Bool[np.ndarray, "F K"]
-    """Marked as wrong by a person."""
-    edited: Bool[np.ndarray, "F K"]
-    """Position, side or confidence come from a person and not from the detector."""
-    depth: Float[np.ndarray, "F K"]
-    """As in Keypoints; of a keypoint marked bad what counts once it is restored."""
-    turn: Float32[np.ndarray, "F K 3"]
-    """As in Keypoints; of a keypoint marked bad too, for it is the body's."""
-    key: Bool[np.ndarray, "F K"]
-    """A person has put it there as a keyframe: the frames between two of them follow both."""
-    shift: Float[np.ndarray, "F K 2"]
-    """How far keyframes have moved it, pixels: `xy - shift` is where it would be without them, (0, 0) if nowhere."""
+    records: Shaped[np.ndarray, "F K"]
+    """Of `_RECORD`, side by side: an edit reads and writes a few keypoints of a few frames, and all about them."""
 
     @staticmethod
     def none(keypoints: Keypoints) -> "Corrected":
-        """Detections without any correction, in arrays of their own."""
-        nowhere = np.zeros(keypoints.confidence.shape, dtype=bool)
-        return Corrected(
-            xy=np.array(keypoints.xy, dtype=float),
-            confidence=np.array(keypoints.confidence, dtype=float),
-            bad=nowhere,
-            edited=nowhere.copy(),
-            depth=np.full(nowhere.shape, np.nan),
-            turn=np.full((*nowhere.shape, 3), np.nan, np.float32),
-            key=nowhere.copy(),
-            shift=np.zeros((*nowhere.shape, 2)),
-        )
+        """Detections without any correction, in an array of their own."""
+        made = Corrected(records=np.zeros(keypoints.confidence.shape, _RECORD))
+        made.xy[:], made.confidence[:] = keypoints.xy, keypoints.confidence
+        made.depth[:], made.turn[:] = np.nan, np.nan
+        return made
+
+    @property
+    def xy(self) -> Float[np.ndarray, "F K 2"]:
+        """Pixels, as in Keypoints."""
+        return self.records["xy"]
+
+    @property
+    def confidence(self) -> Float[np.ndarray, "F K"]:
+        """0 (not detected) to 1; of a keypoint marked bad what it has once it is restored."""
+        return self.records["confidence"]
+
+    @property
+    def bad(self) -> Bool[np.ndarray, "F K"]:
+        """Marked as wrong by a person."""
+        return self.records["bad"]
+
+    @property
+    def edited(self) -> Bool[np.ndarray, "F K"]:
+        """Position, side or confidence come from a person and not from the detector."""
+        return self.records["edited"]
+
+    @property
+    def depth(self) -> Float[np.ndarray, "F K"]:
+        """As in Keypoints; of a keypoint marked bad what counts once it is restored."""
+        return self.records["depth"]
+
+    @property
+    def turn(self) -> Float32[np.ndarray, "F K 3"]:
+        """As in Keypoints; of a keypoint marked bad too, for it is the body's."""
+        return self.records["turn"]
+
+    @property
+    def key(self) -> Bool[np.ndarray, "F K"]:
+        """A person has put it there as a keyframe: the frames between two of them follow both."""
+        return self.records["key"]
+
+    @property
+    def shift(self) -> Float[np.ndarray, "F K 2"]:
+        """How far keyframes have moved it, pixels: `xy - shift` is where it would be without them, (0, 0) if
+        nowhere."""
+        return self.records["shift"]
 
     def at(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> "Corrected":
         """A copy of some keypoints in some frames."""
-        cells = self._cells(frames, joints)
-        return Corrected(**{name: _flat(array).take(cells, axis=0) for name, array in vars(self).items()})
+        return Corrected(records=self.records.reshape(-1).take(self._cells(frames, joints)))
 
     def put(self, frames: tuple[int, ...], joints: tuple[int, ...], values: "Corrected") -> None:
         """Overwrite some keypoints in some frames, in place: a copy of a long clip for each edit would add up."""
-        cells = self._cells(frames, joints)
-        for name, array in vars(self).items():
-            _flat(array)[cells] = getattr(values, name)
+        self.records.reshape(-1)[self._cells(frames, joints)] = values.records
 
     def _cells(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> np.ndarray:
-        """Numbers of some keypoints in the arrays that `_flat` gives: reading by these takes a third of np.ix_."""
-        return np.array(frames)[:, None] * self.confidence.shape[1] + np.array(joints)
+        """Numbers of some keypoints among all of all frames: reading by these takes a third of np.ix_."""
+        return np.array(frames)[:, None] * self.records.shape[1] + np.array(joints)
 
     @property
     def present(self) -> Bool[np.ndarray, "F K"]:
@@ -77,28 +109,22 @@ class Corrected:
     @property
     def nbytes(self) -> int:
         """Memory in bytes."""
-        return sum(array.nbytes for array in vars(self).values())
+        return self.records.nbytes
 
     def frozen(self) -> "Corrected":
         """A copy that nobody can write to."""
-        return Corrected(**{name: _fixed(array.copy()) for name, array in vars(self).items()})
+        return Corrected(records=_fixed(self.records.copy()))
 
     def keypoints(self) -> Keypoints:
-        """What is fitted, of values that are `frozen`: a keypoint marked bad has confidence 0."""
-        assert not self.xy.flags.writeable
+        """What is fitted: a keypoint marked bad has confidence 0. In arrays of their own, which nobody can write to."""
         depth = _fixed(self.told_depth)
         return Keypoints(
-            xy=self.xy,
+            xy=_fixed(self.xy.copy()),
             confidence=_fixed(np.where(self.bad, 0.0, self.confidence)),
             by_hand=_fixed(self.edited & self.present),
             depth=depth if np.isfinite(depth).any() else None,
-            turn=self.turn if self.locked.any() else None,
+            turn=_fixed(self.turn.copy()) if self.locked.any() else None,
         )
-
-
-def _flat(array: np.ndarray) -> np.ndarray:
-    """All keypoints of all frames in one row, without copying them where they are those of the whole clip."""
-    return array.reshape(-1, *array.shape[2:])
 
 
 def _fixed(array: np.ndarray) -> np.ndarray:

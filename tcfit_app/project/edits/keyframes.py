@@ -64,7 +64,7 @@ def keyed(
     values, detected = now.at(seen, joints), detections.at(seen, joints)
     changed = sorted(frame - start for frame in (removed, placed) if frame is not None)
     for column in range(len(joints)):
-        one, found = _column(values, column), _column(detected, column)
+        one, found = (Corrected(records=part.records[:, column]) for part in (values, detected))
         keys = np.flatnonzero(one.key)
         first = max(keys[keys < changed[0]], default=changed[0])
         last = min(keys[keys > changed[-1]], default=changed[-1])
@@ -72,9 +72,9 @@ def keyed(
             one.key[removed - start] = False
         if placed is not None and xy is not None:
             _place(one, placed - start, xy[column])
-        _follow(*(_rows(part, slice(int(first), int(last) + 1)) for part in (one, found)))
+        _follow(*(Corrected(records=part.records[first : last + 1]) for part in (one, found)))
     inside = slice(frames.start - start, frames.stop - start)
-    return _rows(values, inside)
+    return Corrected(records=values.records[inside])
 
 
 def carried(now: Corrected, joints: tuple[int, ...], frame: int, to: int) -> Float[np.ndarray, "n 2"]:
@@ -83,14 +83,6 @@ def carried(now: Corrected, joints: tuple[int, ...], frame: int, to: int) -> Flo
     there = _there(ends)
     shifted = ends.xy[1] - ends.shift[1] + ends.shift[0]
     return np.where((there[0] & there[1])[:, None], shifted, ends.xy[0])
-
-
-def _column(values: Corrected, column: int) -> Corrected:
-    return Corrected(**{name: array[:, column] for name, array in vars(values).items()})
-
-
-def _rows(values: Corrected, rows: slice) -> Corrected:
-    return Corrected(**{name: array[rows] for name, array in vars(values).items()})
 
 
 def _there(values: Corrected) -> Bool[np.ndarray, "*any"]:

@@ -5,7 +5,6 @@ keypoints as they were before it, and on nothing else.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import get_args
 
 import msgspec
@@ -79,7 +78,8 @@ class MoveKeypoint(_Edit, frozen=True, tag="move"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return _placed(here, np.array(self.xy, dtype=float), np.full_like(here.confidence, self.confidence))
+        _place(here, np.array(self.xy, dtype=float), self.confidence)
+        return here
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.frames) or any(len(row) != len(self.joints) for row in self.xy):
@@ -96,8 +96,8 @@ class Nudge(_Edit, frozen=True, tag="nudge"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        moved = _placed(here, here.xy + np.array(self.by), np.ones_like(here.confidence))
-        return _chosen(here.present, moved, here)
+        _place(here, here.xy + np.array(self.by), 1.0, where=here.present)
+        return here
 
     def problem(self, length: int) -> str:
         near = all(abs(value) <= _MAX_POSITION for value in self.by)
@@ -109,7 +109,8 @@ class MarkBad(_Edit, frozen=True, tag="mark_bad"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return replace(here, bad=np.ones_like(here.bad))
+        here.bad[:] = True
+        return here
 
 
 class Restore(_Edit, frozen=True, tag="restore"):
@@ -117,7 +118,8 @@ class Restore(_Edit, frozen=True, tag="restore"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return replace(here, bad=np.zeros_like(here.bad))
+        here.bad[:] = False
+        return here
 
 
 class SwapSides(_Edit, frozen=True, tag="swap_sides"):
@@ -125,7 +127,9 @@ class SwapSides(_Edit, frozen=True, tag="swap_sides"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         other = now.at(self.frames, tuple(MIRRORED[joint] for joint in self.joints))
-        return replace(other, edited=np.ones_like(other.edited), turn=now.at(self.frames, self.joints).turn)
+        other.edited[:] = True
+        other.turn[:] = now.at(self.frames, self.joints).turn
+        return other
 
     def problem(self, length: int) -> str:
         if face := [NAMES[j] for j in self.joints if j not in MIRRORED]:
@@ -141,11 +145,10 @@ class CopyFrom(_Edit, frozen=True, tag="copy"):
     """The frame to copy from."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        one = now.at((self.source,), self.joints)
-        source = Corrected(**{name: np.repeat(array, len(self.frames), 0) for name, array in vars(one).items()})
-        confidence = np.where(source.confidence > 0, 1.0, 0.0)
-        here = replace(now.at(self.frames, self.joints), depth=source.depth)
-        return replace(_placed(here, source.xy, confidence), bad=source.bad)
+        here, source = now.at(self.frames, self.joints), now.at((self.source,), self.joints)
+        _place(here, source.xy, np.where(source.confidence > 0, 1.0, 0.0))
+        here.bad[:], here.depth[:] = source.bad, source.depth
+        return here
 
     def problem(self, length: int) -> str:
         return "" if 0 <= self.source < length else f"it copies from frame {self.source}"
@@ -171,11 +174,11 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
         here, ends = now.at(self.frames, self.joints), now.at((self.first, self.last), self.joints)
         share = (np.array(self.frames) - self.first)[:, None] / (self.last - self.first)
         told = (1 - share) * ends.told_depth[0] + share * ends.told_depth[1]
-        depth = np.where(np.isfinite(told), told, here.depth)
         xy = (1 - share)[..., None] * ends.xy[0] + share[..., None] * ends.xy[1]
-        here = replace(here, depth=depth)
-        line = _placed(here, xy, np.ones_like(here.confidence))
-        return _chosen(np.broadcast_to(ends.present.all(0), here.bad.shape), line, here)
+        in_both = np.logical_and(*ends.present)
+        np.copyto(here.depth, told, where=np.isfinite(told))
+        _place(here, xy, 1.0, where=in_both)
+        return here
 
     def problem(self, length: int) -> str:
         if not 0 <= self.first < min(self.frames) <= max(self.frames) < self.last < length:
@@ -198,12 +201,8 @@ class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
         there = here.confidence > 0
-        return replace(
-            here,
-            confidence=np.where(there, self.confidence, here.confidence),
-            bad=here.bad & ~there,
-            edited=here.edited | there,
-        )
+        here.confidence[there], here.bad[there], here.edited[there] = self.confidence, False, True
+        return here
 
     def problem(self, length: int) -> str:
         return _confidence_problem(self.confidence)
@@ -216,7 +215,9 @@ class SetDepth(_Edit, frozen=True, tag="depth"):
     """Metres behind the pelvis along the camera's z, for each of `frames` and in it for each of `joints`."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        return replace(now.at(self.frames, self.joints), depth=np.array(self.depth, dtype=float))
+        here = now.at(self.frames, self.joints)
+        here.depth[:] = self.depth
+        return here
 
     def problem(self, length: int) -> str:
         return _depths_problem(self.depth, self.frames, self.joints) or _depth_problem(self.joints)
@@ -227,7 +228,8 @@ class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return replace(here, depth=np.full_like(here.depth, np.nan))
+        here.depth[:] = np.nan
+        return here
 
     def problem(self, length: int) -> str:
         return _depth_problem(self.joints)
@@ -242,9 +244,10 @@ class Pin(_Edit, frozen=True, tag="pin"):
     """As in `SetDepth`: the pelvis moves, and they do not."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = replace(now.at(self.frames, self.joints), depth=np.array(self.depth, dtype=float))
-        xy = np.tile(np.array(self.xy, dtype=float), (len(self.frames), 1, 1))
-        return _placed(here, xy, np.ones_like(here.confidence))
+        here = now.at(self.frames, self.joints)
+        here.depth[:] = self.depth
+        _place(here, np.array(self.xy, dtype=float), 1.0)
+        return here
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.joints):
@@ -264,7 +267,8 @@ class Lock(_Edit, frozen=True, tag="lock"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return replace(here, turn=np.broadcast_to(np.array(self.turn, np.float32), here.turn.shape))
+        here.turn[:] = self.turn
+        return here
 
     def problem(self, length: int) -> str:
         if len(self.turn) != len(self.joints):
@@ -279,7 +283,8 @@ class Unlock(_Edit, frozen=True, tag="unlock"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        return replace(here, turn=np.full_like(here.turn, np.nan))
+        here.turn[:] = np.nan
+        return here
 
     def problem(self, length: int) -> str:
         return _lock_problem(self.joints)
@@ -418,19 +423,12 @@ def _lock_problem(joints: tuple[int, ...]) -> str:
     return f"{others[0]} is no joint that can be locked: only neck, head, arms and legs have such" if others else ""
 
 
-def _placed(here: Corrected, xy: np.ndarray, confidence: np.ndarray) -> Corrected:
-    """Keypoints that a person vouches for, and puts somewhere; what is told of depth and turns stays."""
-    nowhere = np.zeros(confidence.shape, bool)
-    return replace(
-        here, xy=xy, confidence=confidence, bad=nowhere, edited=~nowhere, key=nowhere, shift=np.zeros_like(xy)
-    )
-
-
-def _chosen(where: np.ndarray, one: Corrected, other: Corrected) -> Corrected:
-    """`one` where the mask is true, else `other`."""
-    return Corrected(
-        **{
-            name: np.where(where.reshape(where.shape + (1,) * (array.ndim - where.ndim)), array, getattr(other, name))
-            for name, array in vars(one).items()
-        }
-    )
+def _place(here: Corrected, xy: np.ndarray, confidence: np.ndarray | float, *, where: np.ndarray | bool = True) -> None:
+    """A person vouches for keypoints, and puts them somewhere; what is told of depth and turns stays."""
+    of_points = where if isinstance(where, bool) else where[..., None]
+    np.copyto(here.xy, xy, where=of_points)
+    np.copyto(here.shift, 0.0, where=of_points)
+    np.copyto(here.confidence, confidence, where=where)
+    np.copyto(here.edited, True, where=where)
+    np.copyto(here.bad, False, where=where)
+    np.copyto(here.key, False, where=where)
