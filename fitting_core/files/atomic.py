@@ -87,6 +87,15 @@ def sweep(folder: Path) -> None:
         _delete_if_left(left)
 
 
+def sweep_beside(path: Path) -> None:
+    """Delete what processes that died have left beside a file or folder that is whole."""
+    for number in itertools.count(1):
+        folder = _hidden(path, number)
+        if not folder.exists():
+            return
+        _delete_if_left(folder)
+
+
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
     """A folder among the system's temporary ones; gone when the block ends.

@@ -26,7 +26,7 @@ import numpy as np
 
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import drafting, put_folder, sweep
+from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.project.edits.corrected import Corrected
@@ -70,6 +70,7 @@ class Project:
         if held:
             with accessing(folder):
                 sweep(folder)
+                sweep_beside(folder)
             self.runs.recover()
         senseless: set[int] = set()
 

@@ -103,6 +103,17 @@ def test_an_edit_that_makes_no_sense_is_not_in_the_log(folder: Path):
         assert len(project.log) == 3
 
 
+def test_what_a_killed_process_left_beside_a_project_is_gone_once_it_is_opened(folder: Path):
+    """It was killed right after the project had come to its place."""
+    left = folder.with_name(f".{folder.name}.partial")
+    left.mkdir()
+    (left / "tcfit-draft.lock").touch()
+    Project.open(folder, read_only=True).close()
+    assert left.exists()
+    Project.open(folder).close()
+    assert not left.exists()
+
+
 def test_the_clip_is_made_anew_only_when_it_is_another(folder: Path, tmp_path: Path):
     with Project.open(folder) as project:
         first = project.clip
