@@ -90,16 +90,24 @@ class Reviewing:
     def rest(self) -> None:
         """Until nothing is being fitted, the tab shows its frame and layout, and the camera stands still."""
         until(lambda: not self.session.jobs and not self.session.edit_follower.busy, "the fits")
-        until(self._shows_its_frame, "the tab's frame")
+        for _ in range(2):  # all that is on show now has been drawn once
+            turned = threading.Event()
+            self.app.post(turned.set)
+            assert turned.wait(PATIENCE), "waited too long for the app to draw"
+        until(self._shows_its_state, "the tab's frame and layout")
         before = None
         while (now := self.tab.evaluate("() => tcfit.place(0, 0).concat(tcfit.place(100, 100))")) != before:
             before = now
             self.tab.wait_for_timeout(150)
 
-    def _shows_its_frame(self) -> bool:
-        frame, mode = self.tab.evaluate("() => [tcfit.state('keypoints')?.frame, tcfit.state('layout')?.mode]")
-        state = self.page.tab.state
-        return mode == "space" if state.mode == "space" else (frame, mode) == (state.frame, "poster")
+    def _shows_its_state(self) -> bool:
+        frame, layout = self.tab.evaluate("() => [tcfit.state('keypoints')?.frame, tcfit.state('layout')]")
+        tab = self.page.tab
+        if layout is None or tab.state.mode == "space":
+            return layout is not None and layout["mode"] == "space"
+        kinds = {poster.get("kind") for poster in layout["posters"]}
+        side = tab.state.side and tab.shown.held is not None
+        return frame == tab.state.frame and layout["mode"] == "poster" and ("side" in kinds) == side
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.review_page import PATIENCE, until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Page
 
 
 @contextmanager
@@ -59,6 +59,11 @@ def test_a_page_goes_on_with_the_next_tcfit(demo_project: Path, browser: "Browse
         tab.bring_to_front()
         until(lambda: not card.is_visible(), "the end of the loss")
         for one in (tab, other):
-            one.get_by_role("tab", name="Keypoints", exact=True).click()
-            one.locator("tr", has_text="marked bad").get_by_text(re.compile("^you$")).wait_for()
+            until(lambda one=one: _lists_an_edit_of_its_own(one), "the edit")
     context.close()
+
+
+def _lists_an_edit_of_its_own(tab: "Page") -> bool:
+    # A page that comes back gets its panels anew, maybe only now, and the first of them is open then.
+    tab.get_by_role("tab", name="Keypoints", exact=True).click()
+    return tab.locator("tr", has_text="marked bad").get_by_text(re.compile("^you$")).is_visible()
