@@ -100,6 +100,8 @@ class Review:
     keypoint: str = "right_wrist"
     """Which one is dragged."""
     window: tuple[int, int] = (1440, 900)
+    plays: float = 20.0
+    """Seconds of playback from the clip's beginning."""
     side: bool = True
     """With the side view beside the picture, as it is at first."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -198,6 +200,18 @@ def streamed(page: "Page") -> list[float]:
     return [] if found is None else [found]
 
 
+def playback(page: "Page", seconds: float) -> tuple[list[float], list[float]]:
+    """Milliseconds between pictures and between bodies while the clip is played in real time."""
+    page.keyboard.press("Home")
+    page.wait_for_timeout(2 * SETTLED_MS)
+    page.evaluate("() => { window.__picture.length = window.__mesh.length = 0; }")
+    page.keyboard.press("Space")
+    page.wait_for_timeout(1000 * seconds)
+    pictures, bodies = (np.diff(times) for times in page.evaluate("() => [window.__picture, window.__mesh]"))
+    page.keyboard.press("Space")
+    return pictures[pictures > SAME_BODY_MS].tolist(), bodies[bodies > SAME_BODY_MS].tolist()
+
+
 def summary(what: str, times: list[float], target: str) -> Row:
     """A line of the table; milliseconds."""
     return repeated(Figure(name=what, unit="ms", values=tuple(times))) | {"target": target}
@@ -266,6 +280,9 @@ def run(options: Review) -> None:
             place = on_screen(page, project, options.seeks, options.keypoint)
             rows.append(summary("drag without rest: body to body", rapid(page, place, options.moves), ""))
             page.wait_for_timeout(4000)
+            pictures, bodies = playback(page, options.plays)
+            rows.append(summary("playback: picture to picture", pictures, ""))
+            rows.append(summary("playback: body to body", bodies, ""))
             rows.append(summary("Fit everything: key to first body", streamed(page), "2000"))
     report(options, {"Review app": rows})
 

@@ -3,16 +3,14 @@
 from functools import lru_cache
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from assets import PERSPECTIVE
-from fitting_core.errors import InputError
-from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize
+from fitting_core.lifting.network_file import About, fill, read_network, write_network
 from fitting_core.lifting.rays import POINTS, seen
 
 FORMAT = "tcfit perspective 1"
@@ -28,21 +26,17 @@ _OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others")
 """Parts of the lifter that are of no use here."""
 
 
-class About(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class AboutPerspective(About, kw_only=True):
     """What the file says of itself."""
 
-    format: str
-    width: int
-    layers: int
-    heads: int
-    frames: int
-    """Of a window."""
-    rate: float
-    """Frames per second of a window."""
     seen_share: list[float]
     """How often each of LOG_EXTENTS was seen in training: what the network takes for likely before it looks."""
-    notes: str = ""
-    """How it came about, for people."""
+
+    @property
+    def possible(self) -> bool:
+        """Whether there can be such a network."""
+        right = len(self.seen_share) == len(LOG_EXTENTS) and all(share >= 0 for share in self.seen_share)
+        return super().possible and right
 
 
 class PerspectiveNet(nn.Module):
@@ -77,13 +71,8 @@ def hidden_extent(
 
 def write_perspective(path: Path, network: PerspectiveNet, *, seen_share: Float[Tensor, "40"], notes: str) -> None:
     """Write a network, whole or not at all, with half the digits that it was trained with."""
-    arrays = {
-        name: values.detach().cpu().numpy().astype(np.float16)
-        for name, values in network.state_dict().items()
-        if not name.startswith(_OF_LIFTER)
-    }
     size = network.trunk.size
-    about = About(
+    about = AboutPerspective(
         format=FORMAT,
         width=size.width,
         layers=size.layers,
@@ -93,7 +82,8 @@ def write_perspective(path: Path, network: PerspectiveNet, *, seen_share: Float[
         seen_share=[round(float(share), 5) for share in seen_share],
         notes=notes,
     )
-    write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **arrays})
+    arrays = {name: values for name, values in network.state_dict().items() if not name.startswith(_OF_LIFTER)}
+    write_network(path, arrays, about)
 
 
 @lru_cache(maxsize=2)
@@ -103,23 +93,7 @@ def read_perspective(path: Path = PERSPECTIVE) -> tuple[PerspectiveNet, Float[np
     Raises:
         InputError: It is missing, damaged, or of another form.
     """
-    try:
-        arrays = read_npz(path, most=2**26)
-        about = msgspec.json.decode(str(arrays.pop("about")), type=About)
-    except (OSError, ValueError, KeyError, msgspec.DecodeError) as error:
-        raise InputError(f"{path}: is no perspective network ({error}). Install tcfit again.") from error
-    if (about.format, about.frames, about.rate) != (FORMAT, FRAMES, RATE):
-        found = f"{about.format!r} for {about.frames} frames at {about.rate:g} per second"
-        raise InputError(f"{path}: is {found}, expected {FORMAT!r} for {FRAMES} at {RATE:g}. Install tcfit again.")
-    share = np.array(about.seen_share)
-    if share.shape != (len(LOG_EXTENTS),) or not (share >= 0).all() or about.width % max(about.heads, 1):
-        raise InputError(f"{path}: says impossible things of itself ({about}). Install tcfit again.")
-    network = PerspectiveNet(LifterSize(width=about.width, layers=about.layers, heads=about.heads))
-    values = {name: torch.as_tensor(array.astype(np.float32)) for name, array in arrays.items()}
-    wanted = {name: v.shape for name, v in network.state_dict().items() if not name.startswith(_OF_LIFTER)}
-    if {name: v.shape for name, v in values.items()} != wanted:
-        raise InputError(f"{path}: its arrays are not those of its network. Install tcfit again.")
-    if not all(bool(v.isfinite().all()) for v in values.values()):
-        raise InputError(f"{path}: holds values that are not finite. Install tcfit again.")
-    network.load_state_dict(values, strict=False)
-    return network.eval().requires_grad_(False), share
+    about, arrays = read_network(path, AboutPerspective, FORMAT, "perspective network")
+    network = PerspectiveNet(about.size)
+    fill(network, arrays, path, without=_OF_LIFTER)
+    return network, np.array(about.seen_share)

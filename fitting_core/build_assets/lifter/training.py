@@ -11,10 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from fitting_core.build_assets.checkpoint import read_checkpoint, write_checkpoint
 from fitting_core.build_assets.lifter.filming import Film, Studio
-from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
-from fitting_core.files.regular import regular_file
 from fitting_core.lifting.network import Lifted, Lifter, LifterSize
 from fitting_core.lifting.rays import seen
 
@@ -112,14 +110,12 @@ class Training:
     def save(self, path: Path) -> None:
         """Write a checkpoint."""
         state = {
-            "of": self._identity(),
             "step": self.step,
             "network": self.network.state_dict(),
             "average": self.average.state_dict(),
             "optimizers": [optimizer.state_dict() for optimizer in self.optimizers],
         }
-        with replacing(path) as draft:
-            torch.save(state, draft)
+        write_checkpoint(path, self._identity(), state)
 
     def load(self, path: Path) -> None:
         """Go on from a checkpoint; windows are drawn anew from there on.
@@ -127,18 +123,7 @@ class Training:
         Raises:
             InputError: it belongs to a training with other settings, or is no checkpoint.
         """
-        try:
-            state = torch.load(regular_file(path, most=None), weights_only=True)
-            of = state["of"]
-        except Exception as error:  # torch raises whatever the damage led to
-            raise InputError(
-                f"{path}: is no checkpoint of this training ({error}). Delete it to start anew."
-            ) from error
-        if of != self._identity():
-            raise InputError(
-                f"{path}: belongs to a training with other settings, {of}; now: {self._identity()}. Give the same "
-                f"settings to go on with it, or delete it to start anew."
-            )
+        state = read_checkpoint(path, self._identity())
         self.network.load_state_dict(state["network"])
         self.average.load_state_dict(state["average"])
         for optimizer, saved in zip(self.optimizers, state["optimizers"], strict=True):

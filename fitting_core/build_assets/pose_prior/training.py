@@ -12,11 +12,9 @@ from torch import Tensor
 
 from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
+from fitting_core.build_assets.checkpoint import read_checkpoint, write_checkpoint
 from fitting_core.build_assets.pose_prior.autoencoder import NetworkSize, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.loss import Loss, Precision
-from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
-from fitting_core.files.regular import regular_file
 
 _WARM_UP = 1000
 """Steps over which the KL term comes in: with its full weight from the start a third of the latent stayed unused."""
@@ -121,14 +119,12 @@ class Training:
     def save(self, path: Path) -> None:
         """Write a checkpoint."""
         state = {
-            "of": self._identity(),
             "step": self.step,
             "network": self.network.state_dict(),
             "parts": [part.state_dict() for part in (*self.optimizers, *self.rates)],
             "random": self.random.get_state(),
         }
-        with replacing(path) as draft:
-            torch.save(state, draft)
+        write_checkpoint(path, self._identity(), state)
 
     def load(self, path: Path) -> None:
         """Go on from a checkpoint.
@@ -136,18 +132,7 @@ class Training:
         Raises:
             InputError: it belongs to a training with other settings, or is no checkpoint.
         """
-        try:
-            state = torch.load(regular_file(path, most=None), map_location=self.device, weights_only=True)
-            of = state["of"]
-        except Exception as error:  # torch raises whatever the damage led to
-            raise InputError(
-                f"{path}: is no checkpoint of this training ({error}). Delete it to start anew."
-            ) from error
-        if of != self._identity():
-            raise InputError(
-                f"{path}: belongs to a training with other settings, {of}; now: {self._identity()}. Give the same "
-                f"settings to go on with it, or delete it to start anew."
-            )
+        state = read_checkpoint(path, self._identity(), self.device)
         self.network.load_state_dict(state["network"])
         for part, saved in zip((*self.optimizers, *self.rates), state["parts"], strict=True):
             part.load_state_dict(saved)
