@@ -119,7 +119,7 @@ def compare(
     if pair.true_volumes is not None and meshes:
         pair = _with_surfaces(pair, every, done)
     found = {name: kind.values(pair) for name, kind in CURVES.items()}
-    curves = {name: values for name, values in found.items() if values is not None}
+    curves = {name: values for name, values in found.items() if values is not None and np.isfinite(values).any()}
     figures = {
         f"{name}_{statistic}": statistic_of(curves[name], statistic) if name in curves else None
         for name, kind in CURVES.items()

@@ -4,6 +4,7 @@ import pickle
 import threading
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
@@ -19,6 +20,7 @@ from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplifyx import write_smplifyx
+from fitting_core.keypoints import Keypoints
 from fitting_core.priors.files.network import write_network
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.fits import FitChoice, Shown
@@ -124,6 +126,18 @@ def test_on_the_command_line(tmp_path: Path, free_body: BodyModel, capsys: pytes
     assert main(["import", str(tmp_path), str(good)]) == 2 and "is no project of tcfit" in capsys.readouterr().err
     with Project.open(folder, read_only=True) as project:
         assert [run.kind for run in project.runs.all()] == ["imported"]
+
+
+def test_a_result_needs_no_keypoints(tmp_path: Path, free_body: BodyModel):
+    """It is imported into a clip that has none, and exported again; what measures keypoints has nothing to show."""
+    folder, out, clip = tmp_path / "walk.tcfit", tmp_path / "out", sample_clip()
+    nobody = Keypoints(xy=np.zeros_like(clip.keypoints.xy), confidence=np.zeros_like(clip.keypoints.confidence))
+    Project.create(folder, replace(clip, keypoints=nobody)).close()
+    assert main(["import", str(folder), str(results(tmp_path / "smplifyx", free_body))]) == 0
+    formats = ["glb", "report", "figures", "summary"]
+    assert main(["export", str(folder), "--out", str(out), "--formats", *formats]) == 0
+    report = (out / "walk.report.html").read_text()
+    assert len(list(out.iterdir())) == len(formats) and "Reprojection error, px" not in report
 
 
 # --- the panel ---
