@@ -27,6 +27,7 @@ _COMPARED = "#c9a3ff"
 _NO_FIT = "Curves appear here once there is a fit."
 _READING = "The video is being read …"
 _MEASURING = "Being measured …"
+_NOTHING = "There is nothing to measure in this clip."
 _SAME = "A and B are the same fit: they do not differ."
 _MISSING = "Choose two fits, A and B: this row compares them."
 
@@ -181,6 +182,7 @@ class Rows:
 
     def _row(self, found: _Found) -> states.Row:
         plot = PLOTS[found.name]
+        measured = bool(found.curves) or found.heat is not None
         return states.Row(
             name=found.name,
             title=plot.title,
@@ -190,7 +192,7 @@ class Rows:
             heat=None if found.heat is None else heat(found.heat),
             video=plot.how == "video",
             height=_HEIGHTS.get(plot.how, 1.0),
-            empty=found.empty or (_MEASURING if self._sides else _NO_FIT),
+            empty=found.empty or (_NOTHING if measured else _MEASURING if self._sides else _NO_FIT),
         )
 
     def _lines(self, plot: Plot, found: _Found) -> Iterator[states.Curve]:
