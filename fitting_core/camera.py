@@ -25,6 +25,10 @@ ESTIMATED = "estimated from the clip"
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 """The axis of a world that points against gravity."""
 Vector = tuple[float, float, float]
+COEFFICIENTS = (4, 5, 8, 12)
+"""Numbers of coefficients that OpenCV's distortion has without tilted sensors."""
+_ROUNDED = 1e-3
+"""By so much R R^T may differ from the identity: files have rounded numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +40,7 @@ class Lens:
     center: tuple[float, float]
     """Principal point of the calibration, pixels."""
     distortion: tuple[float, ...]
-    """OpenCV's coefficients: k1, k2, p1, p2, then k3, then k4 to k6, then s1 to s4; 4, 5, 8 or 12 of them."""
+    """OpenCV's coefficients: k1, k2, p1, p2, then k3, then k4 to k6, then s1 to s4; COEFFICIENTS of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +104,29 @@ class Camera:
     def calibrated(self) -> bool:
         """Whether the focal length is known. Estimates are not: half of them are off by a factor of 1.4 or more."""
         return self.source != DEFAULT_FOCAL and not self.source.startswith(ESTIMATED)
+
+
+def is_rotation(matrix: Float[np.ndarray, "3 3"]) -> bool:
+    """Whether a matrix of finite numbers turns and does nothing else."""
+    return bool(abs(matrix @ matrix.T - np.eye(3)).max() <= _ROUNDED and np.linalg.det(matrix) > 0)
+
+
+def is_possible(camera: Camera) -> bool:
+    """Whether a camera that was stored can be one."""
+    lens, world = camera.lens, camera.world
+    focals, numbers = list(camera.focal), [*camera.focal, *camera.center, *camera.size]
+    if lens is not None:
+        focals += lens.focal
+        numbers += [*lens.focal, *lens.center, *lens.distortion]
+    if world is not None:
+        numbers += [*np.ravel(world.rotation), *world.translation]
+    return (
+        bool(np.isfinite(numbers).all())
+        and min(focals) > 0
+        and 0 < min(camera.size) <= max(camera.size) < 1e5
+        and (lens is None or len(lens.distortion) in COEFFICIENTS)
+        and (world is None or is_rotation(np.array(world.rotation, float)))
+    )
 
 
 def focal_from_fov(degrees: float, width: int) -> float:

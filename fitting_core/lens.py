@@ -7,14 +7,15 @@ sensors: with x, y on the plane at distance 1 and r² = x² + y²,
     y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶) + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴
 """
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from fitting_core.camera import Lens
+from fitting_core.camera import COEFFICIENTS, Lens
+from fitting_core.keypoints import Keypoints
 
-COUNTS = (4, 5, 8, 12)
-"""Numbers of coefficients that OpenCV's model has without tilted sensors."""
 _ROUNDS = 30
 _STEP = 1e-6
 _BACK = 0.01
@@ -48,6 +49,35 @@ def straightened(lens: Lens, xy: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.nd
     off = np.abs((_bent(at, lens.distortion) - wanted) * focal).max(-1)
     found = off < _BACK
     return np.where(found[..., None], at * focal + center, xy), found
+
+
+def straightened_keypoints(keypoints: Keypoints, lens: Lens | None) -> tuple[Keypoints, tuple[str, ...]]:
+    """Filmed keypoints in the straightened picture, and notes on them; those that are nowhere are not detected.
+
+    Args:
+        keypoints: Of the pictures as they were filmed.
+        lens: None for one that bends nothing.
+    """
+    if lens is None:
+        return keypoints, ()
+    detected = keypoints.confidence > 0
+    xy, found = straightened(lens, keypoints.xy)
+    lost = detected & ~found
+    notes = (f"{lost.sum()} keypoints lie where the lens's distortion is not known; they do not count.",)
+    straight = replace(
+        keypoints,
+        xy=np.where(detected[..., None], xy, keypoints.xy),
+        confidence=np.where(lost, 0.0, keypoints.confidence),
+    )
+    return straight, notes if lost.any() else ()
+
+
+def filmed_keypoints(keypoints: Keypoints, lens: Lens | None) -> Keypoints:
+    """Keypoints of the straightened picture where they are in the pictures as they were filmed."""
+    if lens is None:
+        return keypoints
+    detected = keypoints.confidence[..., None] > 0
+    return replace(keypoints, xy=np.where(detected, filmed(lens, keypoints.xy), keypoints.xy))
 
 
 def share_straightened(lens: Lens, size: tuple[int, int]) -> float:
@@ -103,7 +133,7 @@ def _within(at: Float[np.ndarray, "*n 2"], reach: float) -> Float[np.ndarray, "*
 
 def _all(distortion: tuple[float, ...]) -> Float[np.ndarray, "12"]:
     """All coefficients of the formula."""
-    return np.pad(np.array(distortion, float), (0, COUNTS[-1] - len(distortion)))
+    return np.pad(np.array(distortion, float), (0, COEFFICIENTS[-1] - len(distortion)))
 
 
 def _bent(at: Float[np.ndarray, "*n 2"], distortion: tuple[float, ...]) -> Float[np.ndarray, "*n 2"]:

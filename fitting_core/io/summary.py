@@ -83,7 +83,7 @@ def _ground(grounding: Grounding) -> dict[str, Any]:
 
 def counted_keypoints(clip: Clip, body: BodyModel) -> Bool[np.ndarray, "T 137"]:
     """Confident keypoints that no image border cuts off."""
-    inside = (cut_off(clip.keypoints, clip.camera.size) == 0).all(-1)
+    inside = (cut_off(clip.keypoints, clip.camera) == 0).all(-1)
     return inside & (clip.keypoints.confidence > CONFIDENT)
 
 

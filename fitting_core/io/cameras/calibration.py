@@ -7,11 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Up
-from fitting_core.lens import COUNTS
-
-_STRAIGHT = 1e-3
-"""By so much R R^T may differ from the identity: files have rounded numbers."""
+from fitting_core.camera import COEFFICIENTS, Up, is_rotation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,8 +93,8 @@ def _coefficients(values: Any) -> tuple[float, ...]:
         raise ValueError(
             "has 14 distortion coefficients, of a tilted sensor; expected up to 12, of a sensor that is not"
         )
-    if len(found) not in COUNTS:
-        expected = f"{', '.join(map(str, COUNTS[:-1]))} or {COUNTS[-1]}"
+    if len(found) not in COEFFICIENTS:
+        expected = f"{', '.join(map(str, COEFFICIENTS[:-1]))} or {COEFFICIENTS[-1]}"
         raise ValueError(
             f"has {len(found)} distortion coefficients; expected {expected} of OpenCV's (k1, k2, p1, p2, k3 ...)"
         )
@@ -121,10 +117,10 @@ def _rotation(value: Any) -> Float[np.ndarray, "3 3"]:
             f"has a rotation of {len(numbers)} numbers; expected a matrix (3 x 3) or a rotation vector (3)"
         )
     matrix = numbers.reshape(3, 3)
-    if abs(matrix @ matrix.T - np.eye(3)).max() > _STRAIGHT:
-        raise ValueError("has a rotation that is none (R R^T is not the identity)")
-    if np.linalg.det(matrix) < 0:
+    if is_rotation(-matrix):
         raise ValueError("has a rotation that mirrors (determinant -1); expected one that turns")
+    if not is_rotation(matrix):
+        raise ValueError("has a rotation that is none (R R^T is not the identity)")
     return matrix
 
 
