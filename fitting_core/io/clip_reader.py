@@ -207,7 +207,7 @@ def _camera_file(
     if path is None:
         told = {"camera_name": name, "camera_unit": unit, "camera_up": up}
         if given := [option for option, value in told.items() if value is not None]:
-            raise InputError(f"{given[0]} is given without a camera file. Give camera, or leave it out.")
+            raise InputError(f"{given[0]} is given without a camera file. Give the file, or leave it out.")
         return None
     if others:
         raise InputError(
