@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.camera import Camera, Lens, Up, Vector, World
 from fitting_core.errors import InputError
+from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration
 from fitting_core.io.cameras.camera_npz import read_camera_npz
 from fitting_core.io.cameras.colmap import CAMERAS, IMAGES, read_colmap
@@ -75,7 +76,7 @@ def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[
         focal=sized.focal,
         center=sized.center,
         size=size,
-        source=f"camera file {file.path.name}{name}, as given",
+        source=legible(f"camera file {file.path.name}{name}, as given"),
         lens=lens,
         world=world,
     )
