@@ -13,6 +13,7 @@ from fitting_core.config.schema import POSE_PRIORS
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
+from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.clip_reader import locate
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.options.preparing import body_file
@@ -97,13 +98,15 @@ def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
         return  # The fit will say so: there is nothing that the clip depends on.
-    for kind, path in (("video", images), ("keypoints", keypoints), ("camera", task.fit.camera.camera)):
+    for kind, path in (("video", images), ("keypoints", keypoints)):
         if path is not None and path.is_dir():
             for folder, folders, names in os.walk(path):
                 folders.sort()
                 yield from ((kind, file) for name in sorted(names) if (file := Path(folder, name)).is_file())
         elif path is not None:
             yield kind, path
+    if task.fit.camera.camera is not None:
+        yield from (("camera", file) for file in camera_files(task.fit.camera.camera))
 
 
 def _parts(file: Path, *, whole: bool) -> Iterator[bytes]:

@@ -84,9 +84,21 @@ def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[
     return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
 
 
+def camera_files(path: Path) -> list[Path]:
+    """The files that the camera of a path is read from, as far as they are there."""
+    if not _is_colmap(path):
+        return [path] if path.is_file() else []
+    folder = path if path.is_dir() else path.parent
+    return [file for name in (CAMERAS, IMAGES) if (file := folder / name).is_file()]
+
+
+def _is_colmap(path: Path) -> bool:
+    return path.is_dir() or path.name in (CAMERAS, IMAGES)
+
+
 def _all(path: Path) -> list[Calibration]:
     try:
-        if path.is_dir() or path.name in (CAMERAS, IMAGES):
+        if _is_colmap(path):
             return read_colmap(path)
         if (suffix := path.suffix.lower()) in _FORMS and path.exists():
             return _FORMS[suffix](path)
