@@ -151,7 +151,7 @@ def _ways(measured: Sequence[Measured]) -> list[str]:
 
 def _of_sequence(made: MotionClipMade, fits: Path | None) -> list[Measured]:
     clip = made.clip
-    xy, confidence = clip.keypoints.xy, seen_confidence(clip.keypoints, clip.camera.size)
+    xy, confidence = clip.keypoints.xy, seen_confidence(clip.keypoints, clip.camera)
     camera, rate = clip.camera, clip.frame_rate
     lifted = lifted_keypoints(clip.keypoints, camera, rate)
     before = grounding_before_fit(xy, confidence, lifted, camera, rate)

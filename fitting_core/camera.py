@@ -1,4 +1,4 @@
-"""The pinhole camera: intrinsics, where they come from, and projection."""
+"""The pinhole camera: intrinsics, where they come from, and projection; its real lens, and where it stands."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 from jaxtyping import Float
 
 if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
@@ -19,6 +20,64 @@ FocalRule = Literal["auto", "diagonal"]
 image's diagonal."""
 ESTIMATED = "estimated from the clip"
 """How `Camera.source` begins where the focal length was estimated from what the person does."""
+
+
+Up = Literal["x", "y", "z", "-x", "-y", "-z"]
+"""The axis of a world that points against gravity."""
+Vector = tuple[float, float, float]
+COEFFICIENTS = (4, 5, 8, 12)
+"""Numbers of coefficients that OpenCV's distortion has without tilted sensors."""
+_ROUNDED = 1e-3
+"""By so much R R^T may differ from the identity: files have rounded numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """The lens through which a clip was filmed. What it bends is straightened where a clip comes in (see lens.py)."""
+
+    focal: tuple[float, float]
+    """Of the calibration, pixels along x and y; straightened pictures keep it."""
+    center: tuple[float, float]
+    """Principal point of the calibration, pixels."""
+    distortion: tuple[float, ...]
+    """OpenCV's coefficients: k1, k2, p1, p2, then k3, then k4 to k6, then s1 to s4; COEFFICIENTS of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """Where a camera that does not move stands in a world of the user's own: x_camera = rotation x_world + translation.
+
+    That is OpenCV's convention.
+    """
+
+    rotation: tuple[Vector, Vector, Vector]
+    """By rows."""
+    translation: Vector
+    """Metres."""
+    up: Up | None = None
+    """None where nobody says it."""
+
+    @property
+    def from_camera(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of camera space into the world."""
+        return np.array(self.rotation, float).T
+
+    @property
+    def place(self) -> Float[np.ndarray, 3]:
+        """Where the camera stands in the world, metres."""
+        return -self.from_camera @ np.array(self.translation, float)
+
+    @property
+    def up_in_world(self) -> Float[np.ndarray, 3] | None:
+        """Unit vector against gravity in the world's axes."""
+        if self.up is None:
+            return None
+        return np.eye(3)["xyz".index(self.up[-1])] * (-1.0 if self.up.startswith("-") else 1.0)
+
+    @property
+    def up_in_camera(self) -> Float[np.ndarray, 3] | None:
+        """The same in camera axes."""
+        return None if self.up_in_world is None else self.up_in_world @ self.from_camera
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,11 +95,38 @@ class Camera:
     """Image width and height in pixels."""
     source: str = "given"
     """Where the focal length comes from, in words for the user."""
+    lens: Lens | None = None
+    """What bent the pictures as they were filmed; None for nothing. Keypoints and frames of a clip are straightened."""
+    world: World | None = None
+    """Where the camera stands, as far as the user says it."""
 
     @property
     def calibrated(self) -> bool:
         """Whether the focal length is known. Estimates are not: half of them are off by a factor of 1.4 or more."""
         return self.source != DEFAULT_FOCAL and not self.source.startswith(ESTIMATED)
+
+
+def is_rotation(matrix: Float[np.ndarray, "3 3"]) -> bool:
+    """Whether a matrix of finite numbers turns and does nothing else."""
+    return bool(abs(matrix @ matrix.T - np.eye(3)).max() <= _ROUNDED and np.linalg.det(matrix) > 0)
+
+
+def is_possible(camera: Camera) -> bool:
+    """Whether a camera that was stored can be one."""
+    lens, world = camera.lens, camera.world
+    focals, numbers = list(camera.focal), [*camera.focal, *camera.center, *camera.size]
+    if lens is not None:
+        focals += lens.focal
+        numbers += [*lens.focal, *lens.center, *lens.distortion]
+    if world is not None:
+        numbers += [*np.ravel(world.rotation), *world.translation]
+    return (
+        bool(np.isfinite(numbers).all())
+        and min(focals) > 0
+        and 0 < min(camera.size) <= max(camera.size) < 1e5
+        and (lens is None or len(lens.distortion) in COEFFICIENTS)
+        and (world is None or is_rotation(np.array(world.rotation, float)))
+    )
 
 
 def focal_from_fov(degrees: float, width: int) -> float:

@@ -18,7 +18,7 @@ MODULES = {
 FLOORS = {
     "fitting_core": """
         errors keypoints
-        camera config files body
+        camera lens config files body
         clip metrics priors video lifting ground
         fit
         io

@@ -44,7 +44,7 @@ def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unsw
     stance = stance_of(body, params)
     return grounding_of(
         keypoints.xy,
-        seen_confidence(keypoints, clip.camera.size),
+        seen_confidence(keypoints, clip.camera),
         lifted_keypoints(keypoints, clip.camera, clip.frame_rate),
         clip.camera,
         clip.frame_rate,

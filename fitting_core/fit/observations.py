@@ -14,6 +14,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.sides import PAIRED, SEEN, unswapped
 from fitting_core.fit.stances import Stances
 from fitting_core.keypoints import Keypoints
+from fitting_core.lens import filmed
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 BORDER = 0.015
@@ -82,13 +83,13 @@ class Observations:
 
     @staticmethod
     def of(
-        keypoints: Keypoints, size: tuple[int, int], config: FitConfig, *, dtype: torch.dtype, device: torch.device
+        keypoints: Keypoints, camera: Camera, config: FitConfig, *, dtype: torch.dtype, device: torch.device
     ) -> "Observations":
         """The observations of a whole clip.
 
         Args:
             keypoints: the detections.
-            size: image width and height in pixels.
+            camera: of the clip; its image has a border.
             config: whether swapped sides are swapped back, and whether the image's border tells less.
             dtype: of the tensors.
             device: of the tensors.
@@ -98,7 +99,7 @@ class Observations:
             keypoints, swaps = unswapped(keypoints)
             for pair, name in enumerate(PAIRED):
                 swapped[swaps.get(name, []), pair] = True
-        side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
+        side = cut_off(keypoints, camera) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
         xy, confidence, sides = (
             as_tensor(a, dtype=dtype, device=device) for a in (keypoints.xy, keypoints.confidence, side)
         )
@@ -179,18 +180,18 @@ def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) ->
         camera: of the clip.
         frame_rate: frames per second.
     """
-    confidence = seen_confidence(keypoints, camera.size)
+    confidence = seen_confidence(keypoints, camera)
     return lift(keypoints.xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
 
 
-def seen_confidence(keypoints: Keypoints, size: tuple[int, int]) -> Float[np.ndarray, "T 137"]:
+def seen_confidence(keypoints: Keypoints, camera: Camera) -> Float[np.ndarray, "T 137"]:
     """Confidences, and 0 of what the image cuts off: detectors put it onto the border.
 
     Args:
         keypoints: the detections.
-        size: image width and height in pixels.
+        camera: of the clip.
     """
-    return np.where((cut_off(keypoints, size) != 0).any(-1), 0.0, keypoints.confidence)
+    return np.where((cut_off(keypoints, camera) != 0).any(-1), 0.0, keypoints.confidence)
 
 
 def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Tensor:
@@ -201,7 +202,7 @@ def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Ten
     return torch.as_tensor(a, dtype=dtype, device=device)
 
 
-def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 137 2"]:
+def cut_off(keypoints: Keypoints, camera: Camera) -> Int[np.ndarray, "T 137 2"]:
     """Along which axes a detection says no more than that the part lies at least so far out: -1, 0 or 1 for x and y.
 
     OpenPose puts parts that the image cuts off onto its border, and the hips of half-body footage near its bottom, at
@@ -210,14 +211,15 @@ def cut_off(keypoints: Keypoints, size: tuple[int, int]) -> Int[np.ndarray, "T 1
 
     Args:
         keypoints: the detections.
-        size: image width and height in pixels.
+        camera: of the clip. The border is that of its image as it was filmed.
 
     Returns:
         1: the part lies there or at a larger coordinate; -1: there or at a smaller one; 0: just there.
     """
-    last = np.array(size) - 1
-    margin = BORDER * size[1]
-    side = (keypoints.xy > last - margin).astype(np.int8) - (keypoints.xy < margin).astype(np.int8)
+    last = np.array(camera.size) - 1
+    margin = BORDER * camera.size[1]
+    xy = keypoints.xy if camera.lens is None else filmed(camera.lens, keypoints.xy)
+    side = (xy > last - margin).astype(np.int8) - (xy < margin).astype(np.int8)
     seen = (keypoints.confidence > SEEN) & (side == 0).all(-1)
     hips = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
     knees = [kp.INDEX["left_knee"], kp.INDEX["right_knee"]]

@@ -142,7 +142,7 @@ class Stages:
             frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
-        observations = Observations.of(keypoints, camera.size, config, dtype=fitted.dtype, device=fitted.device)
+        observations = Observations.of(keypoints, camera, config, dtype=fitted.dtype, device=fitted.device)
         if any(config.weights.relative_position):
             observations = observations.lifted(camera, frame_rate)
         return Stages(

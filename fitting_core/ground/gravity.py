@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.camera import Camera
 from fitting_core.ground.placing import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip
 
@@ -19,6 +20,8 @@ _OF_LENGTH = 0.5
 """Of the deviation in degrees that a vector's length stands for. Set with the two before so that the motion suite's
 tuning half misses by as much as is said, root mean square: 5 degrees with whole bodies, 10 with cut ones."""
 
+_OF_CALIBRATION = 0.5
+"""Degrees by which a world's axis is off gravity: a board on a floor is hardly level to more."""
 _LEAN, _UPRIGHT = 12.0, 15.0
 """Degrees: how far an upright person's trunk leans, and from the lifter's direction from where it counts half."""
 
@@ -53,6 +56,13 @@ def gravity_before_fit(lifted: LiftedClip, confidence: Float[np.ndarray, "T K"])
     legs = float((confidence[:, _LEGS] > SEEN).mean())
     own = legs * _WITH_LEGS + (1 - legs) * _WITHOUT_LEGS
     return Gravity(up=up, deviation=float(np.hypot(own, _OF_LENGTH * possible)))
+
+
+def told_gravity(camera: Camera) -> Gravity | None:
+    """What the camera's place in the user's world says; None where it does not say what is up."""
+    if camera.world is None or camera.world.up_in_camera is None:
+        return None
+    return Gravity(up=camera.world.up_in_camera, deviation=_OF_CALIBRATION)
 
 
 def with_trunk(gravity: Gravity, trunk: Float[np.ndarray, "T 3"]) -> Gravity:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.camera import Camera
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
-from fitting_core.ground.gravity import Gravity, gravity_before_fit, with_trunk
+from fitting_core.ground.gravity import Gravity, gravity_before_fit, told_gravity, with_trunk
 from fitting_core.ground.placing import places
 from fitting_core.ground.plane import Ground, ground_under
 from fitting_core.lifting.clip_lifting import LiftedClip
@@ -92,10 +92,11 @@ def grounding_of(
         soles: How high these are above the sole of a flat foot, metres.
         trunk: From pelvis to neck, camera space; it has a say where there is no ground.
     """
-    gravity = gravity_before_fit(lifted, confidence)
+    told = told_gravity(camera)
+    gravity = told or gravity_before_fit(lifted, confidence)
     contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
     found = ground_under(feet, soles, contacts, gravity, frame_rate)
     if isinstance(found, str):
-        gravity = gravity if trunk is None else with_trunk(gravity, trunk)
+        gravity = gravity if trunk is None or told else with_trunk(gravity, trunk)
         return Grounding(gravity=gravity, contacts=contacts, ground=None, missing=found)
     return Grounding(gravity=gravity, contacts=contacts, ground=found)

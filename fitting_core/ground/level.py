@@ -1,36 +1,68 @@
-"""How a camera is held: what turns its space upright, and puts the floor at height 0."""
+"""How a camera is held: what turns its space upright, and puts the floor at height 0, or the origin at the user's."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
+from fitting_core.camera import World
 from fitting_core.ground.grounding import Grounding
 
 SURE = 10.0
 """Degrees of standard deviation up to which gravity alone turns a world upright."""
 _STEEP = 0.95
 """Cosine to gravity from which the camera looks so steeply that the image's upper edge says what is ahead."""
+_FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+"""From a world with z up to the axes of a level camera, as AXES of fitted_motion.py turn them back."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Level:
-    """From camera space to that of a camera at the same place that looks at the horizon."""
+    """From camera space to that of a camera at the same place that looks at the horizon, or to the user's own world."""
 
     turn: Float[np.ndarray, "3 3"]
-    """x_level = turn @ x_camera; x right, y along gravity, z ahead."""
+    """x_level = turn @ x_camera; y along gravity, and but for the user's own world x right, z ahead."""
     height: float | None
     """Metres that the camera is above the floor; None where the floor is not known."""
     text: str
     """For the files that are upright by it."""
+    place: Float[np.ndarray, "3"] | None = None
+    """Of the camera in the user's own world, metres, in these axes; None: above the origin."""
 
 
-def level_of(grounding: Grounding | None) -> Level | None:
-    """What is sure enough to turn a motion by: the floor, or gravity to 10 degrees; else None."""
+def level_of(grounding: Grounding | None, world: World | None = None) -> Level | None:
+    """What is sure enough to turn a motion by: the user's world, the floor, or gravity to 10 degrees; else None.
+
+    Args:
+        grounding: Of the fit.
+        world: Where the camera stands, as far as the user says it. Where nobody says what is up there, it is left out.
+    """
+    if world is not None and (up := world.up_in_world) is not None:
+        return _of_world(world, up, grounding)
     if grounding is None or (grounding.ground is None and grounding.gravity.deviation >= SURE):
         return None
     gravity, ground = grounding.gravity, grounding.ground
     return Level(turn=upright(gravity.up), height=None if ground is None else ground.offset, text=grounding.text)
+
+
+def _of_world(world: World, up: Float[np.ndarray, "3"], grounding: Grounding | None) -> Level:
+    """The user's world, turned by quarters so that what is up there is up."""
+    quarters = _FROM_Z_UP @ _to_z(up)
+    text, height = "The camera stands as its calibration says", None
+    if grounding is not None and grounding.ground is not None:
+        height = grounding.ground.offset
+        text += f"; feet stand at {float(up @ world.place) - height:+.3f} m of its world"
+    return Level(turn=quarters @ world.from_camera, height=height, text=text, place=quarters @ world.place)
+
+
+def _to_z(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """The turn by quarters that makes an axis, or the other way along one, the third one; of z none."""
+    z = np.array([0.0, 0.0, 1.0])
+    about = np.cross(axis, z)
+    if not about.any():
+        about = (1.0 - axis[2]) * np.array([1.0, 0.0, 0.0])
+    return np.round(Rotation.from_rotvec(np.pi / 2 * about).as_matrix())
 
 
 def upright(up: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

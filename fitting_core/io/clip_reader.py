@@ -6,16 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import FocalRule
+from fitting_core.camera import Camera, FocalRule, Up
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import camera_of, focal_option
 from fitting_core.io.camera_rule import estimated, told_by_photographs
+from fitting_core.io.cameras.reading import CameraFile, read_camera
 from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io.keypoints.detections import Detections, to_pixels
 from fitting_core.io.keypoints.person import choose_person
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.lens import straightened_keypoints
 from fitting_core.video.frames import FrameSource
 
 DEFAULT_FRAME_RATE = 30.0
@@ -55,6 +57,10 @@ def read_clip(
     fov: float | None = None,
     focal_length_35mm: float | None = None,
     center: tuple[float, float] | None = None,
+    camera: Path | None = None,
+    camera_name: str | None = None,
+    camera_unit: float | None = None,
+    camera_up: Up | None = None,
     person: int | None = None,
     keypoint_scale: str = "auto",
     frame_rate: float | None = None,
@@ -76,6 +82,11 @@ def read_clip(
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
             default is the image diagonal.
         center: Principal point in pixels; the image's centre by default.
+        camera: A calibration file, in place of the four before: any form of fitting_core.io.cameras.reading. Where it
+            knows the lens's distortion, the clip is that of straightened pictures.
+        camera_name: Which of its cameras, if it has several.
+        camera_unit: Metres that one unit of its world is long.
+        camera_up: The axis of its world that points against gravity, where it is not as the file has it.
         person: Whoever has this place, from 0, in the first frame whose list of people has it; by default, the most
             prominent person is followed.
         keypoint_scale: "auto", "pixels", "0..1" or "-1..1".
@@ -88,6 +99,7 @@ def read_clip(
         InputError: A file is missing or broken, options contradict each other, or nothing was detected.
     """
     focal = focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+    calibrated = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
     images, keypoint_path = locate(video, keypoints)
     detections = read_detections(keypoint_path)
     footage = _footage(images)
@@ -97,17 +109,18 @@ def read_clip(
     found = _person(detections, timeline, chosen(timeline, first_frame, last_frame), person)
     rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
     inside_notes = _check_inside(found.keypoints, size)
-    camera = camera_of(size, center, focal)
+    seen, camera_notes = _camera(calibrated, size, center, focal)
     if focal_length == "auto":
-        camera = told_by_photographs(camera, images) or estimated(camera, found.keypoints, rate)
+        seen = told_by_photographs(seen, images) or estimated(seen, found.keypoints, rate)
+    straight, lens_notes = straightened_keypoints(found.keypoints, seen.lens)
     return Clip(
-        keypoints=found.keypoints,
-        camera=camera,
+        keypoints=straight,
+        camera=seen,
         frame_rate=rate,
         name=_name(video or keypoint_path),
         source=images,
         first_frame=found.first_frame,
-        notes=(*footage.notes, *found.notes, *size_notes, *inside_notes, *rate_notes),
+        notes=(*footage.notes, *found.notes, *size_notes, *inside_notes, *rate_notes, *camera_notes, *lens_notes),
     )
 
 
@@ -118,6 +131,10 @@ def read_footage(
     fov: float | None = None,
     focal_length_35mm: float | None = None,
     center: tuple[float, float] | None = None,
+    camera: Path | None = None,
+    camera_name: str | None = None,
+    camera_unit: float | None = None,
+    camera_up: Up | None = None,
     frame_rate: float | None = None,
     image_size: tuple[int, int] | None = None,
     first_frame: int | None = None,
@@ -128,23 +145,24 @@ def read_footage(
     Args and errors as of `read_clip`.
     """
     focal = focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+    calibrated = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
     images = video / "images" if (video / "images").is_dir() else video
     footage = _footage(images)
     size = _known_size(footage, image_size)
     assert size is not None and footage.timeline is not None
     frames = footage.timeline.numbers[chosen(footage.timeline, first_frame, last_frame)]
     rate, rate_notes = _frame_rate(frame_rate, footage, None)
-    camera = camera_of(size, center, focal)
+    seen, camera_notes = _camera(calibrated, size, center, focal)
     if focal_length == "auto":
-        camera = told_by_photographs(camera, images) or camera
+        seen = told_by_photographs(seen, images) or seen
     return Clip(
         keypoints=Keypoints(xy=np.zeros((len(frames), COUNT, 2)), confidence=np.zeros((len(frames), COUNT))),
-        camera=camera,
+        camera=seen,
         frame_rate=rate,
         name=_name(video),
         source=images,
         first_frame=frames[0],
-        notes=(*footage.notes, *rate_notes),
+        notes=(*footage.notes, *rate_notes, *camera_notes),
     )
 
 
@@ -167,7 +185,45 @@ def read_keypoints(
     timeline = _footage(clip.source).timeline or _timeline_around(clip, detections)
     part = chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)
     found = _person(detections, timeline, part, person)
-    return found.keypoints, (*found.notes, *scale_notes, *_check_inside(found.keypoints, clip.camera.size))
+    straight, lens_notes = straightened_keypoints(found.keypoints, clip.camera.lens)
+    return straight, (*found.notes, *scale_notes, *_check_inside(found.keypoints, clip.camera.size), *lens_notes)
+
+
+def _camera_file(
+    path: Path | None, name: str | None, unit: float | None, up: Up | None, others: object
+) -> CameraFile | None:
+    """The calibration that a user gave.
+
+    Args:
+        path: The file.
+        name: Of a camera in it.
+        unit: Of its world.
+        up: Of its world.
+        others: Whatever else was said of the camera.
+
+    Raises:
+        InputError: The camera is given twice, or something of a file that is not given.
+    """
+    if path is None:
+        told = {"camera_name": name, "camera_unit": unit, "camera_up": up}
+        if given := [option for option, value in told.items() if value is not None]:
+            raise InputError(f"{given[0]} is given without a camera file. Give the file, or leave it out.")
+        return None
+    if others:
+        raise InputError(
+            f"The camera is given twice: by {path}, and by a focal length or a principal point. Give one of them only."
+        )
+    return CameraFile(path=path, name=name, unit=unit, up=up)
+
+
+def _camera(
+    calibrated: CameraFile | None,
+    size: tuple[int, int],
+    center: tuple[float, float] | None,
+    focal: tuple[str, float] | None,
+) -> tuple[Camera, tuple[str, ...]]:
+    """The camera, by its calibration or by what a user says of it, and notes."""
+    return (camera_of(size, center, focal), ()) if calibrated is None else read_camera(calibrated, size)
 
 
 def _person(detections: Detections, timeline: Timeline, part: slice, person: int | None) -> _Person:

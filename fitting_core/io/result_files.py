@@ -19,7 +19,7 @@ there where it is not known, as of an imported motion |
 | start_texts, stopped_texts | (k,) | their meaning in English, the text of number i at i |
 | gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
-| camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels |
+| camera_*, image_size, lens_*, world_* | | the camera: see fitting_core/io/camera_arrays.py |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
 | body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
 
@@ -47,6 +47,7 @@ from fitting_core.fit.provenance import STARTS, STOPS, Provenance
 from fitting_core.fit.result import FitResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
+from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.motion.animation_npz import pose_arrays
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.summary import summary
@@ -140,13 +141,7 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
     arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": shaped.betas[0].numpy()}
     arrays |= {PHASE1 + name: getattr(first, name).numpy() for name in _NAMES}
     arrays |= {"joints": joints_in_space(body, last), f"{PHASE1}joints": joints_in_space(body, first)}
-    camera = fit.camera
-    arrays |= {
-        "camera_focal": camera.focal,
-        "camera_center": camera.center,
-        "camera_source": camera.source,
-        "image_size": camera.size,
-    }
+    arrays |= camera_arrays(fit.camera)
     arrays |= {
         "observed": fit.observed,
         "first_frame": clip.first_frame,
@@ -217,16 +212,13 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
     phase1 = _params(arrays, PHASE1, frames)
     shared = np.broadcast_to(_shaped(arrays, "betas", (N_BETAS,)), (frames, N_BETAS))
     betas = arrays[f"{PHASE1}betas"] if last_phase == 1 else shared
-    (fx, fy), (cx, cy), (width, height) = (
-        arrays[name].tolist() for name in ("camera_focal", "camera_center", "image_size")
-    )
     return StoredFit(
         params=_params(arrays | {"betas": betas}, "", frames),
         phase1=phase1,
         joints=_shaped(arrays, "joints", (frames, N_JOINTS, 3)),
         observed=_shaped(arrays, "observed", (frames, N_JOINTS)).astype(bool),
         provenance=_provenance(arrays, frames),
-        camera=Camera(focal=(fx, fy), center=(cx, cy), size=(width, height), source=str(arrays["camera_source"])),
+        camera=camera_from(arrays),
         frame_rate=float(arrays["mocap_frame_rate"]),
         first_frame=int(arrays["first_frame"]),
         **{name: str(arrays[name]) for name in ("gender", "body_kind", "body_hash")},

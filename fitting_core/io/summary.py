@@ -5,6 +5,7 @@ from dataclasses import replace
 from importlib import metadata
 from typing import Any
 
+import msgspec
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
@@ -53,6 +54,8 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "center": fit.camera.center,
             "size": fit.camera.size,
             "source": fit.camera.source,
+            "lens": msgspec.to_builtins(fit.camera.lens),
+            "world": msgspec.to_builtins(fit.camera.world),
         },
         "body": {
             "kind": body.kind,
@@ -83,7 +86,7 @@ def _ground(grounding: Grounding) -> dict[str, Any]:
 
 def counted_keypoints(clip: Clip, body: BodyModel) -> Bool[np.ndarray, "T 137"]:
     """Confident keypoints that no image border cuts off."""
-    inside = (cut_off(clip.keypoints, clip.camera.size) == 0).all(-1)
+    inside = (cut_off(clip.keypoints, clip.camera) == 0).all(-1)
     return inside & (clip.keypoints.confidence > CONFIDENT)
 
 

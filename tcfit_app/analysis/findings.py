@@ -218,7 +218,7 @@ def _depths(fit: PosedFit) -> Iterator[Finding]:
     lifted = lifted_keypoints(keypoints, fit.clip.camera, fit.clip.frame_rate)
     farther = fit.points[:, _ENDS, 2] - fit.root[:, None, 2] - lifted.points[:, _ENDS, 2]
     unsure = lifted.depth_deviation[:, _ENDS]
-    seen = seen_confidence(keypoints, fit.clip.camera.size)[:, _ENDS] > SEEN
+    seen = seen_confidence(keypoints, fit.clip.camera)[:, _ENDS] > SEEN
     seen &= np.isnan(keypoints.told_depth[:, _ENDS])
     found = np.where(seen & np.isfinite(farther), np.hypot(farther, unsure), 0) / _DEPTH
     found *= np.where(abs(farther) > unsure, 1.0, _ONLY_UNSURE)

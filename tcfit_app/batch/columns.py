@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from fitting_core.camera import FocalRule
+from fitting_core.camera import FocalRule, Up
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
@@ -19,8 +19,10 @@ from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOpt
 Group = Literal["files", "clip", "camera", "body", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""
 FILES = ("video", "keypoints", "out")
-FOCAL = ("focal_length", "fov", "focal_length_35mm")
+FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
 """A clip has at most one of them."""
+OF_CAMERA_FILE = ("camera_name", "camera_unit", "camera_up")
+"""What belongs to a camera file."""
 _OPTIONS: dict[Group, type] = {"clip": ClipOptions, "camera": CameraOptions, "body": BodyOptions}
 _CHOICES = {
     "gender": ("neutral", "male", "female"),
@@ -36,6 +38,7 @@ _NUMBERS = {
     "focal_length": Range(open=True),
     "fov": Range(0, 180, open=True),
     "focal_length_35mm": Range(open=True),
+    "camera_unit": Range(open=True),
 }
 _NAME_OR_PATH = ("body_model", "pose_prior")
 _SEPARATORS = re.compile(r"\s*[x×,;\s]\s*")
@@ -125,6 +128,7 @@ _WORDS: dict[Any, str] = {
     int: "a whole number",
     float: "a number",
     float | FocalRule: "a number, auto or diagonal",
+    Up: f"one of {', '.join(get_args(Up))}",
     tuple[int, int]: "two whole numbers such as 640x480",
     tuple[float, float]: "two numbers such as 320 240",
 }

@@ -13,6 +13,7 @@ from fitting_core.config.schema import POSE_PRIORS
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
+from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.clip_reader import locate
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.options.preparing import body_file
@@ -54,7 +55,7 @@ def unchanged(then: Fingerprint, task: ClipTask) -> bool:
 
 def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
     """Column and path of each input file that does not exist."""
-    named = {"video": task.fit.video, "keypoints": task.fit.keypoints}
+    named = {"video": task.fit.video, "keypoints": task.fit.keypoints, "camera": task.fit.camera.camera}
     return [(column, path) for column, path in named.items() if path is not None and not path.exists()]
 
 
@@ -63,7 +64,7 @@ def settings_of(task: ClipTask) -> str:
     config = as_plain(task.config)
     plain = {
         "clip": dataclasses.asdict(task.fit.clip),
-        "camera": dataclasses.asdict(task.fit.camera),
+        "camera": dataclasses.asdict(task.fit.camera) | {"camera": None},  # an input file
         "body": _file_hash(body_file(task.fit.body)),
         "config": {name: value for name, value in config.items() if name != "device"},
         "prior": "" if task.config.pose_prior in POSE_PRIORS else _file_hash(Path(task.config.pose_prior)),
@@ -83,11 +84,11 @@ def stamp_of(task: ClipTask) -> str:
 
 
 def content_of(task: ClipTask) -> str:
-    """Of all keypoints, and of what a video is recognised by."""
+    """Of all keypoints and the camera, and of what a video is recognised by."""
     return _hashed(
         part
         for kind, file in _inputs(task)
-        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind == "keypoints"))
+        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind != "video"))
     )
 
 
@@ -104,6 +105,8 @@ def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
                 yield from ((kind, file) for name in sorted(names) if (file := Path(folder, name)).is_file())
         elif path is not None:
             yield kind, path
+    if task.fit.camera.camera is not None:
+        yield from (("camera", file) for file in camera_files(task.fit.camera.camera))
 
 
 def _parts(file: Path, *, whole: bool) -> Iterator[bytes]:

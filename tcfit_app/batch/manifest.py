@@ -10,7 +10,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from tcfit_app.batch.columns import FOCAL, Column, find, suggestion
+from tcfit_app.batch.columns import FOCAL, OF_CAMERA_FILE, Column, find, suggestion
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import FitOptions, MethodOptions, camera_for, fit_config
 
@@ -201,7 +201,8 @@ def _fit_options(
     if len(focal) > 1:
         complaints.add(line, f"the focal length is given {len(focal)} times, by {', '.join(focal)}; give one of them.")
     if focal:  # It stands in the place of whichever of them the command line has.
-        of["camera"] = dict.fromkeys(FOCAL) | of["camera"]
+        others = ("center",) if focal == ["camera"] else OF_CAMERA_FILE
+        of["camera"] = dict.fromkeys((*FOCAL, *others)) | of["camera"]
     clip = replace(options.clip, **of["clip"])
     if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
         complaints.add(line, f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")

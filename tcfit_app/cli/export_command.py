@@ -126,7 +126,7 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
         frame_rate=stored.frame_rate,
         name=name,
         first_frame=stored.first_frame,
-        level=level_of(stored.grounding),
+        level=level_of(stored.grounding, stored.camera.world),
     )
     return ExportSource(name=name, known_motion=motion, axes=options.axes)
 

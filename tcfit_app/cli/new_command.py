@@ -8,6 +8,7 @@ from pathlib import Path
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
+from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.options.clip_input import clip_of, clip_options, described, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
@@ -19,7 +20,7 @@ from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
 
 SUFFIX = ".tcfit"
-_FOCAL_OPTIONS = ("--focal-length", "--fov", "--focal-length-35mm")
+_FOCAL_OPTIONS = ("--focal-length", "--fov", "--focal-length-35mm", "--camera")
 
 
 def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
@@ -113,7 +114,11 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
     told = not set(_FOCAL_OPTIONS).isdisjoint(given)
     if given and _frames_and_camera(made, told) != _frames_and_camera(clip, told):
         raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
-    if not _detected(clip.keypoints) or same_detections(made.keypoints, clip.keypoints):
+    # Without --camera they come as they were filmed.
+    lens = made.camera.lens if clip.camera.lens is None else None
+    if not _detected(clip.keypoints) or same_detections(
+        made.keypoints, straightened_keypoints(clip.keypoints, lens)[0]
+    ):
         return
     if not _detected(made.keypoints):
         raise InputError(
@@ -136,7 +141,7 @@ def check_same_packed(folder: Path, path: Path) -> None:
 def _frames_and_camera(clip: Clip, focal: bool) -> tuple[object, ...]:
     """Without the words that say where the focal length comes from; without itself where nobody asked for one."""
     camera = clip.camera
-    asked = camera.focal if focal else None
+    asked = (camera.focal, camera.lens, camera.world) if focal else None
     return clip.first_frame, len(clip), clip.frame_rate, asked, camera.center, camera.size
 
 

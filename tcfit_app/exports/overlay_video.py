@@ -112,5 +112,5 @@ def _frames(clip: Clip) -> Iterator[Iterator[np.ndarray]]:
         blank = np.full((clip.camera.size[1], clip.camera.size[0], 3), _PLAIN, np.uint8)
         yield (blank for _ in range(len(clip)))
         return
-    with FrameSource(clip.source) as source:
+    with FrameSource(clip.source, lens=clip.camera.lens) as source:
         yield (source.frame(clip.first_frame + i) for i in range(len(clip)))

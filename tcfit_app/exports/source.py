@@ -43,7 +43,7 @@ class ExportedFit:
             frame_rate=clip.frame_rate,
             name=clip.name,
             first_frame=clip.first_frame,
-            level=level_of(self.fit.grounding),
+            level=level_of(self.fit.grounding, self.shown.camera.world),
         )
 
     @property
@@ -97,7 +97,7 @@ class ExportSource:
     """Of a result of `tcfit fit`, which has no project."""
     project: Path | None = None
     axes: str | None = None
-    """A name of AXES; None: what programs that read the format expect."""
+    """A name of AXES, or OWN_WORLD; None: what programs that read the format expect."""
 
     @property
     def clip(self) -> Clip:

@@ -16,6 +16,7 @@ from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.result_files import fit_arrays
+from fitting_core.lens import filmed_keypoints
 from fitting_core.video.frames import image_files
 from tcfit_app.exports.figures import (
     as_json,
@@ -129,7 +130,7 @@ def _openpose(source: ExportSource, folder: Path, progress: Progress) -> None:
     clip = source.clip
     write_openpose(
         folder,
-        clip.keypoints,
+        filmed_keypoints(clip.keypoints, clip.camera.lens),
         name=file_stem(clip.name),
         first_frame=clip.first_frame,
         image_stems=[image.stem for image in _images(source)],
@@ -141,7 +142,7 @@ def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
     clip = source.clip
     write_coco_wholebody(
         path,
-        clip.keypoints,
+        filmed_keypoints(clip.keypoints, clip.camera.lens),
         name=clip.name,
         size=clip.camera.size,
         frame_rate=clip.frame_rate,
@@ -152,7 +153,8 @@ def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
 
 def _pose(source: ExportSource, path: Path, progress: Progress) -> None:
     clip = source.clip
-    write_pose(path, clip.keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)
+    keypoints = filmed_keypoints(clip.keypoints, clip.camera.lens)
+    write_pose(path, keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)
 
 
 def _images(source: ExportSource) -> tuple[Path, ...]:

@@ -185,8 +185,8 @@ class LiveCorrection:
         row = self._row.xy.copy()
         row[0, self._places] = self.target
         keypoints = replace(self._row, xy=row)
-        config, size = self._stages.config, self.correction.clip.camera.size
-        side = cut_off(keypoints, size) if config.one_sided_cut_off else np.zeros(row.shape, np.int8)
+        config, camera = self._stages.config, self.correction.clip.camera
+        side = cut_off(keypoints, camera) if config.one_sided_cut_off else np.zeros(row.shape, np.int8)
         return objective.with_data(self._aimed(objective.data, row, side))
 
     def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:

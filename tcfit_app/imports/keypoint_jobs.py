@@ -118,7 +118,7 @@ class Detect:
         pose = load_pose_model(find_model(self.pose), threads=threads)
         boxes = load_box_model(find_model(self.boxes), threads=threads) if self.boxes else None
         store = StoredDetection(self.parts)
-        with FrameSource(clip.source) as source:
+        with FrameSource(clip.source, lens=clip.camera.lens) as source:
             frames = range(clip.first_frame, clip.first_frame + len(clip))
             detection = Detection(source=source, frames=frames, pose=pose, boxes=boxes)
             if store.settings() != detection.settings():

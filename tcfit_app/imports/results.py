@@ -195,7 +195,12 @@ def _without_shape(motion: ImportedMotion, whose: str) -> ImportedMotion:
 
 
 def _camera(motion: ImportedMotion, clip: Clip, focal_length: float | None) -> Camera:
-    """The camera that the result was found with, for images of the clip's size."""
+    """The camera that the result was found with, for images of the clip's size; it stands where the clip's does."""
+    found = _own_camera(motion, clip, focal_length)
+    return replace(found, lens=clip.camera.lens, world=clip.camera.world)
+
+
+def _own_camera(motion: ImportedMotion, clip: Clip, focal_length: float | None) -> Camera:
     size = clip.camera.size
     if motion.camera is not None:
         return _scaled(motion, motion.camera, size)

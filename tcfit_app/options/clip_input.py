@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from fitting_core.camera import World
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip, read_footage
@@ -75,9 +76,16 @@ def described(clip: Clip) -> list[str]:
     return [
         f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
         f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
+        *([] if camera.lens is None else ["Lens distortion is taken away from keypoints and pictures"]),
+        *([] if camera.world is None else [_place(camera.world)]),
         *([] if clip.keypoints.confidence.any() else [none]),
         *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
     ]
+
+
+def _place(world: World) -> str:
+    up = "up is not known" if world.up is None else f"{world.up} is up"
+    return f"The camera stands at ({', '.join(f'{at:.2f}' for at in world.place)}) m in a world where {up}"
 
 
 def notes_of(clip: Clip) -> list[str]:

@@ -32,10 +32,11 @@ class ExportOptions:
     frames: Annotated[str | None, shown("FIRST:LAST", "all")] = None
     """Only these frames, by their numbers in the video; either may be left out."""
     axes: Annotated[
-        Literal["camera", "y-up", "z-up"] | None, shown("{camera,y-up,z-up}", "as readers of the format expect")
+        Literal["camera", "y-up", "z-up", "world"] | None,
+        shown("{camera,y-up,z-up,world}", "as readers of the format expect"),
     ] = None
-    """World of npz, bvh, obj and ply. camera: x right, y down, z away, the camera at the origin. The others are
-    upright, with the floor at height 0, where that is known."""
+    """World of npz, bvh, obj and ply. camera: x right, y down, z away, the camera at the origin. y-up and z-up are
+    upright, with the floor at height 0, where that is known; or in the world of --camera. world: its own axes."""
     zip: bool = False
     """Write a zip where a format is a folder of files."""
     overwrite: bool = False

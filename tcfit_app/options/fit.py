@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from fitting_core.camera import FocalRule
+from fitting_core.camera import FocalRule, Up
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import changed, check, settings, unknown
 from fitting_core.config.toml import preset, read_named
@@ -76,7 +76,7 @@ class ClipOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOptions:
-    """The camera. Give at most one of the first three."""
+    """The camera. Give at most one of the first three, or a camera file."""
 
     focal_length: Annotated[
         float | FocalRule | None,
@@ -90,6 +90,15 @@ class CameraOptions:
     """Focal length in millimetres on 35 mm film, as phones and cameras state it."""
     center: Annotated[tuple[float, float] | None, shown("X Y", "the image's centre")] = None
     """Principal point in pixels."""
+    camera: Annotated[Path | None, shown("FILE", "none")] = None
+    """A calibration, with the lens's distortion and the camera's place: npz, TOML of Pose2Sim or caliscope, OpenCV's
+    YAML, XML or JSON, or COLMAP's cameras.txt."""
+    camera_name: Annotated[str | None, shown("NAME", "the only one")] = None
+    """Which camera of that file."""
+    camera_unit: Annotated[float | None, shown("METRES", "1")] = None
+    """Length of one unit of that file's world: 0.001 where it is in millimetres."""
+    camera_up: Annotated[Up | None, shown("{x,y,z,-x,-y,-z}", "as the file has it; z for TOML")] = None
+    """The axis of that file's world that points up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +274,7 @@ def camera_for(camera: CameraOptions, method: MethodOptions | None = None) -> Ca
     Raises:
         InputError: The method's configuration cannot be read.
     """
-    given = (camera.focal_length, camera.fov, camera.focal_length_35mm)
+    given = (camera.focal_length, camera.fov, camera.focal_length_35mm, camera.camera)
     if any(value is not None for value in given) or (method is not None and _of_preset(method)[0] in _AS_PUBLISHED):
         return camera
     return replace(camera, focal_length="auto")

@@ -7,7 +7,7 @@
 | trans, expressions | (N, 3), (N, 10) | |
 | betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
-| axes, camera_to_world, camera_place, ground, camera_focal, camera_center, image_size, first_frame, \
+| axes, camera_to_world, camera_place, ground, camera_*, image_size, lens_*, world_*, first_frame, \
 body_kind, body_hash, betas_source, generator | | tcfit's own: x_world = camera_to_world @ x_camera + camera_place |
 
 Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, POSE_COLUMNS
 from fitting_core.files.npz import write_npz
+from fitting_core.io.camera_arrays import camera_arrays
 from fitting_core.io.motion.fitted_motion import Motion, stated
 
 _BETAS = 16
@@ -48,7 +49,7 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
     """The arrays of the table above, by name."""
     shaped = motion.one_shape
     poses = shaped.pose.flatten(1).numpy()
-    facts, camera = stated(motion), motion.camera
+    facts = stated(motion)
     arrays: dict[str, Any] = {
         "surface_model_type": "smplx",
         "gender": motion.body.gender,
@@ -62,9 +63,7 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
         "camera_to_world": motion.camera_to_world,
         "camera_place": motion.camera_place,
         "ground": facts["ground"],
-        "camera_focal": camera.focal,
-        "camera_center": camera.center,
-        "image_size": camera.size,
+        **camera_arrays(motion.camera),
         **{name: facts[name] for name in ("first_frame", "body_kind", "body_hash", "betas_source", "generator")},
     }
     return {name: np.asarray(value) for name, value in arrays.items()}

@@ -13,7 +13,7 @@ from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level
 
@@ -38,6 +38,8 @@ AXES: dict[str, Axes] = {
     "z-up": Axes(from_camera=((1, 0, 0), (0, 0, 1), (0, -1, 0)), text="x right, y away from the camera, z up"),
 }
 """What is up is known from a motion's `level`; without one, upright means: as the camera was held."""
+OWN_WORLD = "world"
+"""The axes of the user's own world, for a camera of which it is known where it stands there."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +56,7 @@ class Motion:
     first_frame: int = 0
     """Number of the first frame in the video, from 0."""
     axes: str = "camera"
-    """A name of AXES."""
+    """A name of AXES, or OWN_WORLD."""
     level: Level | None = None
     """How the camera is held: by it y-up and z-up are upright, and their floor is at 0. None: as if it were level."""
 
@@ -97,10 +99,16 @@ class Motion:
         turn, t' = R (p + t) - p with p the pelvis at rest.
 
         Raises:
-            InputError: The name is not one of AXES.
+            InputError: The name is not one of these, or nobody said where the camera stands in the world.
         """
-        if axes not in AXES:
-            raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}.")
+        if axes not in (*AXES, OWN_WORLD):
+            raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}, {OWN_WORLD}.")
+        if axes == OWN_WORLD and self.camera.world is None:
+            raise InputError(
+                f"The axes {OWN_WORLD!r} are those of a camera file that says where the camera stands, and this clip "
+                "was read without one. Give it by --camera when the clip is fitted or its project made, or choose "
+                "other axes."
+            )
         if axes == self.axes:
             return self
         there = replace(self, axes=axes)
@@ -117,19 +125,38 @@ class Motion:
     @property
     def camera_to_world(self) -> Float[np.ndarray, "3 3"]:
         """Rotation: x_world = camera_to_world @ x_camera + camera_place."""
+        if self._own_world is not None:
+            return self._own_world.from_camera
         axes = np.array(AXES[self.axes].from_camera, float)
         return axes if self.level is None or self.axes == "camera" else axes @ self.level.turn
 
     @property
     def camera_place(self) -> Float[np.ndarray, "3"]:
-        """Where the camera stands in the world, metres: above the origin, as high as it is above the floor."""
-        if self.level is None or self.level.height is None or self.axes == "camera":
+        """Where the camera stands in the world, metres.
+
+        In an estimated world above the origin, as high as it is above the floor.
+        """
+        if self._own_world is not None:
+            return self._own_world.place
+        if self.level is None or self.axes == "camera":
             return np.zeros(3)
-        return np.array(AXES[self.axes].from_camera, float) @ (0.0, -self.level.height, 0.0)
+        place = (0.0, -(self.level.height or 0.0), 0.0) if self.level.place is None else self.level.place
+        return np.array(AXES[self.axes].from_camera, float) @ place
+
+    @property
+    def _own_world(self) -> World | None:
+        """Of the camera, where these are its axes."""
+        return self.camera.world if self.axes == OWN_WORLD else None
 
     @property
     def axes_text(self) -> str:
         """The world in words."""
+        turned = self.axes != "camera" and self.level is not None and self.level.place is not None
+        if turned or self._own_world is not None:
+            up = self._own_world.up if self._own_world is not None else self.axes[0]
+            at = ", ".join(f"{place:.3f}" for place in self.camera_place)
+            said = f", {up} up" if up else ""
+            return f"the world of the camera's calibration{said}; metres; the camera stands at ({at})"
         if self.axes == "camera" or self.level is None:
             return f"{AXES[self.axes].text}; metres; the camera stands at the origin"
         if self.level.height is None:
@@ -191,6 +218,7 @@ def stated(motion: Motion) -> dict[str, Any]:
             "center_px": list(camera.center),
             "image_size_px": list(camera.size),
             "focal_source": camera.source,
+            "distortion": None if camera.lens is None else list(camera.lens.distortion),
         },
         "camera_to_world": motion.camera_to_world.tolist(),
         "camera_place": motion.camera_place.tolist(),

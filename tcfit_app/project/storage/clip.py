@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from fitting_core.camera import DEFAULT_FOCAL, Camera, default_focal
+from fitting_core.camera import DEFAULT_FOCAL, Camera, default_focal, is_possible
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
@@ -121,8 +121,7 @@ def _checksum(value: Any) -> str:
 
 def _camera(value: Any) -> Camera:
     camera = json_of(Camera)(value)
-    numbers = (*camera.focal, *camera.center, *camera.size)
-    if not np.isfinite(numbers).all() or min(camera.focal) <= 0 or not 0 < min(camera.size) <= max(camera.size) < 1e5:
+    if not is_possible(camera):
         raise ValueError("it is no camera")
     return camera
 

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import AXES
+from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import EXPORTS, Export, Group
@@ -35,7 +35,8 @@ from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.state import TabState
 
 Side = Literal["A", "B"]
-_AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up"}
+_AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
+"""The last of them where the clip's camera stands in a world of the user's."""
 _FRAMES = {"all": False, "selected": True}
 """Whether the selected frames alone are exported, by the button's value."""
 _AXES_HINT = "As the programs expect that read the format: each button's hint says which"
@@ -49,7 +50,7 @@ class _Wishes:
     selected: bool = False
     """The selected frames alone."""
     axes: str = ""
-    """A name of AXES; empty: what suits the format."""
+    """A name of AXES, or OWN_WORLD; empty: what suits the format."""
 
 
 class ExportPanel:
@@ -176,6 +177,7 @@ class ExportPanel:
         axes = [
             button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
             for value, label in _AXES.items()
+            if value != OWN_WORLD or tab.session.project.clip.camera.world is not None
         ]
         return [
             heading("Files", "to this browser's downloads", first=True),
@@ -224,7 +226,10 @@ def _short(shown: Shown) -> str:
 
 
 def _axes_hint(name: str) -> str:
-    return f"{AXES[name].text}; counts for SMPL-X npz, BVH, OBJ and PLY" if name else _AXES_HINT
+    if not name:
+        return _AXES_HINT
+    text = "As the camera file has it" if name == OWN_WORLD else AXES[name].text
+    return f"{text}; counts for SMPL-X npz, BVH, OBJ and PLY"
 
 
 def _said(going: Task[bytes], size: int) -> list[Html]:

@@ -62,7 +62,12 @@ class DrawingData:
     def _opened(self) -> VideoFrames:
         clip = self.session.project.clip
         return VideoFrames(
-            clip.source, first_frame=clip.first_frame, count=len(clip), size=clip.camera.size, arrived=self._wake
+            clip.source,
+            first_frame=clip.first_frame,
+            count=len(clip),
+            size=clip.camera.size,
+            lens=clip.camera.lens,
+            arrived=self._wake,
         )
 
     def warm_up(self) -> None:

@@ -28,6 +28,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from fitting_core.camera import Lens
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
@@ -63,6 +64,7 @@ class VideoFrames:
         first_frame: Frame 0 of the clip is this one of the source.
         count: Frames of the clip.
         size: Width and height in pixels of the clip's camera: the shape of the placeholder.
+        lens: Of the clip's camera, which frames are straightened for.
         limit: Bytes of the cache.
         fill: Whether to go on with the rest of the clip when there is nothing else to do.
         arrived: Called, from another thread, when a frame is there that `get` or `nearest` was asked for.
@@ -75,6 +77,7 @@ class VideoFrames:
         first_frame: int,
         count: int,
         size: tuple[int, int],
+        lens: Lens | None = None,
         limit: int = _LIMIT,
         fill: bool = True,
         arrived: Callable[[], None] = lambda: None,
@@ -94,7 +97,7 @@ class VideoFrames:
         self._rest = deque(range(count)) if fill else deque()
         self._changed = threading.Condition()
         self._closed = source is None
-        self._thread = threading.Thread(target=self._work, args=(source,), name="video frames", daemon=True)
+        self._thread = threading.Thread(target=self._work, args=(source, lens), name="video frames", daemon=True)
         if source:
             self._thread.start()
 
@@ -172,9 +175,9 @@ class VideoFrames:
             self._awaited.add(wanted)
             self._changed.notify_all()
 
-    def _work(self, source: Path) -> None:
+    def _work(self, source: Path, lens: Lens | None) -> None:
         try:
-            frames = FrameSource(source)
+            frames = FrameSource(source, lens=lens)
         except (InputError, OSError, cv2.error) as error:
             self._problem = str(error)
             self._arrived()

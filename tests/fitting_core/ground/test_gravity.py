@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.ground.gravity import Gravity, angles, gravity_before_fit, robust_mean, with_trunk
+from fitting_core.camera import Camera, World
+from fitting_core.ground.gravity import Gravity, angles, gravity_before_fit, robust_mean, told_gravity, with_trunk
 from tests.samples.walkers import TILT, walker
 
 
@@ -66,3 +67,13 @@ def test_an_upright_trunk_counts_as_far_as_the_lifter_is_unsure(deviation: float
 def test_who_lies_does_not_turn_the_world():
     up, trunk = np.array([0.0, -1.0, 0.0]), np.tile([0.5, 0.0, 0.0], (9, 1))
     assert angles(with_trunk(Gravity(up=up, deviation=9.0), trunk).up, up) < 2
+
+
+def test_a_calibration_that_says_what_is_up_tells_gravity():
+    # The camera looks along the world's y, with z up: -y in the camera.
+    rotation = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+    camera = Camera(focal=(900.0, 900.0), center=(320.0, 240.0), size=(640, 480))
+    told = told_gravity(replace(camera, world=World(rotation=rotation, translation=(0, 0, 0), up="z")))
+    assert told is not None and np.allclose(told.up, (0, -1, 0)) and told.deviation < 1
+    assert told_gravity(camera) is None
+    assert told_gravity(replace(camera, world=World(rotation=rotation, translation=(0, 0, 0)))) is None

@@ -1,15 +1,19 @@
 """Camera space turned upright, and groundings as arrays."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fitting_core.camera import Up, World
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import level_of, upright
 from fitting_core.ground.plane import Ground
+from fitting_core.io.motion.fitted_motion import AXES
 
 LEVEL = np.array([0.0, -1.0, 0.0])
 
@@ -49,6 +53,32 @@ def test_what_is_sure_enough_turns_a_world():
     assert gravity_alone is not None and gravity_alone.height is None
     with_floor = level_of(a_grounding(deviation=12.0))
     assert with_floor is not None and with_floor.height == 1.4
+
+
+TURN = Rotation.from_rotvec([1.7, 1.0, -0.4]).as_matrix()
+
+
+@pytest.mark.parametrize("up", get_args(Up))
+def test_the_user_s_world_is_turned_by_quarters_alone(up: Up):
+    one, two, three = ((x, y, z) for x, y, z in TURN.tolist())
+    world = World(rotation=(one, two, three), translation=(0.3, 0.9, 2.9), up=up)
+    level = level_of(a_grounding(), world)
+    assert level is not None and level.place is not None and world.up_in_camera is not None
+    np.testing.assert_allclose(level.turn @ world.up_in_camera, LEVEL, atol=1e-12)
+    # From the user's axes to these: whole numbers, and the same for the camera's place.
+    quarters = level.turn @ TURN
+    np.testing.assert_allclose(quarters, np.round(quarters), atol=1e-12)
+    np.testing.assert_allclose(level.place, quarters @ world.place, atol=1e-12)
+    if up == "z":  # as AXES turn them back
+        np.testing.assert_allclose(np.array(AXES["z-up"].from_camera) @ quarters, np.eye(3), atol=1e-12)
+    if up == "y":
+        np.testing.assert_allclose(np.array(AXES["y-up"].from_camera) @ quarters, np.eye(3), atol=1e-12)
+
+
+def test_a_world_without_up_is_left_out():
+    world = World(rotation=((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)), translation=(1.0, 2.0, 3.0))
+    level = level_of(a_grounding(), world)
+    assert level is not None and level.place is None and level.height == 1.4
 
 
 @pytest.mark.parametrize("ground", [True, False])

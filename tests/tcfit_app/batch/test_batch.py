@@ -8,9 +8,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
+from fitting_core.files.npz import write_npz
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main, parse
@@ -130,6 +132,23 @@ def test_clips_differ_in_what_the_list_says(tmp_path: Path, free_body: BodyModel
     a, b = read_fit(tmp_path / "a"), read_fit(tmp_path / "b")
     assert (len(a.joints), len(b.joints), b.first_frame) == (4, 2, 2)
     assert (a.camera.focal, b.camera.focal) == ((800.0, 800.0), (500.0, 500.0))
+
+
+def test_a_clip_is_fitted_again_when_its_camera_file_changes(tmp_path: Path, free_body: BodyModel):
+    write_clip(tmp_path / "k", free_body, frames=2)
+    camera = {"K": np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]]), "size": np.array([640, 480])}
+    write_npz(tmp_path / "camera.npz", camera)
+    write_list(tmp_path, [{"keypoints": "k", "out": "a", "camera": "camera.npz"}])
+    assert batch(tmp_path) == 0 and read_fit(tmp_path / "a").camera.focal == (800.0, 800.0)
+    before = read_fit(tmp_path / "a")
+    assert batch(tmp_path) == 0 and fits(tmp_path) == 1
+    write_npz(tmp_path / "camera.npz", camera | {"dist": np.array([-0.1, 0, 0, 0])})
+    assert batch(tmp_path) == 0
+    after = read_fit(tmp_path / "a").camera.lens
+    assert before.camera.lens is None and after is not None and after.distortion == (-0.1, 0, 0, 0)
+    (tmp_path / "camera.npz").unlink()
+    write_list(tmp_path, [{"keypoints": "k", "out": "b", "camera": "camera.npz"}])
+    assert batch(tmp_path) == INPUT_ERROR and not (tmp_path / "b").exists()
 
 
 def test_projects_get_another_run_and_lose_nothing(tmp_path: Path, free_body: BodyModel):

@@ -72,6 +72,15 @@ def test_empty_cells_take_what_the_command_line_says(tmp_path: Path):
     assert {t.fit.body.gender for t in (one, two)} == {"female"} and {t.config.hip_weight for t in (one, two)} == {0.5}
 
 
+def test_a_clip_has_one_camera_the_list_s_before_the_command_line_s(tmp_path: Path):
+    text = "keypoints,out,camera,camera_name,camera_up,fov\nk,a,Calib.toml,left,z,\nk,b,,,,50\nk,c,,right,,\n"
+    line = ("--camera", "other.npz", "--camera-name", "mine", "--camera-unit", "0.001")
+    one, two, three = (task.fit.camera for task in tasks_of(tmp_path, text, *line))
+    assert one == CameraOptions(camera=tmp_path / "Calib.toml", camera_name="left", camera_unit=0.001, camera_up="z")
+    assert two == CameraOptions(fov=50.0)
+    assert three == CameraOptions(camera=Path("other.npz"), camera_name="right", camera_unit=0.001)
+
+
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_spreadsheets_of_all_countries_are_read(tmp_path: Path, delimiter: str):
     lines = ["\ufeffkeypoints,out,center", 'k,"a, b",3 4', "", "k,  c ,"]
@@ -107,6 +116,8 @@ WRONG = {
         "line 3, column focal_length: is -5; expected a number, auto or diagonal, above 0",
     ],
     "keypoints,out,fov,focal_length\nk,o,50,900\n": ["given 2 times, by focal_length, fov"],
+    "keypoints,out,fov,camera\nk,o,50,c.npz\n": ["given 2 times, by fov, camera"],
+    "keypoints,out,camera,camera_up\nk,o,c.npz,north\n": ["column camera_up: is 'north'; expected one of x, y, z, -x"],
     "keypoints,out,first_frame,last_frame\nk,o,5,4\n": ["first_frame 5 lies behind last_frame 4"],
     "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
     "keypoints,out,preset\nk,o,papre\n": ["column preset: is 'papre'; expected one of smplifyx, paper, tcfit"],

@@ -27,6 +27,7 @@ EVERY_OPTION = """
     fit walk.mp4 --keypoints kp --out o --overwrite --no-overlay --threads 2
     --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
     --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
+    --camera c.npz --camera-name left --camera-unit 0.001 --camera-up z
     --body-model smplh --models m --gender male
     --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
     --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda

@@ -16,14 +16,16 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
+from fitting_core.camera import World
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
-from fitting_core.io.motion.fitted_motion import AXES
+from fitting_core.io.motion.fitted_motion import AXES, rest_joints
 from fitting_core.io.result_files import read_fit, write_result
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.references.bodies import reference_of
@@ -127,6 +129,39 @@ def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: Bo
             assert read["pose_embedding"].shape == (1, 32)
             # The prior cannot express every pose; what it encodes lies near.
             np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
+
+
+@pytest.mark.parametrize("axes", [["--axes", "world"], []])
+def test_a_calibrated_camera_s_motion_stands_in_its_world(free_body: BodyModel, tmp_path: Path, axes: list[str]):
+    turn, at = Rotation.from_rotvec([1.7, 1.0, -0.4]), np.array([0.3, 0.9, 2.9])
+    one, two, three = ((x, y, z) for x, y, z in turn.as_matrix().tolist())
+    world = World(rotation=(one, two, three), translation=(0.3, 0.9, 2.9), up="z")
+    clip = sample_clip(FRAMES)
+    clip = replace(clip, camera=replace(clip.camera, world=world))
+    fit = replace(waving_fit(0.0), camera=clip.camera)
+    with Project.create(tmp_path / "walk.tcfit", clip) as made:
+        made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
+    write_result(tmp_path / "result", fit, clip, free_body)
+    expected = turn.inv().apply(joints_in_space(free_body, fit.last.params)[:, 0] - at)
+    for source in ("walk.tcfit", "result"):
+        exported(tmp_path / source, tmp_path / f"from {source}", "--formats", "npz", *axes)
+        (file,) = (tmp_path / f"from {source}").iterdir()
+        with np.load(file, allow_pickle=False) as read:
+            shape = replace(fit.last.params, betas=torch.as_tensor(read["betas"][None, :10]).expand(FRAMES, -1))
+            pelvis = rest_joints(free_body, shape)[:, 0].numpy() + read["trans"]
+            assert np.allclose(pelvis, expected, atol=1e-5)  # z is up: also where the format chooses
+            assert np.allclose(read["camera_place"], world.place) and "calibration" in str(read["axes"])
+
+
+@pytest.mark.parametrize("source", ["walk.tcfit", "result"])
+def test_axes_of_a_world_that_nobody_told(free_body: BodyModel, tmp_path: Path, source: str, capsys):
+    fit, clip = waving_fit(0.0), sample_clip(FRAMES)
+    with Project.create(tmp_path / "walk.tcfit", clip) as made:
+        made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
+    write_result(tmp_path / "result", fit, clip, free_body)
+    wished = ["export", str(tmp_path / source), "--formats", "npz", "--axes", "world", "--out", str(tmp_path / "out")]
+    assert main(wished) == 2 and "--camera" in capsys.readouterr().err
+    assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
 
 
 def test_a_known_floor_is_at_height_0_whatever_frames_are_exported(free_body: BodyModel, tmp_path: Path):

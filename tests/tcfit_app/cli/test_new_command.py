@@ -8,7 +8,9 @@ import pytest
 
 from fitting_core.io.clip_reader import read_clip
 from tcfit_app.cli.main import main
+from tcfit_app.cli.new_command import check_same_clip
 from tcfit_app.project.project import Project
+from tests.fitting_core.io.cameras.camera_files import own
 from tests.samples.project_samples import same_keypoints
 from tests.tcfit_app.conftest import FRAMES
 
@@ -48,6 +50,33 @@ def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):
         assert linked.clip.source and linked.clip.source.samefile(images)
         assert copied.clip.source == tmp_path / "copied" / "media" / "images"
         assert len(list(copied.clip.source.iterdir())) == FRAMES
+
+
+def test_a_camera_file_stays_with_the_project(
+    keypoint_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    size = (640, 480)
+    matrix = np.diag([800.0, 800, 1]) + np.array([[0, 0, 320], [0, 0, 240], [0, 0, 0]])
+    file = own(tmp_path / "camera.npz", K=matrix, size=size, dist=(-0.2, 0.05, 0, 0), up="z")
+    plain = ["--keypoints", str(keypoint_folder), "--image-size", "640", "480"]
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", *plain, "--camera", str(file), "--out", "lab.tcfit"]) == 0
+    said = capsys.readouterr().err
+    assert "camera file camera.npz" in said and "distortion is taken away" in said and "z is up" in said
+    straight = read_clip(None, keypoint_folder, image_size=size, camera=file)
+    filmed = read_clip(None, keypoint_folder, image_size=size)
+    assert not same_keypoints(straight.keypoints, filmed.keypoints)
+    with Project.open(tmp_path / "lab.tcfit") as project:
+        assert same_keypoints(project.detections, straight.keypoints) and project.clip.camera == straight.camera
+    assert main(["export", "lab.tcfit", "--formats", "openpose", "--out", "out"]) == 0
+    (folder,) = (tmp_path / "out").iterdir()
+    again = read_clip(None, folder, image_size=size)
+    np.testing.assert_allclose(again.keypoints.xy, filmed.keypoints.xy, atol=1e-6)
+    # The keypoints as they were filmed are those of the project.
+    check_same_clip(tmp_path / "lab.tcfit", filmed, [])
+    for wrong in (["--camera-name", "left"], ["--camera", str(file), "--fov", "50"], ["--camera", "nowhere.toml"]):
+        assert main(["new", *plain, *wrong, "--out", "b"]) == 2 and not (tmp_path / "b").exists()
+    assert "camera_name" not in capsys.readouterr().err
 
 
 def test_nothing_is_made_of_what_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import BodyModel
+from fitting_core.camera import World
 from fitting_core.errors import InputError
-from fitting_core.ground.level import Level, upright
-from fitting_core.io.motion.fitted_motion import AXES, stated, stated_by_frame
+from fitting_core.ground.level import Level, level_of, upright
+from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, stated, stated_by_frame
 from tests.fitting_core.io.motion.motions import meshes, swinging
 
 
@@ -106,6 +108,28 @@ def test_what_is_stated_gets_from_the_camera_into_the_world(tiny_body: BodyModel
     said = stated(camera.in_axes(start).in_axes(axes))
     expected = camera.joints() @ np.array(said["camera_to_world"]).T + said["camera_place"]
     assert np.allclose(camera.in_axes(start).in_axes(axes).joints(), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("axes", [OWN_WORLD, "z-up", "y-up"])
+def test_a_calibrated_camera_puts_the_motion_into_its_world(free_body: BodyModel, axes: str):
+    turn = Rotation.from_rotvec([1.7, 1.0, -0.4])
+    one, two, three = ((x, y, z) for x, y, z in turn.as_matrix().tolist())
+    world = World(rotation=(one, two, three), translation=(0.3, 0.9, 2.9), up="z")
+    plain = swinging(free_body)
+    calibrated = replace(plain, camera=replace(plain.camera, world=world), level=level_of(None, world))
+    there = turn.inv().apply((plain.joints() - (0.3, 0.9, 2.9)).reshape(-1, 3)).reshape(plain.joints().shape)
+    expected = there[..., [0, 2, 1]] * (1, 1, -1) if axes == "y-up" else there
+    moved = calibrated.in_axes(axes)
+    assert np.allclose(moved.joints(), expected, atol=1e-5)
+    assert np.allclose(moved.in_axes("camera").joints(), plain.joints(), atol=1e-5)
+    said = stated(moved)
+    assert np.allclose(plain.joints() @ np.array(said["camera_to_world"]).T + said["camera_place"], expected, atol=1e-5)
+    assert "calibration" in said["axes_text"] and f"{axes[0] if axes != OWN_WORLD else 'z'} up" in said["axes_text"]
+
+
+def test_there_is_no_world_without_a_calibration(tiny_body: BodyModel):
+    with pytest.raises(InputError, match="Give it by --camera"):
+        swinging(tiny_body).in_axes(OWN_WORLD)
 
 
 def test_gravity_alone_turns_and_moves_nothing(tiny_body: BodyModel):

@@ -1,0 +1,66 @@
+"""A camera as arrays, for npz files.
+
+| key | shape | |
+|---|---|---|
+| camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels, of straightened pictures |
+| lens_focal, lens_center, lens_distortion | (2,), (2,), (n,) | only of a lens that bends: its calibration |
+| world_rotation, world_translation, world_up | (3, 3), (3,), () | only where it is known where the camera stands: \
+x_camera = world_rotation @ x_world + world_translation, metres; up is an axis such as z, or empty |
+"""
+
+from typing import Any, get_args
+
+import numpy as np
+
+from fitting_core.camera import Camera, Lens, Up, World, is_possible
+
+
+def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
+    """The arrays of the table above."""
+    found: dict[str, Any] = {
+        "camera_focal": camera.focal,
+        "camera_center": camera.center,
+        "camera_source": camera.source,
+        "image_size": camera.size,
+    }
+    if (lens := camera.lens) is not None:
+        found |= {"lens_focal": lens.focal, "lens_center": lens.center, "lens_distortion": lens.distortion}
+    if (world := camera.world) is not None:
+        found |= {"world_rotation": world.rotation, "world_translation": world.translation, "world_up": world.up or ""}
+    return {name: np.asarray(value) for name, value in found.items()}
+
+
+def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
+    """What `camera_arrays` made; without lens and world where there are none, as in files of earlier versions.
+
+    Raises:
+        KeyError: An array is missing.
+        ValueError: They are no camera's.
+        TypeError: They are no camera's.
+    """
+    (fx, fy), (cx, cy), (width, height) = (
+        arrays[name].tolist() for name in ("camera_focal", "camera_center", "image_size")
+    )
+    camera = Camera(
+        focal=(fx, fy),
+        center=(cx, cy),
+        size=(width, height),
+        source=str(arrays["camera_source"]),
+        lens=_lens(arrays) if "lens_focal" in arrays else None,
+        world=_world(arrays) if "world_rotation" in arrays else None,
+    )
+    if not is_possible(camera):
+        raise ValueError("its camera is none")
+    return camera
+
+
+def _lens(arrays: dict[str, np.ndarray]) -> Lens:
+    (fx, fy), (cx, cy) = (arrays[name].tolist() for name in ("lens_focal", "lens_center"))
+    return Lens(focal=(fx, fy), center=(cx, cy), distortion=tuple(arrays["lens_distortion"].tolist()))
+
+
+def _world(arrays: dict[str, np.ndarray]) -> World:
+    one, two, three = ((x, y, z) for x, y, z in arrays["world_rotation"].tolist())
+    x, y, z = arrays["world_translation"].tolist()
+    up = next((axis for axis in get_args(Up) if axis == str(arrays["world_up"])), None)
+    return World(rotation=(one, two, three), translation=(x, y, z), up=up)

@@ -1,0 +1,140 @@
+"""One camera of a calibration file, as the file has it, checked."""
+
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fitting_core.camera import COEFFICIENTS, Up, is_rotation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """A camera of a file, in the file's units."""
+
+    name: str
+    """Empty where the file gives it none."""
+    focal: tuple[float, float]
+    """Pixels of an image of `size`."""
+    center: tuple[float, float]
+    distortion: tuple[float, ...]
+    """As of `Lens`; empty for none."""
+    size: tuple[int, int] | None
+    """Width and height of the images that were calibrated; None where the file does not say it."""
+    rotation: Float[np.ndarray, "3 3"] | None = None
+    """x_camera = rotation x_world + translation; both or none."""
+    translation: Float[np.ndarray, "3"] | None = None
+    up: Up | None = None
+    """Of the world, as the file says it or its program's convention has it."""
+    has_unit: bool = True
+    """Whether lengths of the world have a unit; a reconstruction from images alone has none."""
+
+
+def calibration(
+    name: str,
+    *,
+    matrix: Any,
+    distortion: Any = None,
+    size: Any = None,
+    rotation: Any = None,
+    translation: Any = None,
+    up: Any = None,
+) -> Calibration:
+    """A camera from what a file has, in any of the usual shapes.
+
+    Args:
+        name: In the file.
+        matrix: 3 x 3: focal lengths and principal point, pixels.
+        distortion: 4, 5, 8 or 12 of OpenCV's coefficients, in any shape.
+        size: Width and height in pixels.
+        rotation: 3 x 3, or OpenCV's rotation vector (axis times angle in radians).
+        translation: 3 numbers.
+        up: One of `Up`.
+
+    Raises:
+        ValueError: It is no camera, or one that tcfit cannot use; the message says what was found and expected.
+    """
+    k = _numbers("the camera matrix", matrix, 9).reshape(3, 3)
+    if not (min(k[0, 0], k[1, 1]) > 0 and np.allclose(k[2], (0, 0, 1)) and abs(k[1, 0]) < 1e-6):
+        raise ValueError(
+            f"has the camera matrix {k.tolist()}; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], focal lengths above 0"
+        )
+    if abs(k[0, 1]) > 1e-3 * k[0, 0]:
+        raise ValueError(f"has skewed pixels (skew {k[0, 1]:g} in the camera matrix), expected 0")
+    if (rotation is None) != (translation is None):
+        there, missing = ("translation", "rotation") if rotation is None else ("rotation", "translation")
+        raise ValueError(f"has a {there} and no {missing}; expected both or none")
+    if up is not None and up not in get_args(Up):
+        raise ValueError(f"says that up is {up!r}; expected one of {', '.join(get_args(Up))}")
+    return Calibration(
+        name=name,
+        focal=(float(k[0, 0]), float(k[1, 1])),
+        center=(float(k[0, 2]), float(k[1, 2])),
+        distortion=_coefficients(distortion),
+        size=None if size is None else _size(size),
+        rotation=None if rotation is None else _rotation(rotation),
+        translation=None if translation is None else _numbers("the translation", translation, 3),
+        up=up,
+    )
+
+
+def _coefficients(values: Any) -> tuple[float, ...]:
+    """Without zeros that say nothing; empty for a lens that bends nothing."""
+    if values is None:
+        return ()
+    found = _numbers("the distortion", values)
+    if not found.any():
+        return ()
+    if len(found) == 14 and not found[12:].any():
+        found = found[:12]
+    if len(found) == 14:
+        raise ValueError(
+            "has 14 distortion coefficients, of a tilted sensor; expected up to 12, of a sensor that is not"
+        )
+    if len(found) not in COEFFICIENTS:
+        expected = f"{', '.join(map(str, COEFFICIENTS[:-1]))} or {COEFFICIENTS[-1]}"
+        raise ValueError(
+            f"has {len(found)} distortion coefficients; expected {expected} of OpenCV's (k1, k2, p1, p2, k3 ...)"
+        )
+    return tuple(found.tolist())
+
+
+def _size(value: Any) -> tuple[int, int]:
+    width, height = _numbers("the image size", value, 2).tolist()
+    if not all(1 <= side < 100_000 and side == int(side) for side in (width, height)):
+        raise ValueError(f"has the image size {width:g} x {height:g}; expected width and height in whole pixels")
+    return int(width), int(height)
+
+
+def _rotation(value: Any) -> Float[np.ndarray, "3 3"]:
+    numbers = _numbers("the rotation", value)
+    if len(numbers) == 3:
+        return Rotation.from_rotvec(numbers).as_matrix()
+    if len(numbers) != 9:
+        raise ValueError(
+            f"has a rotation of {len(numbers)} numbers; expected a matrix (3 x 3) or a rotation vector (3)"
+        )
+    matrix = numbers.reshape(3, 3)
+    if is_rotation(-matrix):
+        raise ValueError("has a rotation that mirrors (determinant -1); expected one that turns")
+    if not is_rotation(matrix):
+        raise ValueError("has a rotation that is none (R R^T is not the identity)")
+    return matrix
+
+
+def _numbers(what: str, value: Any, count: int | None = None) -> Float[np.ndarray, "n"]:
+    """Finite numbers in a row, so many of them."""
+    try:
+        found = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        raise ValueError(f"{what} has rows of different lengths") from None
+    if found.dtype.kind not in "fiu":
+        raise ValueError(f"{what} is no array of numbers")
+    found = found.astype(float).ravel()
+    if count is not None and len(found) != count:
+        raise ValueError(f"{what} has {len(found)} numbers, expected {count}")
+    if not np.isfinite(found).all() or (abs(found) > 1e9).any():
+        raise ValueError(f"{what} has numbers that are not finite or far too large")
+    return found

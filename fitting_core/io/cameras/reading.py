@@ -1,0 +1,220 @@
+"""A camera from a calibration file: which of the file's, for images of which size, in a world of which unit."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.camera import Camera, Lens, Up, Vector, World
+from fitting_core.errors import InputError
+from fitting_core.files.regular import legible
+from fitting_core.io.cameras.calibration import Calibration
+from fitting_core.io.cameras.camera_npz import read_camera_npz
+from fitting_core.io.cameras.colmap import CAMERAS, IMAGES, read_colmap
+from fitting_core.io.cameras.tables import TABLES
+from fitting_core.lens import share_straightened
+
+_ASPECT = 0.005
+"""By so much the ratio of sides may differ: 1280 x 720 becomes 854 x 480."""
+_ANGLES = (0.5, 170.0)
+"""Degrees that a camera sees from left to right."""
+_MAX_CENTER = 2.0
+"""Image sizes that the principal point may be from the image's middle: cropped videos have it outside."""
+_MOST_NOWHERE = 0.25
+"""Share of a picture that a lens may leave nowhere: more says that the coefficients are of another model."""
+_FAR = 100.0
+"""Metres from the origin from which a world is hardly one of metres."""
+_LISTED = 12
+_FORMS: dict[str, Callable[[Path], list[Calibration]]] = {".npz": read_camera_npz, **TABLES}
+"""By the file's suffix; COLMAP's texts are known by their names."""
+EXPECTED = (
+    "an npz with K, a TOML of Pose2Sim or caliscope, OpenCV's YAML, XML or JSON with a camera_matrix, or COLMAP's "
+    f"{CAMERAS} with {IMAGES} beside it"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFile:
+    """Which camera of which file, as a user says it."""
+
+    path: Path
+    name: str | None = None
+    """Of one of several; may be None for one."""
+    unit: float | None = None
+    """Metres that one unit of its world is long; None: 1."""
+    up: Up | None = None
+    """The world's axis against gravity; None: what the file or its program's convention says."""
+
+
+def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[str, ...]]:
+    """The camera of images of a size, and notes on how it was read.
+
+    Raises:
+        InputError: The file cannot be read, has several cameras and none of that name, was made for images of another
+            shape, or holds what is no camera.
+    """
+    if file.unit is not None and not 1e-6 <= file.unit <= 1e6:
+        raise InputError(
+            f"camera_unit is {file.unit:g}; expected the metres of one unit, such as 0.001 for millimetres."
+        )
+    if file.up is not None and file.up not in get_args(Up):
+        raise InputError(f"camera_up is {file.up!r}; expected one of {', '.join(get_args(Up))}.")
+    chosen = _chosen(file, _all(file.path))
+    try:
+        sized, size_notes = _for_size(chosen, size)
+        _check_view(sized, size)
+        lens, lens_notes = _lens(sized, size)
+    except ValueError as error:
+        raise InputError(f"{file.path}: {_titled(chosen)}{error}.") from error
+    world, world_notes = _world(file, chosen)
+    name = f", camera {chosen.name}" if chosen.name else ""
+    camera = Camera(
+        focal=sized.focal,
+        center=sized.center,
+        size=size,
+        source=legible(f"camera file {file.path.name}{name}, as given"),
+        lens=lens,
+        world=world,
+    )
+    notes = (*size_notes, *lens_notes, *world_notes)
+    return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
+
+
+def camera_files(path: Path) -> list[Path]:
+    """The files that the camera of a path is read from, as far as they are there."""
+    if not _is_colmap(path):
+        return [path] if path.is_file() else []
+    folder = path if path.is_dir() else path.parent
+    return [file for name in (CAMERAS, IMAGES) if (file := folder / name).is_file()]
+
+
+def _is_colmap(path: Path) -> bool:
+    return path.is_dir() or path.name in (CAMERAS, IMAGES)
+
+
+def _all(path: Path) -> list[Calibration]:
+    try:
+        if _is_colmap(path):
+            return read_colmap(path)
+        if (suffix := path.suffix.lower()) in _FORMS and path.exists():
+            return _FORMS[suffix](path)
+    except FileNotFoundError as error:
+        missing = Path(error.filename or path).name
+        raise InputError(f"{path}: has no {missing}; expected {EXPECTED}.") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    except ValueError as error:
+        raise InputError(f"{path}: {error}.") from error
+    what = "is no camera file by its name" if path.exists() else "does not exist"
+    raise InputError(f"{path}: {what}; expected {EXPECTED}.")
+
+
+def _chosen(file: CameraFile, cameras: Sequence[Calibration]) -> Calibration:
+    names = [camera.name for camera in cameras]
+    listed = ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    if file.name is None:
+        if len(cameras) == 1:
+            return cameras[0]
+        found = f"has {len(cameras)} cameras ({listed})" if cameras else "has no camera"
+        raise InputError(f"{file.path}: {found}; expected one. Say which by camera_name.")
+    matching = [camera for camera in cameras if camera.name == file.name]
+    if len(matching) != 1:
+        what = "several cameras" if matching else "no camera"
+        raise InputError(f"{file.path}: has {what} named {file.name!r}; it has {listed or 'cameras without names'}.")
+    return matching[0]
+
+
+def _titled(camera: Calibration) -> str:
+    return f"camera {camera.name} " if camera.name else ""
+
+
+def _for_size(camera: Calibration, size: tuple[int, int]) -> tuple[Calibration, tuple[str, ...]]:
+    """The calibration for images of another size of the same shape."""
+    (width, height) = size
+    if camera.size is None:
+        return camera, (f"does not say for images of which size it is; {width} x {height} is taken.",)
+    if camera.size == size:
+        return camera, ()
+    x, y = width / camera.size[0], height / camera.size[1]
+    of = f"images of {camera.size[0]} x {camera.size[1]} pixels"
+    if abs(x / y - 1) > _ASPECT:
+        turned = " They are turned by a quarter." if camera.size == (height, width) else ""
+        raise ValueError(
+            f"was calibrated on {of}, and the clip has {width} x {height}, of another shape; expected the same images, "
+            f"or all of them scaled.{turned} Calibrate as you film, without cropping"
+        )
+    scaled = replace(
+        camera,
+        focal=(camera.focal[0] * x, camera.focal[1] * y),
+        center=(camera.center[0] * x, camera.center[1] * y),
+    )
+    return scaled, (f"was calibrated on {of} and is scaled to the clip's {width} x {height}.",)
+
+
+def _lens(camera: Calibration, size: tuple[int, int]) -> tuple[Lens | None, tuple[str, ...]]:
+    if not camera.distortion:
+        return None, ()
+    lens = Lens(focal=camera.focal, center=camera.center, distortion=camera.distortion)
+    nowhere = 1 - share_straightened(lens, size)
+    if nowhere > _MOST_NOWHERE:
+        raise ValueError(
+            f"has distortion coefficients that fold {nowhere:.0%} of the picture; expected those of OpenCV's model "
+            "(k1, k2, p1, p2, k3 ...) for this lens, not a fisheye's"
+        )
+    if nowhere > 0:
+        return lens, (
+            f"has distortion coefficients that say nothing of {max(nowhere, 0.01):.0%} of the picture; "
+            "keypoints there do not count.",
+        )
+    return lens, ()
+
+
+def _check_view(camera: Calibration, size: tuple[int, int]) -> None:
+    degrees = 2 * math.degrees(math.atan(size[0] / 2 / camera.focal[0]))
+    if not _ANGLES[0] <= degrees <= _ANGLES[1]:
+        raise ValueError(
+            f"sees {degrees:.3g} degrees of an image of {size[0]} x {size[1]} (focal length {camera.focal[0]:g} "
+            f"pixels); expected {_ANGLES[0]:g} to {_ANGLES[1]:g}"
+        )
+    if any(abs(at - side / 2) > _MAX_CENTER * side for at, side in zip(camera.center, size, strict=True)):
+        raise ValueError(
+            f"has its principal point at ({camera.center[0]:g}, {camera.center[1]:g}); expected pixels of an image of "
+            f"{size[0]} x {size[1]}"
+        )
+
+
+def _world(file: CameraFile, camera: Calibration) -> tuple[World | None, tuple[str, ...]]:
+    """Where the camera stands, in metres."""
+    if camera.rotation is None or camera.translation is None:
+        unused = [f"camera_{name}" for name in ("unit", "up") if getattr(file, name) is not None]
+        if unused:
+            raise InputError(
+                f"{unused[0]} is given, but {file.path} does not say where its camera stands. Leave it out, or give a "
+                "file with rotation and translation."
+            )
+        return None, ()
+    translation = camera.translation * (file.unit or 1.0)
+    world = World(
+        rotation=(_vector(camera.rotation[0]), _vector(camera.rotation[1]), _vector(camera.rotation[2])),
+        translation=_vector(translation),
+        up=file.up or camera.up,
+    )
+    notes = []
+    if file.unit is None and not camera.has_unit:
+        notes.append("stands in a world without a scale; its unit is taken for a metre. Give camera_unit to scale it.")
+    elif file.unit is None and (distance := float(np.linalg.norm(world.place))) > _FAR:
+        notes.append(f"stands {distance:.0f} m from the origin; if its file is in millimetres, give camera_unit=0.001.")
+    if world.up_in_camera is None:
+        notes.append("stands in a world of which up is not known; exports are upright by estimate. Give camera_up.")
+    elif world.up_in_camera[1] > 0:
+        notes.append(f"hangs upside down if {world.up} is up, as is taken; if it is not, give camera_up.")
+    return world, tuple(notes)
+
+
+def _vector(row: Float[np.ndarray, "3"]) -> Vector:
+    x, y, z = row.tolist()
+    return x, y, z

@@ -1,0 +1,116 @@
+"""Calibration files as the programs write them, all of one camera: K, distortion, R and t below."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fitting_core.files.npz import write_npz
+
+SIZE = (1280, 720)
+K = np.array([[894.5288733, 0.0, 624.0117915], [0.0, 896.8778118, 361.281898436], [0.0, 0.0, 1.0]])
+DISTORTION = (-0.2383569013, 0.09672714757, -0.00135122267, 0.00315576032, -0.003748934632)
+VECTOR = np.array([1.678784562972848, 1.031972654261743, -0.3910235872501538])
+ROTATION = Rotation.from_rotvec(VECTOR).as_matrix()
+TRANSLATION = np.array([0.2609476905995074, 0.9641586618892432, 2.932963441842366])
+
+
+def pose2sim(path: Path, *, names: tuple[str, ...] = ("int_cam01_img", "int_cam02_img")) -> Path:
+    """As Pose2Sim's Calib_scene.toml; cameras after the first stand a metre farther each."""
+    sections = [
+        f'[{name}]\nname = "{name}"\nsize = [ {SIZE[0]}.0, {SIZE[1]}.0]\nmatrix = {K.tolist()}\n'
+        f"distortions = {list(DISTORTION[:4])}\nrotation = {VECTOR.tolist()}\n"
+        f"translation = {(TRANSLATION + i).tolist()}\nfisheye = false\n"
+        for i, name in enumerate(names)
+    ]
+    path.write_text("\n".join([*sections, "[metadata]\nadjusted = false\nerror = 0.0\n"]))
+    return path
+
+
+def caliscope(path: Path) -> Path:
+    """As caliscope's camera_array.toml: a table of cameras by number, the rotation as a matrix."""
+    sections = [
+        f"[cameras.{i}]\ncam_id = {i}\nrotation_count = 0\nerror = 0.19\nexposure = -7.0\ngrid_count = 24\n"
+        f"ignore = false\nsize = {list(SIZE)}\nmatrix = {K.tolist()}\ndistortions = {list(DISTORTION)}\n"
+        f"translation = {(TRANSLATION + i).tolist()}\nrotation = {ROTATION.tolist()}\n"
+        for i in range(2)
+    ]
+    path.write_text("\n".join(sections))
+    return path
+
+
+def opencv(path: Path, *, world: bool = True) -> Path:
+    """As OpenCV's own writer makes it, in the form of the suffix, with the keys of its calibration sample."""
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("calibration_time", "Wed May 23 14:21:16 2018")
+    storage.write("image_width", SIZE[0])
+    storage.write("image_height", SIZE[1])
+    storage.write("flags", 0)
+    storage.write("camera_matrix", K)
+    storage.write("distortion_coefficients", np.array([DISTORTION]))
+    storage.write("avg_reprojection_error", 0.65)
+    if world:
+        storage.write("R", ROTATION)
+        storage.write("T", TRANSLATION[:, None])
+    storage.release()
+    return path
+
+
+def ros(path: Path) -> Path:
+    """As ROS's camera_info: matrices without types, comments, no header."""
+    path.write_text(
+        f"# made by camera_calibration\nimage_width: {SIZE[0]}\nimage_height: {SIZE[1]}\ncamera_name: head_camera\n"
+        f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {K.ravel().tolist()}\ndistortion_model: plumb_bob\n"
+        f"distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: {list(DISTORTION)}\n"
+        f"rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"
+    )
+    return path
+
+
+def plain_json(path: Path) -> Path:
+    """As Python programs write it: lists, with some other spellings."""
+    text = {
+        "cameraMatrix": K.tolist(),
+        "dist_coeffs": [list(DISTORTION)],
+        "image_size": list(SIZE),
+        "rvec": VECTOR[:, None].tolist(),
+        "tvec": TRANSLATION.tolist(),
+    }
+    path.write_text(json.dumps(text))
+    return path
+
+
+COLMAP_PARAMETERS = {
+    "SIMPLE_PINHOLE": "900 640.5 360.25",
+    "PINHOLE": "900 910 640.5 360.25",
+    "SIMPLE_RADIAL": "900 640.5 360.25 -0.1",
+    "RADIAL": "900 640.5 360.25 -0.1 0.02",
+    "OPENCV": "900 910 640.5 360.25 -0.1 0.02 0.001 -0.002",
+    "FULL_OPENCV": "900 910 640.5 360.25 -0.1 0.02 0.001 -0.002 0.003 0.01 0.02 0.003",
+}
+
+
+def colmap(folder: Path, *, model: str = "OPENCV", images: tuple[str, ...] = ("walk_0001.jpg",)) -> Path:
+    """As COLMAP's text export; the images' points are a line, or an empty one."""
+    folder.mkdir(exist_ok=True)
+    (folder / "cameras.txt").write_text(
+        "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+        f"# Number of cameras: 1\n1 {model} {SIZE[0]} {SIZE[1]} {COLMAP_PARAMETERS.get(model, '1 2 3 4')}\n"
+    )
+    x, y, z, w = Rotation.from_matrix(ROTATION).as_quat().tolist()
+    lines = ["# Image list with two lines of data per image:"]
+    for i, name in enumerate(images):
+        tx, ty, tz = (TRANSLATION + i).tolist()
+        lines.append(f"{i + 1} {w!r} {x!r} {y!r} {z!r} {tx!r} {ty!r} {tz!r} 1 {name}")
+        lines.append("" if i % 2 else "2362.39 248.498 58396 1784.7 268.254 59027 1784.7 268.254 -1")
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def own(path: Path, **more: object) -> Path:
+    """tcfit's npz; arrays of `more` are added, take the place of others, or (None) leave them out."""
+    arrays = {"K": K, "dist": DISTORTION, "size": SIZE, "R": ROTATION, "t": TRANSLATION, **more}
+    write_npz(path, {name: np.asarray(value) for name, value in arrays.items() if value is not None})
+    return path
