@@ -14,9 +14,12 @@ from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.clip_reader import locate
+from fitting_core.io.known_shape import read_betas
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.options.preparing import body_file
 
+FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"
+"""Of a first phase, and of a shape that several clips share, in their folders."""
 _ENDS = 1 << 20
 """Bytes at both ends of a video that stand for all of it: a fit takes its length, size and frame rate from it."""
 _BLOCK = 1 << 20
@@ -67,10 +70,22 @@ def settings_of(task: ClipTask) -> str:
         "body": _file_hash(body_file(task.fit.body)),
         "config": {name: value for name, value in config.items() if name != "device"},
         "prior": "" if task.config.pose_prior in POSE_PRIORS else _file_hash(Path(task.config.pose_prior)),
-        "project": task.project,
-        "overlay": task.fit.overlay and not task.project,
+        "project": task.form == "project",
+        "overlay": task.fit.overlay and task.form == "files",
     }
+    if task.form in ("first", "shape"):
+        plain["form"] = task.form
+    if task.fit.shape is not None:
+        plain["shape"] = _betas(task.fit.shape)
     return _hashed([msgspec.json.encode(plain, order="sorted")])
+
+
+def _betas(path: Path) -> list[float] | None:
+    """The shape itself: found again as it was, it changes nothing. None where there is none yet, or no more."""
+    try:
+        return read_betas(path).tolist()
+    except InputError:
+        return None
 
 
 def stamp_of(task: ClipTask) -> str:
@@ -87,12 +102,15 @@ def content_of(task: ClipTask) -> str:
     return _hashed(
         part
         for kind, file in _inputs(task)
-        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind == "keypoints"))
+        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind != "video"))
     )
 
 
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
     """Every input file with what it is for, in a fixed order."""
+    yield from (("first", member.out / FIRST_NAME) for member in task.members)
+    if task.form == "shape":
+        return
     try:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
