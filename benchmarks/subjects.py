@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
-from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.report import Common, progress, report, start
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS
@@ -30,6 +30,7 @@ _VIEWS = {
     "signing": (View(azimuth=8, height=1.30, distance=2.6, looking_at=(0.0, 1.15, 0.0)), 1500.0),
 }
 """Camera and focal length in pixels of each motion."""
+_WAYS = ("each clip its own", "one for all")
 _FRAMES = {"simple": 50, "complex": 180, "signing": 75}
 
 
@@ -44,20 +45,21 @@ class Subjects:
 def run(options: Subjects) -> None:
     """Fit them all, and report by person and over all."""
     ready.use(threads=options.common.threads)
-    rows: list[Row] = []
+    found: dict[str, dict[str, dict[str, float]]] = {}
     for number, subject in enumerate(SUBJECTS[: options.people], 1):
-        rows += person(f"{number} ({subject.gender})", subject)
-        for row in rows[-2:]:
-            progress(str(row))
-    means: list[Row] = []
-    for how in dict.fromkeys(row["shape"] for row in rows):
-        own = [row for row in rows if row["shape"] == how]
-        names = [name for name in own[0] if name not in ("person", "shape")]
-        means.append({"shape": how} | {name: float(np.mean([row[name] for row in own])) for name in names})
-    report(options, {"By person": rows, "Mean": means})
+        name = f"{number} ({subject.gender})"
+        found[name] = person(subject)
+        progress(f"{name}: {found[name]}")
+    rows = [{"person": name, "shape": how} | own for name, ways in found.items() for how, own in ways.items()]
+    report(options, {"By person": rows, "Mean": [{"shape": how} | _mean(found, how) for how in _WAYS]})
 
 
-def person(name: str, subject: Subject) -> list[Row]:
+def _mean(found: dict[str, dict[str, dict[str, float]]], how: str) -> dict[str, float]:
+    own = [ways[how] for ways in found.values()]
+    return {name: float(np.mean([figures[name] for figures in own])) for name in own[0]}
+
+
+def person(subject: Subject) -> dict[str, dict[str, float]]:
     """Figures of one person's clips, each by itself and with one shape."""
     body, config = subject_body(subject), PRESETS["tcfit"]
     made = [_clip(subject, motion) for motion in _VIEWS]
@@ -66,8 +68,7 @@ def person(name: str, subject: Subject) -> list[Row]:
     together = [
         drained(shape_events(m.clip, body, config, fit, shape=shape)) for m, fit in zip(made, alone, strict=True)
     ]
-    ways = {"each clip its own": alone, "one for all": together}
-    return [{"person": name, "shape": how} | figures(made, fits, body, subject) for how, fits in ways.items()]
+    return {how: figures(made, fits, body, subject) for how, fits in zip(_WAYS, (alone, together), strict=True)}
 
 
 def figures(made: list[SuiteClip], fits: list[FitResult], body: BodyModel, subject: Subject) -> dict[str, float]:
@@ -80,7 +81,7 @@ def figures(made: list[SuiteClip], fits: list[FitResult], body: BodyModel, subje
         errors.append((pa_mpjpe(found, true).mean(), mpjpe(found, true, [0]).mean()))
     pa, by_root = np.mean(errors, 0)
     return {
-        "spread of betas": float(betas.std(0).mean()),
+        "spread of betas": round(float(betas.std(0).mean()), 9),
         "error of betas": float(np.abs(betas - truth).mean()),
         "spread of volume dm³": float(np.ptp(volume)),
         "volume error dm³": float(np.abs(volume - _volume(body, truth)).mean()),

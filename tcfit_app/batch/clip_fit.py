@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import torch
 
 from fitting_core.body.files.reading import load_body
@@ -26,6 +27,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import common_shape, fit_events, shape_events
+from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.result import FitResult
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.known_shape import read_betas
@@ -33,12 +35,14 @@ from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
 from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, fingerprint_of, missing_input, unchanged
 from tcfit_app.batch.manifest import ClipTask, Form
+from tcfit_app.batch.pictures import suspects, write_picture
 from tcfit_app.batch.records import (
     RECORD_NAME,
     Figures,
     Record,
     done_record,
     patient_lock,
+    picture_path,
     read_record,
     write_log,
     write_record,
@@ -142,7 +146,7 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
     begin = time.time()
     body = _body(body_file(task.fit.body))
     prepare_solver(task.config, 1)
-    work = Work(task=task, body=body, draft=draft, settings=fingerprint.settings, report=report)
+    work = Work(task=task, body=body, draft=draft, folder=folder, settings=fingerprint.settings, report=report)
     figures = _WRITERS[task.form](work)
     record = Record(
         state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
@@ -162,6 +166,8 @@ class Work:
     body: BodyModel
     draft: Path
     """What becomes the result's folder."""
+    folder: Path
+    """The batch's."""
     settings: str
     """Their hash."""
     report: Report
@@ -239,7 +245,7 @@ def write_files(work: Work) -> Figures:
             write_comparison(work.draft / OVERLAY_NAME, fit, clip, body)
         except (InputError, OSError) as error:
             notes.append(f"No {OVERLAY_NAME} was written. {error}")
-    return _figures(content, notes)
+    return _figures(work, content, fit, clip, notes)
 
 
 def write_project(work: Work) -> Figures:
@@ -263,7 +269,7 @@ def _another_run(work: Work) -> Figures:
         # The run is in the project before the record is: a process may have died between.
         made = [run for run in project.runs.all() if run.name == _run_name(work) and run.state == "finished"]
         if made and made[-1].edits_seen == project.last_edit:
-            figures = _figures(made[-1].summary, [])
+            figures = _figures(work, made[-1].summary, project.runs.load(made[-1].id), project.clip, [])
         else:
             clip = project.clip
             figures = _added(work, project, clip, _run_fit(work, clip))
@@ -289,7 +295,7 @@ def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
     body = record_of(work.body)
     run = project.runs.start(work.task.config, body=body, edits_seen=project.last_edit, name=_run_name(work))
     project.runs.finish(run.id, fit, summary=content)
-    return _figures(content, list(fit.warnings))
+    return _figures(work, content, fit, clip, list(fit.warnings))
 
 
 _WRITERS: dict[Form, Callable[[Work], Figures]] = {
@@ -346,11 +352,18 @@ def one_thread() -> None:
     torch.set_num_threads(1)
 
 
-def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
+def _figures(work: Work, content: dict[str, Any], fit: FitResult, clip: Clip, notes: list[str]) -> Figures:
+    """For the summary, and the picture beside them in the report."""
     last = max(content["reprojection_px"])
+    found = suspects(fit, clip, work.body)
+    frame = found[0].frame if found else int(np.argmax(np.nan_to_num(fit.last.frame_cost)))
+    write_picture(picture_path(work.folder, work.task), fit, clip, work.body, frame=frame)
     return Figures(
         frames=content["frames"],
         reprojection_px=content["reprojection_px"][last]["median"],
         jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],
         notes=tuple(notes),
+        doubts=doubts(clip, fit.last.params),
+        suspicious=len(found),
+        worst=f"frame {clip.first_frame + frame}: {found[0].reason}" if found else "",
     )

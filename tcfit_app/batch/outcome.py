@@ -49,7 +49,7 @@ class Row:
     notes: str = ""
 
 
-def row_of(task: ClipTask, record: Record | None, *, before: bool) -> Row:
+def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
     """The row of a clip.
 
     Args:

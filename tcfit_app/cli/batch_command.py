@@ -27,6 +27,7 @@ from tcfit_app.batch.records import (
     write_log,
     write_record,
 )
+from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
 from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
@@ -59,15 +60,17 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     _check_bodies(tasks, complaints)
     complaints.raise_any()  # Without a body nothing can be compared.
     folder = batch_folder(options.manifest)
-    course = Course(tasks, folder, retry=options.retry)
+    course = Course(tasks, folder, retry=options.retry and not options.report)
+    if options.report:
+        return _reported(course, options.manifest)
     _check(course, complaints, here=options.ray is None)
     complaints.raise_any()
     held = patient_lock(folder, seconds=_PATIENCE, wanted="fit this list")
     try:
         _run(_crew(options), course)
-        rows = _told(course, time.monotonic() - begin)
+        rows = _told(course, options.manifest, time.monotonic() - begin)
     except KeyboardInterrupt:
-        rows = _told(course, time.monotonic() - begin)
+        rows = _told(course, options.manifest, time.monotonic() - begin)
         left = sum(row.state == "left" for row in rows)
         print(f"Stopped. The same command goes on with the {left} clips that are left.")
         raise
@@ -76,16 +79,26 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     return int(any(row.state in FAILURES for row in rows))
 
 
-def _told(course: Course, seconds: float) -> list[Row]:
-    """The outcome, in files and on the terminal."""
-    rows = []
-    for place, task in enumerate(course.tasks):
-        record, before = course.outcome(place)
-        rows.append(row_of(task, record, before=before))
+def _reported(course: Course, manifest: Path) -> int:
+    """How each clip stands, as the files say; nothing is fitted."""
+    for _ in course.later():
+        pass
     with accessing(course.folder):
-        write_summary(course.folder, rows, seconds=seconds)
+        course.folder.mkdir(parents=True, exist_ok=True)
+    rows = _told(course, manifest, 0.0)
+    return int(any(row.state in FAILURES for row in rows))
+
+
+def _told(course: Course, manifest: Path, seconds: float) -> list[Row]:
+    """The outcome, in files and on the terminal."""
+    outcomes = [course.outcome(place) for place in range(len(course.tasks))]
+    rows = [row_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
+    folder = course.folder
+    with accessing(folder):
+        write_summary(folder, rows, seconds=seconds)
+        report = write_report(folder, manifest.name, course.tasks, rows, [record for record, _ in outcomes])
     show_summary(rows, seconds=seconds, console=Console())
-    print(f"A row for each clip is in {course.folder / SUMMARY_CSV}")
+    print(f"A row for each clip is in {folder / SUMMARY_CSV}, and to be looked at in {report}")
     return rows
 
 

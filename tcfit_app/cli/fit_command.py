@@ -53,7 +53,8 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     clip = clip_of(options)
     compile_kernels(config)
     _tell(_inputs(clip, body))
-    fit, summary = _fit_and_write(fit_events(clip, body, config, shape=shape), clip, body, options.out, command)
+    events = fit_events(clip, body, config, shape=shape)
+    fit, summary = _fit_and_write(events, clip, body, options.out, last_phase=config.last_phase, command=command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(options.out / OVERLAY_NAME, fit, clip, body):
@@ -63,7 +64,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
 
 
 def _fit_and_write(
-    events: Iterable[FitEvent], clip: Clip, body: BodyModel, folder: Path, command: str
+    events: Iterable[FitEvent], clip: Clip, body: BodyModel, folder: Path, *, last_phase: int, command: str
 ) -> tuple[FitResult, dict[str, Any]]:
     """Run all phases; after each, what is finished is on the disk."""
     finished: PhaseFinished | None = None
@@ -73,7 +74,7 @@ def _fit_and_write(
             for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
-                    complete = event.phase == event.so_far.config.last_phase
+                    complete = event.phase == last_phase
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event
     except BaseException:
