@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -85,10 +86,15 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
     Raises:
         InputError: There is no list at all, or the command line is wrong.
     """
-    fit_config(options.method)  # What is wrong there is not the list's fault.
+    configurations = _Configurations()
+    configurations.of(options.method)  # What is wrong there is not the list's fault.
     header, lines = _table(options.manifest)
     found = _columns(header, complaints)
-    tasks = [task for line, cells in lines if (task := _task(line, cells, found, options, command, complaints))]
+    tasks = [
+        task
+        for line, cells in lines
+        if (task := _task(line, cells, found, options, command, complaints, configurations))
+    ]
     _refuse_shared_folders(tasks, complaints)
     _check_subjects(tasks, complaints)
     return tuple(tasks)
@@ -147,6 +153,7 @@ def _task(
     options: BatchOptions,
     command: str,
     complaints: Complaints,
+    configurations: "_Configurations",
 ) -> ClipTask | None:
     """A clip, or None and complaints."""
     before = len(complaints.found)
@@ -159,7 +166,7 @@ def _task(
         complaints.add(line, "is empty; expected the folder for the clip's result.", "out")
     if not {"video", "keypoints"} & files.keys():
         complaints.add(line, "names neither a video nor keypoints; expected at least one of them.")
-    config = _config(line, given, options, complaints)
+    config = _config(line, given, options, complaints, configurations)
     fit = _fit_options(line, files, given, options, complaints) if "out" in files else None
     if config is None or fit is None or len(complaints.found) > before:
         return None
@@ -183,14 +190,28 @@ def _values(
     return values
 
 
-def _config(line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints) -> FitConfig | None:
+class _Configurations:
+    """Those of a list. Most of its clips have the same one, and to make and check one takes milliseconds."""
+
+    def __init__(self) -> None:
+        self.of = cache(fit_config)
+        self.changed = cache(self._changed)
+
+    @staticmethod
+    def _changed(config: FitConfig, column: Column, text: str) -> FitConfig:
+        return changed(config, {column.setting: text}, origin=column.name, texts=True)
+
+
+def _config(
+    line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints, configurations: _Configurations
+) -> FitConfig | None:
     """The command line's configuration with what the list says of this clip."""
-    config = fit_config(_method(given, options))
+    config = configurations.of(_method(given, options))
     for column, text in given.items():
         if column.group != "setting":
             continue
         try:
-            config = changed(config, {column.setting: text}, origin=column.name, texts=True)
+            config = configurations.changed(config, column, text)
         except InputError as error:
             complaints.add(line, str(error))
     return config
