@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
+
 from fitting_core.config.schema import ShapeSample, Temporal
 from tcfit_app.batch.fingerprint import SHAPE_NAME
 from tcfit_app.batch.manifest import ClipTask
@@ -124,8 +126,12 @@ class Course:
             if record and record.state == "failed":
                 return record, index in step.before
         step, index = self._steps[place][-1]
-        reached = len(self._steps[place]) == (3 if self.tasks[place].subject else 1)
-        return (step.records.get(index) if reached else None), index in step.before
+        record = step.records.get(index)
+        if record is None or len(self._steps[place]) < (3 if self.tasks[place].subject else 1):
+            return None, False
+        if step is not self.first:  # What the shape took is no one clip's.
+            record = msgspec.structs.replace(record, seconds=record.seconds + self.first.records[place].seconds)
+        return record, index in step.before
 
 
 def first_phase(task: ClipTask, folder: Path) -> ClipTask:

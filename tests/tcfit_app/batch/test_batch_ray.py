@@ -47,7 +47,7 @@ def test_a_node_that_dies_costs_nothing_but_time(tmp_path: Path, free_body: Body
         doomed, _ = cluster.add_node(num_cpus=1), cluster.add_node(num_cpus=1)
         watch = threading.Thread(target=_kill_when, args=(cluster, doomed, tmp_path), daemon=True)
         watch.start()
-        assert main(["batch", str(manifest), *CHEAP, "--ray", cluster.address]) == 0
+        assert main(["batch", str(manifest), *CHEAP, "--ray", str(cluster.address)]) == 0
         watch.join(10)
         assert not watch.is_alive(), "the node was not killed"
     finally:
