@@ -1,7 +1,7 @@
 """One shape for all clips of a person: how far from the truth, against a shape for each clip.
 
-People of the synthetic suite wave, sit down cross-legged and sign, before another camera each time, so that the third
-clip shows no legs. They are fitted with the free body of their gender: each clip by itself, and with the shape that is
+People of the synthetic suite wave, sit down cross-legged and sign, before another camera each time; the third
+clip shows no feet. They are fitted with the free body of their gender: each clip by itself, and with the shape that is
 found from frames of all three.
 """
 

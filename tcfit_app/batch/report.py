@@ -124,10 +124,11 @@ def _command(task: ClipTask) -> str:
     new = ["tcfit", "new", *([str(task.fit.video.absolute())] if task.fit.video else []), "--out", project]
     if task.fit.keypoints:
         new += ["--keypoints", str(task.fit.keypoints.absolute())]
-    for name, value in vars(task.fit.clip).items():
-        if value is not None and value != type(task.fit.clip).__dict__.get(name):
-            values = value if isinstance(value, tuple) else (value,)
-            new += [f"--{name.replace('_', '-')}", *map(str, values)]
+    for options in (task.fit.clip, task.fit.camera):
+        for name, value in vars(options).items():
+            if value != getattr(type(options), name):
+                values = value if isinstance(value, tuple) else (value,)
+                new += [f"--{name.replace('_', '-')}", *map(str, values)]
     steps = (new, ["tcfit", "import", project, out], ["tcfit", "review", project])
     return " && ".join(map(shlex.join, steps))
 

@@ -23,7 +23,7 @@ from tcfit_app.batch.records import Figures, Record, picture_path
 from tcfit_app.batch.report import write_report
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import child_processes
-from tcfit_app.options.fit import ClipOptions, FitOptions
+from tcfit_app.options.fit import CameraOptions, ClipOptions, FitOptions
 from tcfit_app.project.project import Project
 from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CHEAP, events, write_batch
@@ -92,12 +92,14 @@ def test_the_command_opens_the_result(tmp_path: Path):
     (row,) = rows_of(page_of(tmp_path, {"a project": done()}, form="project"))
     assert shlex.split(row["command"]) == ["tcfit", "review", str(tmp_path / "a project")]
     fit = replace(task(tmp_path, "it's").fit, clip=ClipOptions(first_frame=3, image_size=(640, 480)))
+    fit = replace(fit, camera=CameraOptions(focal_length=800.0))
     steps = report._command(replace(task(tmp_path, "it's"), fit=fit)).split(" && ")
     made = str(tmp_path / "it's.tcfit")
     assert [shlex.split(step)[1:3] for step in steps] == [["new", "--out"], ["import", made], ["review", made]]
     given = shlex.split(steps[0])
     assert given[3:] == [
-        made, "--keypoints", str(tmp_path / "keys of it's"), "--first-frame", "3", "--image-size", "640", "480"
+        made, "--keypoints", str(tmp_path / "keys of it's"), "--first-frame", "3", "--image-size", "640", "480",
+        "--focal-length", "800.0",
     ]  # fmt: skip
 
 
