@@ -1,14 +1,14 @@
 """The three phases as a generator of events, and as one call."""
 
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.model import BodyModel
@@ -31,7 +31,7 @@ from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
-from fitting_core.fit.phases.shared_shape import fit_shape
+from fitting_core.fit.phases.shared_shape import Sight, fit_common_shape, fit_shape
 from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
@@ -77,18 +77,21 @@ def _on_one_thread(
 
 
 @_on_one_thread
-def fit_events(clip: Clip, body: BodyModel, config: FitConfig) -> Generator[FitEvent, None, FitResult]:
+def fit_events(
+    clip: Clip, body: BodyModel, config: FitConfig, *, shape: Float[np.ndarray, "10"] | None = None
+) -> Generator[FitEvent, None, FitResult]:
     """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
 
     Args:
         clip: keypoints and camera.
         body: the body model.
         config: everything else; see `config.PRESETS`.
+        shape: betas that are known, which phase 2 takes instead of looking for them.
 
     Raises:
         InputError: no frame of the clip shows enough of a person.
     """
-    return (yield from _Fit(clip, body, config).run())
+    return (yield from _Fit(clip, body, config, shape).run())
 
 
 def fit_clip(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
@@ -150,7 +153,12 @@ def rerun_events(
 
 @_on_one_thread
 def shape_events(
-    clip: Clip, body: BodyModel, config: FitConfig, start: FitResult
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    start: FitResult,
+    *,
+    shape: Float[np.ndarray, "10"] | None = None,
 ) -> Generator[FitEvent, None, FitResult]:
     """Phase 2 again from a fit's first phase on, and phase 3 under the new shape if `config.last_phase` has one.
 
@@ -159,18 +167,57 @@ def shape_events(
         body: the body model.
         config: everything else.
         start: its first phase is kept.
+        shape: as in `fit_events`.
 
     Raises:
         InputError: It has no first phase, or no frame of the clip shows a person.
     """
-    return (yield from _Fit(clip, body, config).run_again(start))
+    return (yield from _Fit(clip, body, config, shape).run_again(start))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonShape:
+    """The shape of a person who is seen in several clips."""
+
+    betas: Float[np.ndarray, "10"]
+    frames: tuple[tuple[int, ...], ...]
+    """Numbers of the frames of each clip that it was found from."""
+
+
+_MOST_SAMPLED = 240
+"""Frames of all clips together that a common shape is found from; the normal matrices of so many take 30 MB."""
+
+
+def common_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, config: FitConfig) -> CommonShape:
+    """Phase 2 over frames of several clips of one person: as many as `config.shape_sample` asks for of each on average.
+
+    Args:
+        clips: each with a fit of it by this configuration, of which the first phase counts.
+        body: the body model.
+        config: everything else.
+
+    Raises:
+        InputError: A fit has no first phase, or no frame of a clip shows a person.
+    """
+    fits = [_Fit(clip, body, config) for clip, _ in clips]
+    sights = [
+        Sight(stages=fit.stages, state=fit.begin_from(start), usable=fit.sampled_from)
+        for fit, (_, start) in zip(fits, clips, strict=True)
+    ]
+    sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))
+    state, frames = drained(fit_common_shape(sights, fits[0].solver, sample))
+    betas = state.vector[0, fits[0].stages.parametrisation.columns.betas].double().cpu().numpy()
+    numbers = [tuple((clip.first_frame + own).tolist()) for (clip, _), own in zip(clips, frames, strict=True)]
+    return CommonShape(betas=betas, frames=tuple(numbers))
 
 
 class _Fit:
     """One fit: what is constant over its phases, and the phases finished so far."""
 
-    def __init__(self, clip: Clip, body: BodyModel, config: FitConfig) -> None:
-        self.clip, self.body, self.config = clip, body, config
+    def __init__(
+        self, clip: Clip, body: BodyModel, config: FitConfig, shape: Float[np.ndarray, "10"] | None = None
+    ) -> None:
+        self.clip, self.body, self.config, self.shape = clip, body, config, shape
         self.stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
         if not bool(self.stages.observations.usable.any()):
             raise InputError(
@@ -191,16 +238,25 @@ class _Fit:
 
     def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
         """The phases after the first, from another fit's first one on."""
+        state = self.begin_from(start)
+        # Poses as they came: a latent prior does not bring them back exactly.
+        state = yield from self._second(state, poses=self.phases[0].params)
+        return (yield from self._last(state))
+
+    def begin_from(self, start: FitResult) -> State:
+        """Another fit's first phase becomes this one's."""
         first = start.phase(1)
         if first is None:
             raise InputError("There is no first phase to find a shape from: run everything.")
         self.phases.append(first)
         self.provenance = first.provenance
         self.good = self.stages.observations.usable & torch.as_tensor(first.frame_cost).isfinite()
-        # Poses as they came: a latent prior does not bring them back exactly.
-        state = self.stages.parametrisation.from_params(first.params)
-        state = yield from self._second(state, poses=first.params)
-        return (yield from self._last(state))
+        return self.stages.parametrisation.from_params(first.params)
+
+    @property
+    def sampled_from(self) -> Int[Tensor, "n"]:
+        """Frames of which a shape may be found: where phase 1 found something, or all."""
+        return self.good.nonzero()[:, 0] if bool(self.good.any()) else self.stages.all_frames
 
     def _last(self, state: State) -> Generator[FitEvent, None, FitResult]:
         """Phase 3, if it is the configured last one, and the end."""
@@ -221,9 +277,12 @@ class _Fit:
     def _second(self, state: State, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=2, title=TITLES[2])
         start = time.perf_counter()
-        usable = self.good.nonzero()[:, 0] if bool(self.good.any()) else self.stages.all_frames
-        sampled, frames = yield from _events(fit_shape(self.stages, self.solver, state, usable), 2)
         betas = self.stages.parametrisation.columns.betas
+        if self.shape is not None:
+            state = state.with_columns(betas, torch.as_tensor(self.shape).to(state.vector).expand(len(state), -1))
+            yield self._finish(2, state, start, ("shape as given",), poses=poses)
+            return state
+        sampled, frames = yield from _events(fit_shape(self.stages, self.solver, state, self.sampled_from), 2)
         state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
         note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
         yield self._finish(2, state, start, (note,), sample=(sampled, frames), poses=poses)

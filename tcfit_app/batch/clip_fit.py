@@ -1,4 +1,4 @@
-"""One clip of a batch: fitted into a draft, as files or a project, which then becomes its result in one step.
+"""One task of a batch: a clip fitted into a draft, as files or a project, which then becomes its result in one step.
 
 A process may die at any moment. Before the draft has its record, the clip counts as not begun; from then on as fitted,
 and whoever comes next only puts the draft into its place.
@@ -12,31 +12,37 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
+import numpy as np
 import torch
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import sync
+from fitting_core.files.atomic import replacing, sync
 from fitting_core.fit.events import FitEvent, drained, mapped
-from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.fitting import common_shape, fit_events, shape_events
+from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.result import FitResult
 from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.known_shape import read_betas
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
-from tcfit_app.batch.fingerprint import Fingerprint, fingerprint_of, unchanged
-from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, fingerprint_of, missing_input, unchanged
+from tcfit_app.batch.manifest import ClipTask, Form
+from tcfit_app.batch.pictures import suspects, write_picture
 from tcfit_app.batch.records import (
     RECORD_NAME,
     Figures,
     Record,
     done_record,
     patient_lock,
+    picture_path,
     read_record,
     write_log,
     write_record,
@@ -48,6 +54,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import same_detections
 from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.run_files import read_run, write_run
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""
@@ -139,13 +146,8 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
     begin = time.time()
     body = _body(body_file(task.fit.body))
     prepare_solver(task.config, 1)
-    clip = read_clip(
-        task.fit.video,
-        task.fit.keypoints,
-        **(dataclasses.asdict(task.fit.camera) | dataclasses.asdict(task.fit.clip)),
-    )
-    work = Work(task=task, clip=clip, body=body, draft=draft, settings=fingerprint.settings, report=report)
-    figures = write_project(work) if task.project else write_files(work)
+    work = Work(task=task, body=body, draft=draft, folder=folder, settings=fingerprint.settings, report=report)
+    figures = _WRITERS[task.form](work)
     record = Record(
         state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
     )
@@ -161,13 +163,70 @@ class Work:
     """A clip that is being fitted."""
 
     task: ClipTask
-    clip: Clip
     body: BodyModel
     draft: Path
     """What becomes the result's folder."""
+    folder: Path
+    """The batch's."""
     settings: str
     """Their hash."""
     report: Report
+
+    @cached_property
+    def clip(self) -> Clip:
+        """Read when it is needed."""
+        return _clip_of(self.task)
+
+
+def _clip_of(task: ClipTask) -> Clip:
+    options = dataclasses.asdict(task.fit.camera) | dataclasses.asdict(task.fit.clip)
+    return read_clip(task.fit.video, task.fit.keypoints, **options)
+
+
+def write_first(work: Work) -> Figures:
+    """Fit the first phase alone, for the shape and for the phases after it.
+
+    Raises:
+        InputError: The clip cannot be fitted, or nothing can be written.
+    """
+    fit = _run_fit(work, work.clip)
+    work.draft.mkdir(parents=True, exist_ok=True)
+    write_run(work.draft / FIRST_NAME, fit)
+    return Figures(frames=len(work.clip))
+
+
+class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
+    """shape.json, which `read_betas` reads too."""
+
+    subject: str
+    betas: list[float]
+    body: dict[str, str]
+    """Hash and kind of the body model to which the betas belong."""
+    frames: dict[str, tuple[int, ...]]
+    """By clip, the frames that it was found from."""
+
+
+def write_shape(work: Work) -> Figures:
+    """Find the shape of a subject from its clips' first phases. A clip whose files have gone since does not count.
+
+    Raises:
+        InputError: None of the clips is there any more, or nothing can be written.
+    """
+    members = [member for member in work.task.members if not missing_input(member)]
+    if not members:
+        raise InputError(f"{work.task.subject}: the files of all its clips have gone; its shape cannot be found again.")
+    clips = [(_clip_of(member), read_run(member.out / FIRST_NAME, member.config)) for member in members]
+    found = common_shape(clips, work.body, work.task.config)
+    content = FoundShape(
+        subject=work.task.subject,
+        betas=found.betas.tolist(),
+        body={"hash": work.body.hash, "kind": work.body.kind},
+        frames={member.name: frames for member, frames in zip(members, found.frames, strict=True)},
+    )
+    work.draft.mkdir(parents=True, exist_ok=True)
+    with replacing(work.draft / SHAPE_NAME) as draft:
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+    return Figures(frames=sum(map(len, found.frames)))
 
 
 def write_files(work: Work) -> Figures:
@@ -186,7 +245,7 @@ def write_files(work: Work) -> Figures:
             write_comparison(work.draft / OVERLAY_NAME, fit, clip, body)
         except (InputError, OSError) as error:
             notes.append(f"No {OVERLAY_NAME} was written. {error}")
-    return _figures(content, notes)
+    return _figures(work, content, fit, clip, notes)
 
 
 def write_project(work: Work) -> Figures:
@@ -210,7 +269,7 @@ def _another_run(work: Work) -> Figures:
         # The run is in the project before the record is: a process may have died between.
         made = [run for run in project.runs.all() if run.name == _run_name(work) and run.state == "finished"]
         if made and made[-1].edits_seen == project.last_edit:
-            figures = _figures(made[-1].summary, [])
+            figures = _figures(work, made[-1].summary, project.runs.load(made[-1].id), project.clip, [])
         else:
             clip = project.clip
             figures = _added(work, project, clip, _run_fit(work, clip))
@@ -236,11 +295,27 @@ def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
     body = record_of(work.body)
     run = project.runs.start(work.task.config, body=body, edits_seen=project.last_edit, name=_run_name(work))
     project.runs.finish(run.id, fit, summary=content)
-    return _figures(content, list(fit.warnings))
+    return _figures(work, content, fit, clip, list(fit.warnings))
+
+
+_WRITERS: dict[Form, Callable[[Work], Figures]] = {
+    "files": write_files,
+    "project": write_project,
+    "first": write_first,
+    "shape": write_shape,
+}
 
 
 def _run_fit(work: Work, clip: Clip) -> FitResult:
-    return drained(mapped(fit_events(clip, work.body, work.task.config), work.report))
+    task, body = work.task, work.body
+    shape = None if task.fit.shape is None else read_betas(task.fit.shape, body_hash=body.hash)
+    # Corrected keypoints, as a project may have them, have another first phase.
+    if task.start is not None and clip is work.clip:
+        first = read_run(task.start / FIRST_NAME, task.config)
+        events = shape_events(clip, body, task.config, first, shape=shape)
+    else:
+        events = fit_events(clip, body, task.config, shape=shape)
+    return drained(mapped(events, work.report))
 
 
 @lru_cache(maxsize=3)  # One for each gender; tens of megabytes each.
@@ -277,11 +352,18 @@ def one_thread() -> None:
     torch.set_num_threads(1)
 
 
-def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
+def _figures(work: Work, content: dict[str, Any], fit: FitResult, clip: Clip, notes: list[str]) -> Figures:
+    """For the summary, and the picture beside them in the report."""
     last = max(content["reprojection_px"])
+    found = suspects(fit, clip, work.body)
+    frame = found[0].frame if found else int(np.argmax(np.nan_to_num(fit.last.frame_cost)))
+    write_picture(picture_path(work.folder, work.task), fit, clip, work.body, frame=frame)
     return Figures(
         frames=content["frames"],
         reprojection_px=content["reprojection_px"][last]["median"],
         jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],
         notes=tuple(notes),
+        doubts=doubts(clip, fit.last.params),
+        suspicious=len(found),
+        worst=f"frame {clip.first_frame + frame}: {found[0].reason}" if found else "",
     )

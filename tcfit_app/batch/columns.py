@@ -16,9 +16,9 @@ from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
 from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
 
-Group = Literal["files", "clip", "camera", "body", "preset", "setting"]
+Group = Literal["files", "subject", "clip", "camera", "body", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""
-FILES = ("video", "keypoints", "out")
+FILES = ("video", "keypoints", "out", "shape")
 FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
 """A clip has at most one of them."""
 OF_CAMERA_FILE = ("camera_name", "camera_unit", "camera_up")
@@ -88,7 +88,7 @@ def columns() -> dict[str, Column]:
     for group, kind in _OPTIONS.items():
         hints = get_type_hints(kind)
         named += [Column(name=name, group=group, type=_plain(hint)) for name, hint in hints.items()]
-    named.append(Column(name="preset", group="preset"))
+    named += [Column(name="subject", group="subject"), Column(name="preset", group="preset")]
     named += [Column(name=option, group="setting", setting=name) for option, name in SHORTCUTS.items()]
     return {column.name: column for column in named}
 

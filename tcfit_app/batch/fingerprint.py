@@ -4,20 +4,24 @@ import dataclasses
 import hashlib
 import os
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import msgspec
 
-from fitting_core.config.schema import POSE_PRIORS
+from fitting_core.config.schema import POSE_PRIORS, FitConfig
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.clip_reader import locate
-from tcfit_app.batch.manifest import ClipTask
+from fitting_core.io.known_shape import read_betas
+from tcfit_app.batch.manifest import ClipTask, Form
+from tcfit_app.options.fit import CameraOptions, ClipOptions
 from tcfit_app.options.preparing import body_file
 
+FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"
+"""Of a first phase, and of a shape that several clips share, in their folders."""
 _ENDS = 1 << 20
 """Bytes at both ends of a video that stand for all of it: a fit takes its length, size and frame rate from it."""
 _BLOCK = 1 << 20
@@ -61,17 +65,36 @@ def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
 
 def settings_of(task: ClipTask) -> str:
     """Everything but the input files. What only says how fast or where is left out."""
-    config = as_plain(task.config)
+    shape = [] if task.fit.shape is None else [msgspec.json.encode(_betas(task.fit.shape))]
+    common = _common(task.fit.clip, task.fit.camera, body_file(task.fit.body), task.config, task.form, task.fit.overlay)
+    return _hashed([common, *shape])
+
+
+@lru_cache(maxsize=256)  # Most clips of a list have the same, which takes milliseconds to write down.
+def _common(
+    clip: ClipOptions, camera: CameraOptions, body: Path, config: FitConfig, form: Form, overlay: bool
+) -> bytes:
+    """Settings without the shape."""
     plain = {
-        "clip": dataclasses.asdict(task.fit.clip),
-        "camera": dataclasses.asdict(task.fit.camera) | {"camera": None},  # an input file
-        "body": _file_hash(body_file(task.fit.body)),
-        "config": {name: value for name, value in config.items() if name != "device"},
-        "prior": "" if task.config.pose_prior in POSE_PRIORS else _file_hash(Path(task.config.pose_prior)),
-        "project": task.project,
-        "overlay": task.fit.overlay and not task.project,
+        "clip": dataclasses.asdict(clip),
+        "camera": dataclasses.asdict(camera) | {"camera": None},  # an input file
+        "body": _file_hash(body),
+        "config": {name: value for name, value in as_plain(config).items() if name != "device"},
+        "prior": "" if config.pose_prior in POSE_PRIORS else _file_hash(Path(config.pose_prior)),
+        "project": form == "project",
+        "overlay": overlay and form == "files",
     }
-    return _hashed([msgspec.json.encode(plain, order="sorted")])
+    if form in ("first", "shape"):
+        plain["form"] = form
+    return msgspec.json.encode(plain, order="sorted")
+
+
+def _betas(path: Path) -> list[float] | None:
+    """The shape itself: found again as it was, it changes nothing. None where there is none yet, or no more."""
+    try:
+        return read_betas(path).tolist()
+    except InputError:
+        return None
 
 
 def stamp_of(task: ClipTask) -> str:
@@ -94,6 +117,9 @@ def content_of(task: ClipTask) -> str:
 
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
     """Every input file with what it is for, in a fixed order."""
+    yield from (("first", member.out / FIRST_NAME) for member in task.members)
+    if task.form == "shape":
+        return
     try:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:

@@ -2,9 +2,10 @@
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from fitting_core.config.schema import FitConfig
 from fitting_core.config.settings import changed
@@ -19,9 +20,14 @@ _SHOWN = 30
 _DELIMITERS = ",;\t"
 
 
+Form = Literal["files", "project", "first", "shape"]
+"""What a task makes: a result as files or as a project; or, on the way to those of a subject, a clip's first phase, and
+the shape that its clips share."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ClipTask:
-    """A clip to be fitted, with all that this takes."""
+    """A clip to be fitted, or a step on the way, with all that this takes."""
 
     line: int
     """Where it stands in the list, from 1."""
@@ -29,8 +35,13 @@ class ClipTask:
     """Its `out` as the list has it."""
     fit: FitOptions
     config: FitConfig
-    project: bool = False
-    """Make a project instead of a folder of files."""
+    form: Form = "files"
+    subject: str = ""
+    """Whom the clip shows; empty: nobody who is in another one."""
+    start: Path | None = None
+    """The folder of the first phase to go on from."""
+    members: tuple["ClipTask", ...] = ()
+    """Of a shape: the first phases that it is found from."""
     command: str = ""
     """For the record."""
 
@@ -75,11 +86,17 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
     Raises:
         InputError: There is no list at all, or the command line is wrong.
     """
-    fit_config(options.method)  # What is wrong there is not the list's fault.
+    configurations = _Configurations()
+    configurations.of(options.method)  # What is wrong there is not the list's fault.
     header, lines = _table(options.manifest)
     found = _columns(header, complaints)
-    tasks = [task for line, cells in lines if (task := _task(line, cells, found, options, command, complaints))]
+    tasks = [
+        task
+        for line, cells in lines
+        if (task := _task(line, cells, found, options, command, complaints, configurations))
+    ]
     _refuse_shared_folders(tasks, complaints)
+    _check_subjects(tasks, complaints)
     return tuple(tasks)
 
 
@@ -136,6 +153,7 @@ def _task(
     options: BatchOptions,
     command: str,
     complaints: Complaints,
+    configurations: "_Configurations",
 ) -> ClipTask | None:
     """A clip, or None and complaints."""
     before = len(complaints.found)
@@ -148,12 +166,14 @@ def _task(
         complaints.add(line, "is empty; expected the folder for the clip's result.", "out")
     if not {"video", "keypoints"} & files.keys():
         complaints.add(line, "names neither a video nor keypoints; expected at least one of them.")
-    config = _config(line, given, options, complaints)
+    config = _config(line, given, options, complaints, configurations)
     fit = _fit_options(line, files, given, options, complaints) if "out" in files else None
     if config is None or fit is None or len(complaints.found) > before:
         return None
     name = next(cell for cell, column in zip(cells, columns, strict=True) if column and column.name == "out")
-    return ClipTask(line=line, name=name, fit=fit, config=config, project=options.projects, command=command)
+    subject = next((value for column, value in given.items() if column.group == "subject"), "")
+    form: Form = "project" if options.projects else "files"
+    return ClipTask(line=line, name=name, fit=fit, config=config, form=form, subject=subject, command=command)
 
 
 def _values(
@@ -170,14 +190,28 @@ def _values(
     return values
 
 
-def _config(line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints) -> FitConfig | None:
+class _Configurations:
+    """Those of a list. Most of its clips have the same one, and to make and check one takes milliseconds."""
+
+    def __init__(self) -> None:
+        self.of = cache(fit_config)
+        self.changed = cache(self._changed)
+
+    @staticmethod
+    def _changed(config: FitConfig, column: Column, text: str) -> FitConfig:
+        return changed(config, {column.setting: text}, origin=column.name, texts=True)
+
+
+def _config(
+    line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints, configurations: _Configurations
+) -> FitConfig | None:
     """The command line's configuration with what the list says of this clip."""
-    config = fit_config(_method(given, options))
+    config = configurations.of(_method(given, options))
     for column, text in given.items():
         if column.group != "setting":
             continue
         try:
-            config = changed(config, {column.setting: text}, origin=column.name, texts=True)
+            config = configurations.changed(config, column, text)
         except InputError as error:
             complaints.add(line, str(error))
     return config
@@ -210,6 +244,7 @@ def _fit_options(
         video=files.get("video"),
         keypoints=files.get("keypoints"),
         out=files["out"],
+        shape=files.get("shape"),
         overwrite=options.overwrite,
         overlay=options.overlay,
         clip=clip,
@@ -229,3 +264,25 @@ def _refuse_shared_folders(tasks: list[ClipTask], complaints: Complaints) -> Non
         around = next((owner[parent] for parent in folder.parents if parent in owner), None)
         if around:
             complaints.add(task.line, f"{task.name} lies inside the folder of line {around.line}.", "out")
+
+
+def _check_subjects(tasks: list[ClipTask], complaints: Complaints) -> None:
+    """The clips of a subject have the body and the method in common, whose shape it is."""
+    first: dict[str, ClipTask] = {}
+    for task in tasks:
+        if not task.subject:
+            continue
+        if task.fit.shape is not None:
+            complaints.add(task.line, "has both a subject, whose shape is found, and a known shape; give one of them.")
+        if task.config.last_phase < 2:
+            complaints.add(task.line, "has a subject, and last_phase is 1; expected 2 or 3, for phase 1 has no shape.")
+        other = first.setdefault(task.subject, task)
+        differing = [f.name for f in fields(FitConfig) if getattr(task.config, f.name) != getattr(other.config, f.name)]
+        differing += [] if task.fit.body == other.fit.body else ["body"]
+        if differing:
+            complaints.add(
+                task.line,
+                f"{task.subject} has another {', '.join(differing)} here than in line {other.line}; expected the same "
+                "body and settings in all clips of a subject.",
+                "subject",
+            )

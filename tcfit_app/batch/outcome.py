@@ -37,6 +37,7 @@ class Row:
 
     line: int
     clip: str
+    subject: str = ""
     state: State
     seconds: float | None = None
     frames: int | None = None
@@ -48,7 +49,7 @@ class Row:
     notes: str = ""
 
 
-def row_of(task: ClipTask, record: Record | None, *, before: bool) -> Row:
+def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
     """The row of a clip.
 
     Args:
@@ -57,7 +58,7 @@ def row_of(task: ClipTask, record: Record | None, *, before: bool) -> Row:
         before: Whether that was in an earlier run.
     """
     if record is None:
-        return Row(line=task.line, clip=task.name, state="left")
+        return Row(line=task.line, clip=task.name, subject=task.subject, state="left")
     state: State = record.state
     if before:
         state = "done before" if state == "done" else "failed before"
@@ -65,6 +66,7 @@ def row_of(task: ClipTask, record: Record | None, *, before: bool) -> Row:
     return Row(
         line=task.line,
         clip=task.name,
+        subject=task.subject,
         state=state,
         seconds=round(record.seconds, 3),
         frames=figures.frames if figures else None,

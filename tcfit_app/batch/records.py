@@ -6,6 +6,10 @@ there without the other. Failures lie in the batch's own folder, beside the list
 | file | |
 |---|---|
 | failed/<clip>.json | why a clip failed; gone when it is done |
+| first/<clip>/ | the first phase of a clip of a subject, from which it goes on whenever the subject's shape changes |
+| subjects/<subject>/shape.json | the shape that a subject's clips share |
+| pictures/<clip>.jpg | a frame of each clip that is done, for the report |
+| report.html | the last run's outcome, to be looked at |
 | log.jsonl | a line whenever a clip is started, fitted, recovered or fails |
 | summary.csv, summary.json | the last run's outcome, a row for each clip of the list |
 | batch.lock | held by the one process that runs this batch |
@@ -15,6 +19,7 @@ import hashlib
 import os
 import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,8 +29,8 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
 from fitting_core.io.result_files import is_result
-from tcfit_app.batch.fingerprint import Fingerprint, unchanged
-from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, unchanged
+from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import Lock, ProjectLocked
@@ -33,7 +38,7 @@ from tcfit_app.project.storage.lock import Lock, ProjectLocked
 RECORD_NAME = "batch.json"
 """In a result's folder."""
 FOLDER_SUFFIX = ".batch"
-LOG_NAME, FAILED = "log.jsonl", "failed"
+LOG_NAME, FAILED, PICTURES = "log.jsonl", "failed", "pictures"
 LogEvent = Literal["started", "fitted", "recovered", "failed"]
 
 
@@ -46,6 +51,12 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
     jitter_mm: float | None = None
     """Per frame squared, in camera space."""
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    """Those of the notes that say that it cannot be right."""
+    suspicious: int | None = None
+    """Entries that the review queue would have."""
+    worst: str = ""
+    """The first of them in words, with its frame."""
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,14 +101,32 @@ def write_record(path: Path, record: Record) -> None:
 def done_record(task: ClipTask) -> Record | None:
     """The record of a clip whose result is there, whole, and what would come out again."""
     record = read_record(task.out / RECORD_NAME)
-    there = is_project(task.out) if task.project else is_result(task.out)
-    return record if record and there and unchanged(record.fingerprint, task) else None
+    return record if record and _THERE[task.form](task.out) and unchanged(record.fingerprint, task) else None
+
+
+_THERE: dict[Form, Callable[[Path], bool]] = {
+    "files": is_result,
+    "project": is_project,
+    "first": lambda out: (out / FIRST_NAME).is_file(),
+    "shape": lambda out: (out / SHAPE_NAME).is_file(),
+}
+"""Whether a folder holds what a task makes."""
 
 
 def failed_path(folder: Path, task: ClipTask) -> Path:
-    """Where a clip's failure is noted: under a name that no other folder's clip has."""
-    plain = re.sub(r"[^\w.-]", "_", task.out.name)[:60]
-    return folder / FAILED / f"{plain}-{hashlib.sha256(str(task.out.resolve()).encode()).hexdigest()[:8]}.json"
+    """Where a clip's failure is noted."""
+    return folder / FAILED / f"{own_name(task.out.name, str(task.out.resolve()))}.json"
+
+
+def picture_path(folder: Path, task: ClipTask) -> Path:
+    """Where a clip's picture for the report lies."""
+    return folder / PICTURES / f"{own_name(task.out.name, str(task.out.resolve()))}.jpg"
+
+
+def own_name(text: str, identity: str) -> str:
+    """A file name that says what it is of, and that nothing else has: not even what differs in case or signs alone."""
+    plain = re.sub(r"[^\w.-]", "_", text)[:60]
+    return f"{plain}-{hashlib.sha256(identity.encode()).hexdigest()[:8]}"
 
 
 def failed_record(folder: Path, task: ClipTask) -> Record | None:

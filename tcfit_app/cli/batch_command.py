@@ -2,17 +2,18 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.errors import InputError
+from fitting_core.io.known_shape import read_betas
 from tcfit_app.batch.clip_fit import tidy
-from tcfit_app.batch.fingerprint import missing_input
+from tcfit_app.batch.fingerprint import SHAPE_NAME, missing_input
 from tcfit_app.batch.local import Crew, Ended, LocalProcesses, News
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster
@@ -22,11 +23,12 @@ from tcfit_app.batch.records import (
     batch_folder,
     done_record,
     failed_path,
-    failed_record,
     patient_lock,
     write_log,
     write_record,
 )
+from tcfit_app.batch.report import write_report
+from tcfit_app.batch.rounds import Course, Round, with_shape
 from tcfit_app.bench.machine import cores
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
@@ -34,15 +36,6 @@ from tcfit_app.project.storage.accessing import accessing
 
 _PATIENCE = 3.0
 """Seconds to wait for a batch of the same list that was killed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """Clips to fit, and how the others went before; by place in the list."""
-
-    tasks: Sequence[ClipTask]
-    to_do: tuple[int, ...]
-    before: dict[int, Record]
 
 
 def run_batch(options: BatchOptions, *, command: str = "") -> int:
@@ -64,35 +57,48 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     begin = time.monotonic()
     complaints = Complaints(options.manifest)
     tasks = read_manifest(options, complaints, command=command)
+    _check_bodies(tasks, complaints)
+    complaints.raise_any()  # Without a body nothing can be compared.
     folder = batch_folder(options.manifest)
-    todo = plan(tasks, folder, complaints, retry=options.retry, here=options.ray is None)
+    course = Course(tasks, folder, retry=options.retry and not options.report)
+    if options.report:
+        return _reported(course, options.manifest)
+    _check(course, complaints, here=options.ray is None)
     complaints.raise_any()
-    if todo.to_do and options.ray is None:
-        compile_kernels(tasks[todo.to_do[0]].config)  # once, and not in each of the processes
     held = patient_lock(folder, seconds=_PATIENCE, wanted="fit this list")
-    ended: dict[int, Record] = {}
     try:
-        _run(_crew(options), todo, folder, ended)
-        rows = _told(todo, ended, folder, time.monotonic() - begin)
+        _run(_crew(options), course)
+        rows = _told(course, options.manifest, time.monotonic() - begin)
     except KeyboardInterrupt:
-        _told(todo, ended, folder, time.monotonic() - begin)
-        print(f"Stopped. The same command goes on with the {len(todo.to_do) - len(ended)} clips that are left.")
+        rows = _told(course, options.manifest, time.monotonic() - begin)
+        left = sum(row.state == "left" for row in rows)
+        print(f"Stopped. The same command goes on with the {left} clips that are left.")
         raise
     finally:
         held.release()
     return int(any(row.state in FAILURES for row in rows))
 
 
-def _told(todo: Plan, ended: dict[int, Record], folder: Path, seconds: float) -> list[Row]:
+def _reported(course: Course, manifest: Path) -> int:
+    """How each clip stands, as the files say; nothing is fitted."""
+    for _ in course.later():
+        pass
+    with accessing(course.folder):
+        course.folder.mkdir(parents=True, exist_ok=True)
+    rows = _told(course, manifest, 0.0)
+    return int(any(row.state in FAILURES for row in rows))
+
+
+def _told(course: Course, manifest: Path, seconds: float) -> list[Row]:
     """The outcome, in files and on the terminal."""
-    rows = [
-        row_of(task, todo.before.get(index) or ended.get(index), before=index in todo.before)
-        for index, task in enumerate(todo.tasks)
-    ]
+    outcomes = [course.outcome(place) for place in range(len(course.tasks))]
+    rows = [row_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
+    folder = course.folder
     with accessing(folder):
         write_summary(folder, rows, seconds=seconds)
+        report = write_report(folder, manifest.name, course.tasks, rows, [record for record, _ in outcomes])
     show_summary(rows, seconds=seconds, console=Console())
-    print(f"A row for each clip is in {folder / SUMMARY_CSV}")
+    print(f"A row for each clip is in {folder / SUMMARY_CSV}, and to be looked at in {report}")
     return rows
 
 
@@ -102,17 +108,32 @@ def _crew(options: BatchOptions) -> Crew:
     return LocalProcesses(options.jobs or cores())
 
 
-def _run(crew: Crew, todo: Plan, folder: Path, ended: dict[int, Record]) -> None:
-    """Fit what is to be done; `ended` takes the record of each clip as it comes."""
-    for index in todo.before:
-        tidy(todo.tasks[index])
-    tasks = [todo.tasks[index] for index in todo.to_do]
-    progress = _Lines(len(todo.tasks), len(todo.before), tasks)
+def _run(crew: Crew, course: Course) -> None:
+    """Work off one round after the other."""
+    _work_off(crew, course.first, course.folder)
+    for later in course.later():
+        for index in later.to_do:
+            task = later.tasks[index]
+            if task.form == "shape" and (task.out / SHAPE_NAME).exists():
+                print(f"{task.subject}: the clips have changed since the shape was found, or their settings; it is")
+                print("found again, and where it comes out another one, all clips of it are fitted again with it.")
+        _work_off(crew, later, course.folder)
+
+
+def _work_off(crew: Crew, work: Round, folder: Path) -> None:
+    """Do what is to be done; the round takes the record of each task as it comes."""
+    for index in work.before:
+        tidy(work.tasks[index])
+    to_do = work.to_do
+    tasks = [work.tasks[index] for index in to_do]
+    if tasks and isinstance(crew, LocalProcesses):
+        compile_kernels(tasks[0].config)  # once, and not in each of the processes
+    progress = _Lines(len(work.tasks), len(work.before), tasks, work.what)
     with closing(progress), closing(crew.run(tasks, folder)) as all_news:
         for news in all_news:
             if isinstance(news, Ended):
                 _keep(folder, tasks[news.index], news.record)
-                ended[todo.to_do[news.index]] = news.record
+                work.records[to_do[news.index]] = news.record
             progress.show(news)
 
 
@@ -130,7 +151,7 @@ def _keep(folder: Path, task: ClipTask, record: Record) -> None:
 class _Lines:
     """A line on the standard output for each clip that ends; on a terminal, below them, what is being fitted."""
 
-    def __init__(self, total: int, before: int, tasks: list[ClipTask]) -> None:
+    def __init__(self, total: int, before: int, tasks: list[ClipTask], what: str) -> None:
         self._tasks, self._total, self._count = tasks, total, before
         self._running: dict[int, str] = {}
         self._width = min(40, max((len(task.name) for task in tasks), default=0))
@@ -144,7 +165,7 @@ class _Lines:
             bar_format="{n_fmt}/{total_fmt} |{bar:20}| {elapsed} < {remaining}{postfix}",
         )
         if before:
-            tqdm.write(f"{before} of {total} clips were done or have failed before.", file=sys.stdout)
+            tqdm.write(f"{before} of {total} {what} were done or have failed before.", file=sys.stdout)
 
     def show(self, news: News) -> None:
         """Tell of it."""
@@ -173,37 +194,35 @@ class _Lines:
         self._bar.close()
 
 
-def plan(
-    tasks: Sequence[ClipTask], folder: Path, complaints: Complaints, *, retry: bool = False, here: bool = True
-) -> Plan:
-    """Look at what is there of each clip; what stands in the way of one goes to `complaints`.
+def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
+    """What stands in the way of a clip that is to be fitted goes to `complaints`.
 
     Args:
-        tasks: The list.
-        folder: The batch's.
+        course: What is to be done.
         complaints: Takes every error.
-        retry: Fit those again that have failed.
         here: They are fitted on this computer: its devices count.
     """
-    _check_bodies(tasks, complaints)
-    complaints.raise_any()  # Without a body nothing can be compared.
-    to_do: list[int] = []
-    before: dict[int, Record] = {}
-    for index, task in enumerate(tasks):
-        record = done_record(task) or (None if retry else failed_record(folder, task))
-        if record:
-            before[index] = record
-            continue
-        to_do.append(index)
+    to_do = [course.tasks[place] for place in course.first.to_do]
+    for task in to_do:
         for column, path in missing_input(task):
             complaints.add(task.line, f"{path} does not exist.", column)
-        try:
-            check_out(task.out, overwrite=task.fit.overwrite or task.project)
-        except InputError as error:
-            complaints.add(task.line, str(error).removeprefix("--out "), "out")
+        if task.fit.shape is not None:
+            _check_for(task, complaints, "shape", read_betas, task.fit.shape)
+    to_do += [task for task in course.waiting() if not done_record(with_shape(task, course.folder))]
+    for task in to_do:
+        may = task.fit.overwrite or task.form == "project"
+        _check_for(task, complaints, "out", partial(check_out, overwrite=may), task.out)
     if here:
-        _check_devices([tasks[index] for index in to_do], complaints)
-    return Plan(tasks=tasks, to_do=tuple(to_do), before=before)
+        _check_devices(to_do, complaints)
+
+
+def _check_for(
+    task: ClipTask, complaints: Complaints, column: str, check: Callable[[Path], object], path: Path
+) -> None:
+    try:
+        check(path)
+    except InputError as error:
+        complaints.add(task.line, str(error).removeprefix("--out "), column)
 
 
 def _check_bodies(tasks: Sequence[ClipTask], complaints: Complaints) -> None:

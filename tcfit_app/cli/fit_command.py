@@ -13,11 +13,11 @@ from tqdm import tqdm
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
-from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
+from fitting_core.io.known_shape import read_betas
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.options.clip_input import clip_of, described, notes_of
@@ -49,10 +49,12 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     check_out(options.out, overwrite=options.overwrite)
     prepare_solver(config, options.threads)
     body = load_body(body_file(options.body))
+    shape = None if options.shape is None else read_betas(options.shape, body_hash=body.hash)
     clip = clip_of(options)
     compile_kernels(config)
     _tell(_inputs(clip, body))
-    fit, summary = _fit_and_write(clip, body, config, options.out, command)
+    events = fit_events(clip, body, config, shape=shape)
+    fit, summary = _fit_and_write(events, clip, body, options.out, last_phase=config.last_phase, command=command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(options.out / OVERLAY_NAME, fit, clip, body):
@@ -62,17 +64,17 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
 
 
 def _fit_and_write(
-    clip: Clip, body: BodyModel, config: FitConfig, folder: Path, command: str
+    events: Iterable[FitEvent], clip: Clip, body: BodyModel, folder: Path, *, last_phase: int, command: str
 ) -> tuple[FitResult, dict[str, Any]]:
     """Run all phases; after each, what is finished is on the disk."""
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
         with Progress() as progress:
-            for event in fit_events(clip, body, config):
+            for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
-                    complete = event.phase == config.last_phase
+                    complete = event.phase == last_phase
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event
     except BaseException:

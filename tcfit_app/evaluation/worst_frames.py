@@ -125,13 +125,14 @@ def _told(record: Record, curve: str, frame: int) -> str:
 
 def _placed(frame: int, shown: Drawable, names: list[str]) -> Iterable[tuple[str, PlacedBody]]:
     if shown.truth is not None:
-        yield "truth", _body(*shown.truth, frame, _TRUE)
+        yield "truth", placed_body(*shown.truth, frame, _TRUE)
     for method, (body, params) in shown.bodies.items():
         color = _COLORS.get(style_of(method, names).split()[0], _OTHER)
-        yield method, _body(body, params, frame, color)
+        yield method, placed_body(body, params, frame, color)
 
 
-def _body(body: BodyModel, params: BodyParams, frame: int, color: tuple[float, float, float]) -> PlacedBody:
+def placed_body(body: BodyModel, params: BodyParams, frame: int, color: tuple[float, float, float]) -> PlacedBody:
+    """The body of one frame, in a colour."""
     mesh, one = shared_mesh(body), params[frame : frame + 1]
     vertices = mesh(one)[0].numpy().astype(np.float64)
     pelvis = mesh.joints(one)[0, JOINT["pelvis"]].numpy().astype(np.float64)
@@ -153,6 +154,7 @@ SIZE = (260, 320)
 """Width and height in pixels."""
 _SHARPNESS = 2
 """Pictures are drawn so many times as large, and reduced."""
+_DRAWN = (_SHARPNESS * SIZE[0], _SHARPNESS * SIZE[1])
 _MARGIN = 1.3
 _NEAREST = 0.1
 """Metres: bodies nearer to the camera, or behind it, are not drawn."""
@@ -162,10 +164,10 @@ _GROUND = (236, 239, 243)
 _LIGHT = np.array([-0.4, -0.55, -0.75])
 
 
-def camera_around(body: PlacedBody, camera: Camera) -> Camera:
-    """The clip's camera, cut to a body and a margin around it."""
+def camera_around(body: PlacedBody, camera: Camera, *, size: tuple[int, int] = _DRAWN) -> Camera:
+    """The clip's camera, cut to a body and a margin around it, for pictures of so many pixels."""
     pixels = body.vertices[:, :2] / body.vertices[:, 2:] * camera.focal + camera.center
-    return _cut(camera, pixels.min(0), pixels.max(0))
+    return _cut(camera, pixels.min(0), pixels.max(0), size)
 
 
 def from_the_side(body: PlacedBody) -> PlacedBody:
@@ -191,8 +193,8 @@ def picture(body: PlacedBody, camera: Camera) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
 
 
-def _cut(camera: Camera, low: np.ndarray, high: np.ndarray) -> Camera:
-    width, height = (_SHARPNESS * length for length in SIZE)
+def _cut(camera: Camera, low: np.ndarray, high: np.ndarray, size: tuple[int, int]) -> Camera:
+    width, height = size
     factor = min((width, height) / (_MARGIN * np.maximum(high - low, 1.0)))
     middle = (low + high) / 2
     fx, fy, cx, cy = (float(v) for v in (*camera.focal, *camera.center))

@@ -31,6 +31,8 @@ class BatchOptions:
     "local" starts one here. Needs tcfit[ray]."""
     retry: bool = False
     """Fit clips again that failed before."""
+    report: bool = False
+    """Fit nothing: say how each clip stands, and write the report."""
     projects: bool = False
     """Make a project of each clip, to be reviewed, instead of a folder of files."""
     overlay: bool = True

@@ -154,6 +154,8 @@ class FitOptions:
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. A result that lies there is replaced."""
+    shape: Annotated[Path | None, shown("PATH", "found from the clip")] = None
+    """The person's shape, where it is known: the folder of a result, or an npz or JSON file with betas."""
     overwrite: bool = False
     """Write into a folder that holds other files too."""
     overlay: bool = True

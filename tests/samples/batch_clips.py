@@ -101,13 +101,17 @@ def broken_places(clips: int, broken: int) -> dict[int, str]:
     return dict(zip(places.tolist(), BREAKAGES, strict=False))
 
 
-def write_batch(folder: Path, body: BodyModel, *, clips: int, broken: int = 0, frames: int = 3) -> Path:
-    """So many clips, and the list of them, whose path this returns."""
+def write_batch(
+    folder: Path, body: BodyModel, *, clips: int, broken: int = 0, frames: int = 3, subjects: int = 0
+) -> Path:
+    """So many clips, and the list of them, whose path this returns; of so many subjects in turn, if there are any."""
     for index in range(clips):
         write_clip(folder / "keypoints" / f"c{index:03}", body, frames=frames, seed=index)
     for index, how in broken_places(clips, broken).items():
         BREAKAGES[how](folder / "keypoints" / f"c{index:03}")
-    return write_list(folder, [{"keypoints": f"keypoints/c{i:03}", "out": f"fits/c{i:03}"} for i in range(clips)])
+    rows = [{"keypoints": f"keypoints/c{i:03}", "out": f"fits/c{i:03}"} for i in range(clips)]
+    who = [{"subject": f"person {i % subjects}", "last_phase": "2"} if subjects else {} for i in range(clips)]
+    return write_list(folder, [row | more for row, more in zip(rows, who, strict=True)])
 
 
 def write_list(folder: Path, rows: list[dict[str, str]]) -> Path:

@@ -1,6 +1,7 @@
-"""Phase 2: one shape, from a sample of frames."""
+"""Phase 2: one shape, from a sample of frames of a clip, or of several clips of one person."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -11,7 +12,7 @@ from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
 from fitting_core.fit.phases.progress import Step, reported, stage_label
 from fitting_core.fit.solvers import Solver
-from fitting_core.fit.solvers.problem import SharedShape
+from fitting_core.fit.solvers.problem import Sample, SharedShape
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State
 
@@ -60,6 +61,18 @@ def sample_frames(confidence: Float[np.ndarray, "T K"], sample: ShapeSample) -> 
     return np.sort(STRATEGIES[sample.strategy](confidence, sample, count))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """A clip after phase 1, as one of those in which a person is seen."""
+
+    stages: Stages
+    """Builds the objectives."""
+    state: State
+    """Phase 1, all frames."""
+    usable: Int[Tensor, "n"]
+    """Frames that may be sampled."""
+
+
 def fit_shape(
     stages: Stages, solver: Solver, state: State, usable: Tensor
 ) -> Generator[Step, None, tuple[State, Tensor]]:
@@ -74,17 +87,49 @@ def fit_shape(
     Returns:
         The sampled frames' state (their betas are beta'), and which frames they are.
     """
-    confidence = stages.keypoints.confidence[usable.cpu().numpy()][:, kp.BODY]
-    frames = usable[torch.as_tensor(sample_frames(confidence, stages.config.shape_sample), device=usable.device)]
-    betas = stages.parametrisation.columns.betas
-    sampled = state[frames]
-    sampled = sampled.with_columns(betas, sampled.vector[:, betas].mean(0).expand(len(frames), -1))
-    chosen = stages.config.shape_sample.stages
-    for i, stage in enumerate(chosen):
-        whole = state.put(frames, sampled)
-        objective = stages.objective(stage, whole, stages.free(stage, betas=True))
-        minimisation = solver.minimise(SharedShape(objective, frames), sampled, final=i == len(chosen) - 1)
-        share = (i / len(chosen), (i + 1) / len(chosen))
+    sights = [Sight(stages=stages, state=state, usable=usable)]
+    sampled, (frames,) = yield from fit_common_shape(sights, solver, stages.config.shape_sample)
+    return sampled, frames
+
+
+def fit_common_shape(
+    sights: Sequence[Sight], solver: Solver, sample: ShapeSample
+) -> Generator[Step, None, tuple[State, list[Tensor]]]:
+    """The same over frames of several clips of one person.
+
+    Frames are sampled as if the clips were one: a strategy that asks what is seen takes more of a clip that shows more.
+
+    Args:
+        sights: at least one, all of the same body and pose prior.
+        solver: minimises.
+        sample: how many frames, of all clips together, and in which stages.
+
+    Returns:
+        The sampled frames' state, one clip after the other (their betas are beta'), and which frames of each clip.
+    """
+    seen = [sight.stages.keypoints.confidence[sight.usable.cpu().numpy()][:, kp.BODY] for sight in sights]
+    chosen = torch.as_tensor(sample_frames(np.concatenate(seen), sample), device=sights[0].usable.device)
+    whose = torch.cat([torch.full_like(sight.usable, i) for i, sight in enumerate(sights)])[chosen]
+    which = torch.cat([sight.usable for sight in sights])[chosen]
+    frames = [which[whose == i] for i in range(len(sights))]
+    used = [(sight, own) for sight, own in zip(sights, frames, strict=True) if len(own)]
+    betas = used[0][0].stages.parametrisation.columns.betas
+    sampled = State.cat([sight.state[own] for sight, own in used])
+    sampled = sampled.with_columns(betas, sampled.vector[:, betas].mean(0).expand(len(sampled), -1))
+    for i, stage in enumerate(sample.stages):
+        problem = SharedShape(*_samples(used, sampled, stage))
+        minimisation = solver.minimise(problem, sampled, final=i == len(sample.stages) - 1)
+        share = (i / len(sample.stages), (i + 1) / len(sample.stages))
         solution = yield from reported(minimisation, stage_label(stage), share, solver.iterations)
         sampled = solution.state
     return sampled, frames
+
+
+def _samples(used: Sequence[tuple[Sight, Tensor]], sampled: State, stage: int) -> Iterator[Sample]:
+    """The objectives of a stage from where the sampled frames stand; what any of the clips shows moves in all."""
+    frees = [sight.stages.free(stage, betas=True) for sight, _ in used]
+    free = replace(frees[0], hands=any(f.hands for f in frees), face=any(f.face for f in frees))
+    first = 0
+    for sight, own in used:
+        rows = sampled[first : (first := first + len(own))]
+        yield Sample(sight.stages.objective(stage, sight.state.put(own, rows), free), own)

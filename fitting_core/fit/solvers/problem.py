@@ -157,49 +157,81 @@ class IndependentFrames(OnFrames):
         return Step(self.objective.step(move), predicted, info == 0)
 
 
-class SharedShape(OnFrames):
-    """Mean of E_o over some frames that share their betas, plus what counts once for these (E_beta'): phase 2.
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Some frames of a clip, and what is minimised in each of them."""
 
-    The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objective's
-    betas must be free. Its own shape term counts too, so the betas are held twice, as the paper's formula has it read
+    objective: FrameObjective
+    frames: Int[Tensor, "B"]
+
+
+class SharedShape(OnFrames):
+    """Mean of E_o over frames that share their betas, plus what counts once for these (E_beta'): phase 2.
+
+    The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objectives'
+    betas must be free. Their own shape term counts too, so the betas are held twice, as the paper's formula has it read
     literally: E_beta' + mean of E_o, and E_o holds E_beta.
+
+    Args:
+        samples: Of one clip, or of several that show the same person. Their objectives move the same columns; what
+            counts once is the first one's. The rows of a state are their frames, one sample after the other.
     """
 
     groups = 1
     coupled_in_time = False
 
-    def __init__(self, objective: FrameObjective, frames: Int[Tensor, "B"]) -> None:
-        assert objective.free.betas
-        self.objective, self.frames = objective, frames
-        self.own = len(objective.index) - N_BETAS
-        self.unknowns = len(frames) * self.own + N_BETAS
+    def __init__(self, *samples: Sample) -> None:
+        self.objective, self.samples = samples[0].objective, samples
+        assert self.objective.free.betas and all(s.objective.free == self.objective.free for s in samples)
+        self.own = len(self.objective.index) - N_BETAS
+        self.count = sum(len(sample.frames) for sample in samples)
+        self.unknowns = self.count * self.own + N_BETAS
+
+    def softened(self) -> "SharedShape | None":
+        """As `OnFrames.softened`, of every sample."""
+        gentle = [sample.objective.softened(cold=self.cold) for sample in self.samples]
+        if not any(gentle):
+            return None
+        pairs = zip(gentle, self.samples, strict=True)
+        return SharedShape(*(Sample(objective or sample.objective, sample.frames) for objective, sample in pairs))
+
+    def _parts(self, state: State) -> Iterator[tuple[Sample, State]]:
+        """Each sample with its rows."""
+        first = 0
+        for sample in self.samples:
+            yield sample, state[first : (first := first + len(sample.frames))]
 
     def rows(self, groups: Tensor) -> Tensor:
         """All frames."""
-        return torch.arange(len(self.frames), device=groups.device)
+        return torch.arange(self.count, device=groups.device)
 
     def spread(self, x: Tensor) -> Tensor:
         """Frame after frame their own free columns, then the betas that move all frames alike."""
-        count = len(self.frames)
-        own, betas = x[0, :-N_BETAS].view(count, self.own), x[0, -N_BETAS:]
-        return self.objective.step(torch.cat([own, betas.expand(count, N_BETAS)], 1))
+        own, betas = x[0, :-N_BETAS].view(self.count, self.own), x[0, -N_BETAS:]
+        return self.objective.step(torch.cat([own, betas.expand(self.count, N_BETAS)], 1))
 
     def cost(self, state: State, groups: Tensor) -> Tensor:
         """E_beta' + mean of E_o."""
-        mean = self.objective.cost(state, self.frames).mean()[None]
-        return sum(self.objective.shared_costs(state).values(), mean)
+        costs = torch.cat([sample.objective.cost(rows, sample.frames) for sample, rows in self._parts(state)])
+        return sum(self.objective.shared_costs(state).values(), costs.mean()[None])
 
     def terms(self, state: State) -> dict[str, float]:
         """Of E_o, and what counts once."""
         shared = {name: float(cost) for name, cost in self.objective.shared_costs(state).items()}
-        return {**mean_costs(self.objective.costs(state, self.frames)), **shared}
+        costs = [sample.objective.costs(rows, sample.frames) for sample, rows in self._parts(state)]
+        names = dict.fromkeys(name for found in costs for name in found)
+        # A term that a clip does not have, as one of hands that it does not show, costs nothing there.
+        zeros = [state.vector.new_zeros(len(sample.frames)) for sample in self.samples]
+        whole = {n: torch.cat([c.get(n, z) for c, z in zip(costs, zeros, strict=True)]) for n in names}
+        return {**mean_costs(whole), **shared}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
         """Cost, frames' gradients and matrices (with the betas' share), and those of what holds the betas once."""
-        n, share = self.objective.normal(state, self.frames), 1 / len(self.frames)
-        once = self.objective.shared_normal(state)
+        parts = [sample.objective.normal(rows, sample.frames) for sample, rows in self._parts(state)]
+        gradient, matrix = torch.cat([n.gradient for n in parts]), torch.cat([n.matrix for n in parts])
+        once, share = self.objective.shared_normal(state), 1 / self.count
         held, holding = once.gradient[:, self.own :], once.matrix[:, self.own :, self.own :]
-        return self.cost(state, groups), share * n.gradient[None], share * n.matrix[None], held, holding
+        return self.cost(state, groups), share * gradient[None], share * matrix[None], held, holding
 
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
         """Eliminates every frame's own columns, solves for the betas, and substitutes back."""

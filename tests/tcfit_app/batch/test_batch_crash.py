@@ -120,24 +120,29 @@ def check_results(folder: Path, clips: int, broken: int) -> None:
         assert {file.name for file in (folder / name).iterdir()} == {"fit.npz", "summary.json", "batch.json"}
         assert read_fit(folder / name).complete and json.loads((folder / name / "summary.json").read_text())["complete"]
     times = Counter(fitted(folder))
-    assert set(times.values()) == {1} and set(times) | set(events(folder, "recovered")) == good
+    assert set(times.values()) == {1}
+    assert {name for name in [*times, *events(folder, "recovered")] if not name.endswith(")")} == good
     rows = json.loads((folder / "clips.batch" / "summary.json").read_text())["rows"]
     assert {row["clip"] for row in rows if row["state"] in FAILURES and row["reason"]} == bad
     assert len(rows) == clips and {row["clip"] for row in rows if row["state"].startswith("done")} == good
 
 
-def killed_twice_and_resumed(folder: Path, body: BodyModel, start: Start, *, clips: int, broken: int) -> None:
-    manifest = write_batch(folder, body, clips=clips, broken=broken)
+def killed_twice_and_resumed(
+    folder: Path, body: BodyModel, start: Start, *, clips: int, broken: int, subjects: int = 0
+) -> None:
+    manifest = write_batch(folder, body, clips=clips, broken=broken, subjects=subjects)
+    good = clips - broken
+    steps = 2 * good + subjects if subjects else good
     with running(start, manifest) as group:
         until(lambda: len(fitted(folder)) >= clips // 4)
         os.kill(group, signal.SIGKILL)  # The parent alone: the others have to end by themselves.
         until(lambda: not living(group), 20)
     first = len(fitted(folder))
     with running(start, manifest) as group:
-        until(lambda: len(fitted(folder)) >= max(first + 1, clips // 2))
+        until(lambda: len(fitted(folder)) >= max(first + 1, clips // 2 + steps - good))
         os.killpg(group, signal.SIGKILL)
     second = len(fitted(folder))
-    assert clips // 4 <= first < second < clips - broken
+    assert clips // 4 <= first < second < steps
     with running(start, manifest) as group:
         status = os.waitstatus_to_exitcode(_end_of(group))
     assert status == 1, (folder / "output").read_text()
@@ -153,6 +158,14 @@ def _end_of(group: int) -> int:
 
 def test_a_batch_that_is_killed_twice_goes_on(tmp_path: Path, free_body: BodyModel):
     killed_twice_and_resumed(tmp_path, free_body, forked, clips=20, broken=2)
+
+
+def test_clips_of_subjects_that_are_killed_twice_go_on(tmp_path: Path, free_body: BodyModel):
+    """First among the first phases, then among the fits with the shapes."""
+    killed_twice_and_resumed(tmp_path, free_body, forked, clips=12, broken=2, subjects=2)
+    shapes = {f"fits/c{i:03}": read_fit(tmp_path / f"fits/c{i:03}").params.betas[0].tolist() for i in (2, 4, 6, 3, 5)}
+    even, odd = (list(shapes.values())[part] for part in (slice(0, 3), slice(3, 5)))
+    assert even[0] == even[1] == even[2] != odd[0] == odd[1]
 
 
 @pytest.mark.slow

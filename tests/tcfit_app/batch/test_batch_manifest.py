@@ -59,7 +59,7 @@ def test_every_column_has_its_effect(tmp_path: Path):
 
 def test_every_option_of_a_clip_is_a_column():
     options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions) for f in fields(kind)}
-    assert options | set(SHORTCUTS) | {"video", "keypoints", "out", "preset"} == set(columns())
+    assert options | set(SHORTCUTS) | {"video", "keypoints", "out", "shape", "subject", "preset"} == set(columns())
     assert all(find(name) for name in settings())
 
 
@@ -122,6 +122,11 @@ WRONG = {
     "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
     "keypoints,out,preset\nk,o,papre\n": ["column preset: is 'papre'; expected one of smplifyx, paper, tcfit"],
     "keypoints,out,window_size\nk,o,1\n": ["line 2: window_size: temporal.window_size is 1; expected 2 or more"],
+    "keypoints,out,subject,shape\nk,o,anna,s.npz\n": ["line 2: has both a subject, whose shape is found, and a known"],
+    "keypoints,out,subject,gender,seed\nk,o,anna,,\nk,p,anna,female,4\nk,q,carl,male,5\n": [
+        "line 3, column subject: anna has another shape_sample, body here than in line 2"
+    ],
+    "keypoints,out,subject,last_phase\nk,o,anna,1\n": ["line 2: has a subject, and last_phase is 1; expected 2 or 3"],
     "keypoints,out,solver\nk,o,newton\n": ["line 2: solver: solver is newton; expected one of lm, lbfgs"],
 }
 

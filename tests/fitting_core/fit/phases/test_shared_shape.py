@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Weights
-from fitting_core.fit.phases.shared_shape import STRATEGIES, fit_shape, sample_frames
+from fitting_core.fit.phases.shared_shape import STRATEGIES, Sight, fit_common_shape, fit_shape, sample_frames
 from fitting_core.fit.solvers import make_solver
-from tests.samples.scenes import finished, hidden, keypoints_of, random_params, random_state, stages_of
+from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, noisy, random_params, random_state, stages_of
 
 
 @given(
@@ -115,3 +115,46 @@ def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[
     state = random_state(built.parametrisation, 3, 0)
     labels = [s.label for s in fit_shape(built, make_solver("lm", config.settings), state, torch.arange(3))]
     assert list(dict.fromkeys(labels)) == [f"stage {s} of 5" for s in stages]
+
+
+def test_a_shape_from_several_clips_is_nearer_than_from_any_of_them(tiny_body: BodyModel):
+    """One clip shows no legs, one no arms, one hands too; before different cameras, with noise."""
+    truth = random_params(12, 2, size=0.15)
+    truth = replace(truth, betas=0.6 * truth.betas[:1].expand(12, 10) / 0.15)
+    legs, arms = slice(9, 15), slice(2, 8)
+    unseen = ((kp.HANDS, kp.FACE, legs), (kp.HANDS, kp.FACE, arms), (kp.FACE,))
+    sights = []
+    for i, parts in enumerate(unseen):
+        own = truth[slice(4 * i, 4 * i + 4)]
+        camera = replace(CAMERA, focal=(700.0 + 300 * i, 700.0 + 300 * i))
+        seen = hidden(noisy(keypoints_of(tiny_body, own, camera), 4.0, seed=i), *parts)
+        stages = stages_of(tiny_body, seen, CONFIG, camera=camera)
+        start = stages.parametrisation.from_params(own)
+        start = start.with_columns(stages.parametrisation.columns.betas, torch.zeros(4, 10, dtype=torch.float64))
+        sights.append(Sight(stages=stages, state=start, usable=torch.arange(4)))
+    solver, betas = make_solver("lm", CONFIG.settings), stages.parametrisation.columns.betas
+
+    def error(used: list[Sight]) -> float:
+        found, _ = finished(fit_common_shape(used, solver, replace(CONFIG.shape_sample, size=4 * len(used))))
+        assert torch.equal(found.vector[:, betas], found.vector[:1, betas].expand(len(found), -1))
+        return float((found.vector[0, betas] - truth.betas[0]).norm())
+
+    assert error(sights) < min(error([sight]) for sight in sights)
+
+
+def test_frames_are_shared_out_by_what_is_seen(tiny_body: BodyModel):
+    exact = hidden(keypoints_of(tiny_body, random_params(6)), kp.HANDS, kp.FACE)
+    config = replace(
+        CONFIG, settings=SolverSettings(iterations=1), shape_sample=ShapeSample(size=4, strategy="confident")
+    )
+    unsure = replace(exact, confidence=0.4 * exact.confidence)
+    sights = [
+        Sight(stages=built, state=random_state(built.parametrisation, 6, 0), usable=torch.tensor([1, 2, 5]))
+        for built in (stages_of(tiny_body, points, config) for points in (unsure, exact))
+    ]
+    found, frames = finished(fit_common_shape(sights, make_solver("lm", config.settings), config.shape_sample))
+    assert [own.tolist() for own in frames] == [[1], [1, 2, 5]] and len(found) == 4
+    found, frames = finished(
+        fit_common_shape(sights, make_solver("lm", config.settings), replace(config.shape_sample, size=3))
+    )
+    assert [own.tolist() for own in frames] == [[], [1, 2, 5]]

@@ -11,7 +11,14 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, SolverSettings
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting_core.fit.solvers.problem import DIAGONAL_FLOOR, IndependentFrames, SharedShape, Step, damping_diagonal
+from fitting_core.fit.solvers.problem import (
+    DIAGONAL_FLOOR,
+    IndependentFrames,
+    Sample,
+    SharedShape,
+    Step,
+    damping_diagonal,
+)
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.terms.priors import Quadratic
 from fitting_core.fit.variables.state import Free, State
@@ -244,7 +251,7 @@ def test_step_of_shared_shape_is_the_dense_one(objective):
     betas = e.view.parametrisation.columns.betas
     state = state[frames]
     state = state.with_columns(betas, state.vector[:, betas].mean(0).expand(3, -1))
-    problem = SharedShape(holding(e, weight), frames)
+    problem = SharedShape(Sample(holding(e, weight), frames))
     normal = problem.normal(state, torch.tensor([0]))
     n = e.normal(state, frames)
     d = len(e.index)
@@ -273,11 +280,28 @@ def test_step_of_shared_shape_is_the_dense_one(objective):
     torch.testing.assert_close(normal[0][0], n.cost.mean() + shape_cost)
 
 
+def test_a_shape_of_several_clips_is_that_of_one_with_all_their_frames(objective):
+    e, state = objective
+    betas = e.view.parametrisation.columns.betas
+    state = state.with_columns(betas, state.vector[:, betas].mean(0).expand(5, -1))
+    held, everyone = holding(e, 3.0), torch.tensor([0])
+    whole = SharedShape(Sample(held, torch.arange(5)))
+    cut = SharedShape(Sample(held, torch.arange(2)), Sample(holding(e, 3.0), torch.arange(2, 5)))
+    assert cut.unknowns == whole.unknowns and len(cut.rows(everyone)) == 5
+    for one, other in zip(cut.normal(state, everyone), whole.normal(state, everyone), strict=True):
+        torch.testing.assert_close(one, other)
+    assert cut.terms(state) == pytest.approx(whole.terms(state))
+    cut.cold = whole.cold = True
+    gentle, known = cut.softened(), whole.softened()
+    assert gentle is not None and known is not None
+    torch.testing.assert_close(gentle.cost(state, everyone), known.cost(state, everyone))
+
+
 def test_shared_shape_stays_shared(objective):
     e, state = objective
     betas = e.view.parametrisation.columns.betas
     start = state.with_columns(betas, state.vector[:, betas].mean(0).expand(5, -1))
-    problem = SharedShape(holding(e, 3.0), torch.arange(5))
+    problem = SharedShape(Sample(holding(e, 3.0), torch.arange(5)))
     solution = finished(LevenbergMarquardt(SolverSettings(iterations=8)).minimise(problem, start, final=True))
     found = solution.state.vector[:, betas]
     assert torch.equal(found, found[:1].expand(5, -1))
@@ -310,7 +334,9 @@ def test_bodies_behind_the_camera_are_returned_as_they_came(either, structure: s
     where = e.view.parametrisation.columns.translation
     behind = state.with_columns(where, -state.vector[:, where])
     frames = torch.arange(5)
-    problem = IndependentFrames(e, frames) if structure == "independent" else SharedShape(holding(e, 3.0), frames)
+    problem = (
+        IndependentFrames(e, frames) if structure == "independent" else SharedShape(Sample(holding(e, 3.0), frames))
+    )
     solution = finished(LevenbergMarquardt(SolverSettings()).minimise(problem, behind, final=True))
     assert set(solution.reason) == {"failed"} and bool(solution.cost.isinf().all())
     assert torch.equal(solution.state.vector, behind.vector) and torch.equal(solution.state.orient, behind.orient)

@@ -11,7 +11,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers import SOLVERS, make_solver
-from fitting_core.fit.solvers.problem import IndependentFrames, Problem, SharedShape
+from fitting_core.fit.solvers.problem import IndependentFrames, Problem, Sample, SharedShape
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.stages import Stages
@@ -50,7 +50,8 @@ def one_shape(stages: Stages, state: State) -> Problem:
     objective = stages.objective(2, state, stages.free(2, betas=True))
     terms = [t for t in objective.terms if t.name != "shape"]
     held = Quadratic("held", stages.parametrisation.columns.betas, stages.xy.new_full((10,), 50.0), once=True)
-    return SharedShape(FrameObjective([*terms, held], objective.view, objective.free), stages.all_frames)
+    held_too = FrameObjective([*terms, held], objective.view, objective.free)
+    return SharedShape(Sample(held_too, stages.all_frames))
 
 
 def sequence(stages: Stages, state: State) -> Problem:

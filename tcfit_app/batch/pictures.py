@@ -1,0 +1,84 @@
+"""A small picture of each clip for the batch's report: the fit over a frame that tells how it went."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from fitting_core.body.model import BodyModel
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.fit.result import FitResult
+from fitting_core.render.overlay import draw_keypoints
+from fitting_core.video.frames import FrameSource
+from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.analysis.suspicion import Suspect, review_queue
+from tcfit_app.evaluation.worst_frames import camera_around, in_software, placed_body
+
+SIZE = (96, 120)
+"""Width and height in pixels: some 3 kB, of which 10,000 are 30 MB."""
+_SHARPNESS = 2
+"""It is drawn so many times as large, and reduced."""
+_QUALITY = 72
+_GROUND = (236, 239, 243)
+_COLOR = (0.16, 0.40, 0.78)
+_OPACITY = 0.6
+"""Of the body, so that the person stays to be seen."""
+_NEAREST = 0.1
+"""Metres: a body nearer to the camera, or behind it, is not drawn."""
+
+
+def suspects(fit: FitResult, clip: Clip, body: BodyModel) -> tuple[Suspect, ...]:
+    """What the review queue would say of a fit, the worst first."""
+    return review_queue(PosedFit.of(clip, fit, Meshes(body))).left
+
+
+def write_picture(path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, frame: int) -> None:
+    """Write a JPEG of the body over its frame, cut to the person.
+
+    Args:
+        path: The file; its folder is made.
+        fit: Its last phase is drawn.
+        clip: Its images lie below, if it has any that can be read, and its keypoints above.
+        body: With which it was fitted.
+        frame: Counted from the clip's first as 0.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    placed = placed_body(body, fit.last.params, frame, _COLOR)
+    drawn = placed.vertices[:, 2].min() > _NEAREST
+    size = (_SHARPNESS * SIZE[0], _SHARPNESS * SIZE[1])
+    camera = camera_around(placed, fit.camera, size=size) if drawn else fit.camera
+    image = _ground(clip, fit.camera, camera, frame)
+    if drawn:
+        over = in_software(placed, camera, image)
+        image = cv2.addWeighted(over, _OPACITY, image, 1 - _OPACITY, 0)
+        factor = np.array(camera.focal) / fit.camera.focal
+        xy = (clip.keypoints.xy[frame] - fit.camera.center) * factor + camera.center
+        draw_keypoints(image, xy, clip.keypoints.confidence[frame])
+    small = cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".jpg", small[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    path.parent.mkdir(exist_ok=True)
+    with replacing(path) as draft:
+        draft.write_bytes(data.tobytes())
+
+
+def _ground(clip: Clip, own: Camera, cut: Camera, frame: int) -> UInt8[np.ndarray, "H W 3"]:
+    """What the cut camera sees of the frame's image; plain where there is none."""
+    plain = np.full((*cut.size[::-1], 3), _GROUND, np.uint8)
+    if clip.source is None:
+        return plain
+    try:
+        with FrameSource(clip.source) as source:
+            image = source.frame(clip.first_frame + frame)
+    except InputError:  # The fit needs no images; one that cannot be decoded is no picture's fault.
+        return plain
+    factor = np.array(cut.focal) / own.focal
+    shift = np.array(cut.center) - factor * own.center
+    moved = np.array([[factor[0], 0, shift[0]], [0, factor[1], shift[1]]])
+    return cv2.warpAffine(image, moved, cut.size, flags=cv2.INTER_AREA, borderValue=_GROUND)

@@ -1,0 +1,173 @@
+"""The batch's report: one HTML page with a row for each clip, the worst first.
+
+The rows stand in the page as data, and its script makes those that are looked at: a table of 10,000 rows would take
+seconds. The pictures of the worst clips are within the page, so that it can be sent around; those of the others are
+loaded from the folder beside it when they come into sight.
+"""
+
+import base64
+import os
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import msgspec
+
+from fitting_core.files.atomic import replacing
+from fitting_core.measure.report.markup import Markup, markup, tag
+from fitting_core.measure.report.plots import CSS
+from tcfit_app.batch.manifest import ClipTask
+from tcfit_app.batch.outcome import FAILURES, STATES, Row, counts
+from tcfit_app.batch.records import Figures, Record, picture_path
+
+REPORT_HTML = "report.html"
+_WITHIN = 1000
+"""Pictures of so many clips are within the page: 4 MB."""
+_HERE = Path(__file__).parent
+_ORDER = (
+    "The worst come first: clips that failed, then those whose result is doubted, then by the largest of reprojection "
+    "error, jitter and suspicious places for each frame, each against the median of the batch. A click on a column's "
+    "name sorts by it. The picture is of the frame that the review would show first."
+)
+
+
+def write_report(
+    folder: Path, title: str, tasks: Sequence[ClipTask], rows: Sequence[Row], records: Sequence[Record | None]
+) -> Path:
+    """Write report.html.
+
+    Args:
+        folder: The batch's.
+        title: Of the page.
+        tasks: The list.
+        rows: Of each clip.
+        records: Of each clip; None: it was not reached.
+
+    Returns:
+        Its path.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    figures = [record.figures if record else None for record in records]
+    badness = _badness(rows, figures)
+    worst = sorted(range(len(rows)), key=lambda place: badness[place], reverse=True)
+    shown = [_shown(folder, tasks[i], rows[i], figures[i], rank < _WITHIN) for rank, i in enumerate(worst)]
+    path = folder / REPORT_HTML
+    with replacing(path) as draft:
+        draft.write_text(_page(title, rows, shown), encoding="utf-8")
+    return path
+
+
+_Badness = tuple[bool, bool, float]
+"""Failed, doubted, and the largest figure against the batch's median."""
+
+
+def _badness(rows: Sequence[Row], figures: Sequence[Figures | None]) -> list[_Badness]:
+    """By which the rows are ordered."""
+    measured = [_measured(f) if f else None for f in figures]
+    columns = list(zip(*filter(None, measured), strict=True))
+    middles = [median([value for value in column if value] or [1.0]) for column in columns]
+    return [
+        (
+            row.state in FAILURES,
+            bool(f and f.doubts),
+            -1.0 if values is None else max(v / middle for v, middle in zip(values, middles, strict=True)),
+        )
+        for row, f, values in zip(rows, figures, measured, strict=True)
+    ]
+
+
+def _measured(figures: Figures) -> tuple[float, float, float]:
+    """Reprojection error, jitter, and suspicious places for each frame."""
+    return (figures.reprojection_px or 0.0, figures.jitter_mm or 0.0, (figures.suspicious or 0) / figures.frames)
+
+
+def _shown(folder: Path, task: ClipTask, row: Row, figures: Figures | None, within: bool) -> dict[str, Any]:
+    """A row as the page's script takes it; what is not known is left out."""
+    done = figures is not None
+    content: dict[str, Any] = {
+        "line": row.line,
+        "clip": row.clip,
+        "subject": row.subject,
+        "state": row.state,
+        "seconds": row.seconds,
+        "frames": row.frames,
+        "px": row.reprojection_px,
+        "jitter": row.jitter_mm_per_frame2,
+        "suspicious": figures.suspicious if figures else None,
+        "why": row.reason or "; ".join([*figures.doubts, figures.worst] if figures else []),
+        "notes": row.notes,
+        "href": _link(task.out, folder) if done else "",
+        "command": _command(task) if done else "",
+        "picture": _picture(folder, task, within) if done else "",
+    }
+    return {name: value for name, value in content.items() if value not in (None, "")}
+
+
+def _link(path: Path, folder: Path) -> str:
+    """From the page, which stays right when both are moved."""
+    try:
+        return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
+    except ValueError:  # on another drive
+        return path.absolute().as_uri()
+
+
+def _command(task: ClipTask) -> str:
+    """What opens a result in the app: a project is there already, or is made of the clip and the result."""
+    out = str(task.out.absolute())
+    if task.form == "project":
+        return shlex.join(["tcfit", "review", out])
+    project = f"{out}.tcfit"
+    new = ["tcfit", "new", *([str(task.fit.video.absolute())] if task.fit.video else []), "--out", project]
+    if task.fit.keypoints:
+        new += ["--keypoints", str(task.fit.keypoints.absolute())]
+    for options in (task.fit.clip, task.fit.camera):
+        for name, value in vars(options).items():
+            if value != getattr(type(options), name):
+                values = value if isinstance(value, tuple) else (value,)
+                new += [f"--{name.replace('_', '-')}", *map(str, values)]
+    steps = (new, ["tcfit", "import", project, out], ["tcfit", "review", project])
+    return " && ".join(map(shlex.join, steps))
+
+
+def _picture(folder: Path, task: ClipTask, within: bool) -> str:
+    path = picture_path(folder, task)
+    if not within:
+        return _link(path, folder)
+    try:
+        return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
+    except OSError:
+        return ""
+
+
+def _page(title: str, rows: Sequence[Row], shown: Sequence[dict[str, Any]]) -> str:
+    cards = [
+        tag("div", tag("b", count), tag("span", STATES[state]), class_="card")
+        for state, count in counts(rows).items()
+        if count
+    ]
+    data = msgspec.json.encode(shown).decode().replace("<", "\\u003c")  # </script> in a name must not end the data.
+    body = tag(
+        "main",
+        tag("h1", title),
+        tag("p", f"{len(rows)} clips", class_="dim"),
+        tag("div", *cards, class_="cards"),
+        tag("p", _ORDER, class_="dim"),
+        tag("noscript", tag("p", "The rows are made by a script; summary.csv beside this page has them too.")),
+        tag("div", id="clips"),
+    )
+    head = (
+        Markup('<!doctype html><html lang="en"><head><meta charset="utf-8">'),
+        Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+        tag("title", title),
+        Markup(f"<style>{CSS}{_file('report.css')}</style></head><body>"),
+    )
+    scripts = Markup(f'<script type="application/json" id="rows">{data}</script><script>{_file("report.js")}</script>')
+    return "".join(map(markup, (*head, body, scripts, Markup("</body></html>\n"))))
+
+
+def _file(name: str) -> str:
+    return (_HERE / name).read_text(encoding="utf-8")
