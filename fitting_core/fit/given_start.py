@@ -17,7 +17,7 @@ from fitting_core.fit.variables.state import Parametrisation, State
 from fitting_core.keypoints import Keypoints
 
 FOLLOWS = 0.15
-"""Metres: a frame in which half of the seen keypoints are farther off than this shows somebody else, or another time."""
+"""Metres: where half of the seen keypoints of a frame are farther off, it shows somebody else, or another time."""
 _ROBUST = 0.1
 """rho of the Geman-McClure function when a pose is placed, metres."""
 _PLACING_STEPS = 6
@@ -50,7 +50,7 @@ class StartRecord:
         """For the user."""
         who = "" if self.person is None else f", person {self.person}"
         return (
-            f"Phase 1 began with {self.source}, read as {self.format}{who}, in {self.frames} of {self.clip_frames} "
+            f"Phase 1 begins with {self.source}, read as {self.format}{who}, in {self.frames} of {self.clip_frames} "
             f"frames; its focal length is {self.focal[0]:.0f} px ({self.focal_source}), and its keypoints are "
             f"{100 * self.off:.1f} cm off the detected ones (median)."
         )
@@ -93,13 +93,14 @@ class GivenStart:
     def deviation(self, deviation: float) -> Float[np.ndarray, "T 25"]:
         """How far its points may be off, metres; infinite where it has none.
 
-        What is off by so much across the line of sight is off by as much along it.
+        What is off by so much across the line of sight is off by as much along it; half of that variance counts as the
+        detector's.
 
         Args:
             deviation: standard deviation of points that lie where the detected ones are, metres.
         """
         known = self.there[:, None] & np.isfinite(self.points).all(-1)
-        return np.where(known, np.sqrt(deviation**2 + self.off**2), np.inf)
+        return np.where(known, np.sqrt(deviation**2 + self.off**2 / 2), np.inf)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,7 +179,7 @@ def given_start(
     params = _with_whole_hands(body, params.to(dtype=torch.float64))
     points = from_pelvis(body, params) if points is None else points
     found = placed(points, keypoints, camera)
-    there = there & (found.median_off < FOLLOWS)
+    there = np.asarray(there & (found.median_off < FOLLOWS))
     origin = joints_in_space(body, params)[:, JOINT["pelvis"]] - params.camera_translation.numpy()
     translation = np.where(there[:, None], found.pelvis - origin, params.camera_translation.numpy())
     middle = np.where(np.isfinite(found.off), found.off, 0.0).sum(1) / np.isfinite(found.off).sum(1).clip(1)

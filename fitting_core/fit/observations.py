@@ -64,7 +64,8 @@ class Observations:
     """Where each keypoint's part of the body lies relative to the pelvis, metres in camera axes, as far as anything but
     the image says so."""
     relative_position_deviation: Float[Tensor, "T 137 3"]
-    """Standard deviation of that, metres; infinite where nothing is known, and for x and y of what is detected."""
+    """Standard deviation of that, metres; infinite where nothing is known, as the lifter's x and y of what is
+    detected."""
     told: Bool[Tensor, "T 137"]
     """Keypoints whose relative z a person has said; the lifter has no say in it."""
     held_position: Float[Tensor, "T 137 3"]
@@ -147,27 +148,24 @@ class Observations:
     def near(self, points: Float[np.ndarray, "T 25 3"], deviation: Float[np.ndarray, "T 25"]) -> "Observations":
         """The same with what a given start says of body keypoints, as far as no person says it.
 
-        As of the lifter, x and y count of what is not detected alone. Where both say something it is their mean by
-        variance; where they disagree, it is as uncertain as that says (R. T. Birge, Phys. Rev. 40, 1932).
+        Unlike the lifter it does not come from the detections: x and y count too. Where both say something it is their
+        mean by variance; where they disagree, it is as uncertain as that says (R. T. Birge, Phys. Rev. 40, 1932).
 
         Args:
             points: relative to the pelvis, metres in camera axes.
             deviation: standard deviation of these along each axis, metres; infinite where nothing is known.
         """
-        undetected = self.confidence[:, kp.BODY] == 0
-        own = torch.as_tensor(deviation).to(self.xy)[..., None].expand(-1, -1, 3).clone()
-        own[..., :2] = torch.where(undetected[..., None], own[..., :2], torch.inf)
-        own[..., 2] = torch.where(self.told[:, kp.BODY], torch.inf, own[..., 2])
+        own = torch.as_tensor(deviation).to(self.xy)[..., None].repeat(1, 1, 3)
+        own[..., 2].masked_fill_(self.told[:, kp.BODY], torch.inf)
         found = torch.where(own.isfinite(), torch.as_tensor(points).to(self.xy), 0.0)
         before, spread = self.relative_position[:, kp.BODY], self.relative_position_deviation[:, kp.BODY]
         precision = spread**-2 + own**-2
         mean = (before * spread**-2 + found * own**-2) / precision.clamp_min(1e-9)
         both = own.isfinite() & spread.isfinite()
-        apart = torch.where(both, (before - found) ** 2 / (spread**2 + own**2), 0.0)
-        changed = own.isfinite()
+        apart = torch.where(both, (before - found) ** 2 / (spread**2 + own**2), 1.0).clamp_min(1.0)
         position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
-        position[:, kp.BODY] = torch.where(changed, mean, before)
-        deviations[:, kp.BODY] = torch.where(changed, (apart.clamp_min(1.0) / precision).sqrt(), spread)
+        position[:, kp.BODY] = torch.where(own.isfinite(), mean, before)
+        deviations[:, kp.BODY] = torch.where(own.isfinite(), (apart / precision).sqrt(), spread)
         return replace(self, relative_position=position, relative_position_deviation=deviations)
 
     def held(self, stances: Stances) -> "Observations":

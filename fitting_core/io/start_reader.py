@@ -92,6 +92,8 @@ class _Candidate:
     """One of the people in a result, with a pose for each frame of the clip."""
 
     motion: ImportedMotion
+    posed: ImportedMotion
+    """Without what means nothing to the fitted body."""
     covered: CoveredFrames
     camera: Camera
     """The motion's own."""
@@ -112,7 +114,7 @@ class _Candidate:
         )
         posed, camera = motion.for_body(body), motion.camera_for(clip.camera)
         params = posed.on(body, camera)[torch.as_tensor(covered.places)]
-        return _Candidate(motion=posed, covered=covered, camera=camera, params=params)
+        return _Candidate(motion=motion, posed=posed, covered=covered, camera=camera, params=params)
 
     def follows(self, clip: Clip, body: BodyModel) -> float:
         """How much its keypoints are where the detected ones are: 0 (nowhere) to 1 (just there, in every frame)."""
@@ -148,7 +150,7 @@ class _Candidate:
                 focal=self.camera.focal,
                 focal_source=self.camera.source if motion.placed else "the clip's: the motion has no camera",
                 off=float("nan"),
-                notes=(*motion.notes, *self.covered.notes),
+                notes=(*self.posed.notes, *self.covered.notes),
             ),
         )  # fmt: skip
         if not found.there.any():
@@ -157,11 +159,11 @@ class _Candidate:
         return found
 
     def _own_points(self, body: BodyModel, find_body: FindBody) -> Float[np.ndarray, "T 25 3"] | None:
-        """Keypoints relative to the pelvis on the motion's own body; None where that is the fitted one, or is not here."""
+        """Keypoints from the pelvis on the motion's own body; None where that is the fitted one, or is not here."""
         own = None if self.motion.kind == body.kind else find_body(self.motion.kind, self.motion.gender)
         if own is None:
             return None
-        params = self.motion.on(own, self.camera)[torch.as_tensor(self.covered.places)]
+        params = self.motion.for_body(own).on(own, self.camera)[torch.as_tensor(self.covered.places)]
         return from_pelvis(own, params)
 
 
@@ -212,6 +214,6 @@ def _follows_nobody(source: Path, off: Float[np.ndarray, "n"], person: int | Non
     how = f"lie {100 * np.median(seen):.0f} cm off the detected ones (median)" if len(seen) else "cannot be compared"
     return (
         f"{source}: the keypoints{which} {how}; expected the result of this clip and of this person, less than "
-        f"{100 * FOLLOWS:.0f} cm off. Choose another with --start-person, or say with --start-first-frame which frame of "
-        "the video its first one is."
+        f"{100 * FOLLOWS:.0f} cm off. Choose another with --start-person, or say with --start-first-frame which frame "
+        "of the video its first one is."
     )

@@ -42,7 +42,8 @@ from tcfit_app.batch.records import (
     write_record,
 )
 from tcfit_app.exports.overlay_video import write_comparison
-from tcfit_app.fitting.bodies import record_of
+from tcfit_app.fitting.bodies import Bodies, record_of
+from tcfit_app.imports.starts import start_of
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.accessing import accessing
@@ -240,7 +241,8 @@ def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
 
 
 def _run_fit(work: Work, clip: Clip) -> FitResult:
-    return drained(mapped(fit_events(clip, work.body, work.task.config), work.report))
+    start = start_of(work.task.fit.begin, clip, work.body, Bodies(work.task.fit.body.models))
+    return drained(mapped(fit_events(clip, work.body, work.task.config, start=start), work.report))
 
 
 @lru_cache(maxsize=3)  # One for each gender; tens of megabytes each.

@@ -54,7 +54,7 @@ def unchanged(then: Fingerprint, task: ClipTask) -> bool:
 
 def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
     """Column and path of each input file that does not exist."""
-    named = {"video": task.fit.video, "keypoints": task.fit.keypoints}
+    named = {"video": task.fit.video, "keypoints": task.fit.keypoints, "start": task.fit.begin.start}
     return [(column, path) for column, path in named.items() if path is not None and not path.exists()]
 
 
@@ -64,6 +64,7 @@ def settings_of(task: ClipTask) -> str:
     plain = {
         "clip": dataclasses.asdict(task.fit.clip),
         "camera": dataclasses.asdict(task.fit.camera),
+        "start": {name: value for name, value in dataclasses.asdict(task.fit.begin).items() if name != "start"},
         "body": _file_hash(body_file(task.fit.body)),
         "config": {name: value for name, value in config.items() if name != "device"},
         "prior": "" if task.config.pose_prior in POSE_PRIORS else _file_hash(Path(task.config.pose_prior)),
@@ -83,11 +84,11 @@ def stamp_of(task: ClipTask) -> str:
 
 
 def content_of(task: ClipTask) -> str:
-    """Of all keypoints, and of what a video is recognised by."""
+    """Of all keypoints, of the start, and of what a video is recognised by."""
     return _hashed(
         part
         for kind, file in _inputs(task)
-        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind == "keypoints"))
+        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind != "video"))
     )
 
 
@@ -97,7 +98,7 @@ def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
         return  # The fit will say so: there is nothing that the clip depends on.
-    for kind, path in (("video", images), ("keypoints", keypoints)):
+    for kind, path in (("video", images), ("keypoints", keypoints), ("start", task.fit.begin.start)):
         if path is not None and path.is_dir():
             for folder, folders, names in os.walk(path):
                 folders.sort()

@@ -17,9 +17,12 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
 from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.starts import start_of
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
@@ -50,9 +53,12 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     prepare_solver(config, options.threads)
     body = load_body(body_file(options.body))
     clip = clip_of(options)
+    start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
     _tell(_inputs(clip, body))
-    fit, summary = _fit_and_write(clip, body, config, options.out, command)
+    if start is not None:
+        _tell([start.about.sentence()])
+    fit, summary = _fit_and_write(clip, body, config, start, options.out, command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(options.out / OVERLAY_NAME, fit, clip, body):
@@ -62,14 +68,14 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
 
 
 def _fit_and_write(
-    clip: Clip, body: BodyModel, config: FitConfig, folder: Path, command: str
+    clip: Clip, body: BodyModel, config: FitConfig, start: GivenStart | None, folder: Path, command: str
 ) -> tuple[FitResult, dict[str, Any]]:
     """Run all phases; after each, what is finished is on the disk."""
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
         with Progress() as progress:
-            for event in fit_events(clip, body, config):
+            for event in fit_events(clip, body, config, start=start):
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
                     complete = event.phase == config.last_phase

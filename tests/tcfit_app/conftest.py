@@ -86,7 +86,7 @@ class FinishedRun:
     events: tuple[FitEvent, ...]
     """What the fit told, up to `Finished`."""
 
-    def replay(self, clip: object, body: object, config: FitConfig) -> Iterator[FitEvent]:
+    def replay(self, clip: object, body: object, config: FitConfig, *, start: object = None) -> Iterator[FitEvent]:
         """In place of `fit_events`, for what a command does with a fit of these options: the same again, at once."""
         for event in self.events:
             if not isinstance(event, Finished):
@@ -102,8 +102,8 @@ def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory
     folder, out, err = tmp_path_factory.mktemp("results") / "wave", io.StringIO(), io.StringIO()
     events: list[FitEvent] = []
 
-    def noted(*arguments: Any) -> Iterator[FitEvent]:
-        for event in fit_events(*arguments):
+    def noted(*arguments: Any, **named: Any) -> Iterator[FitEvent]:
+        for event in fit_events(*arguments, **named):
             events.append(event)
             yield event
 
