@@ -2,7 +2,7 @@
 
 Results are the truth of windows of the motion suite, disturbed as learned systems are: a bias of the pose and noise
 that changes slowly and at once, a lag, limbs that jump, a wrong depth and focal length, the mean shape, and stretches
-that are missing. They are written in TRAM's form and read as a user's would be. Errors count in the frames that the result
+that are missing. They are written in TRAM's form and read as a user's would be. Errors count in the frames that it
 has; those of the fits in the missing ones stand beside them. PA-MPJPE and MPJPE are of the 12 limb joints, jitter is
 the mean second difference of the 22 joints of the body.
 """

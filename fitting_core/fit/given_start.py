@@ -131,7 +131,7 @@ def placed(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Ca
         keypoints: the detections of these frames.
         camera: which sees them.
     """
-    known = np.isfinite(points).all(-1)
+    known = np.asarray(np.isfinite(points).all(-1))
     confidence = seen_confidence(keypoints, camera.size)[:, kp.BODY]
     counted = np.where(known & (confidence > SEEN), confidence, 0.0)
     enough = (counted > 0).sum(1) >= USABLE
@@ -167,6 +167,8 @@ def given_start(
 ) -> GivenStart:
     """A motion as a start: placed by the keypoints, and left out where it does not follow them.
 
+    Frames that show too few keypoints to tell are placed between those around them.
+
     Args:
         params: T frames of the fitted body in camera space; the translation is found anew.
         there: frames that the motion has.
@@ -179,11 +181,15 @@ def given_start(
     params = _with_whole_hands(body, params.to(dtype=torch.float64))
     points = from_pelvis(body, params) if points is None else points
     found = placed(points, keypoints, camera)
-    there = np.asarray(there & (found.median_off < FOLLOWS))
-    origin = joints_in_space(body, params)[:, JOINT["pelvis"]] - params.camera_translation.numpy()
-    translation = np.where(there[:, None], found.pelvis - origin, params.camera_translation.numpy())
-    middle = np.where(np.isfinite(found.off), found.off, 0.0).sum(1) / np.isfinite(found.off).sum(1).clip(1)
-    off = np.where(np.isfinite(found.off), found.off, middle[:, None])
+    follows = np.asarray(there & (found.median_off < FOLLOWS))
+    there = np.asarray(there & (follows | np.isinf(found.median_off)) & follows.any())
+    translation, off = params.camera_translation.numpy().copy(), np.zeros_like(found.off)
+    if follows.any():
+        moved = found.pelvis - joints_in_space(body, params)[:, JOINT["pelvis"]]
+        translation += _between(moved, follows)
+        seen = np.isfinite(found.off) & follows[:, None]
+        middle = np.where(seen, found.off, 0.0).sum(1) / seen.sum(1).clip(1)
+        off = np.where(seen, found.off, _between(middle[:, None], follows))
     return GivenStart(
         params=replace(params, camera_translation=torch.as_tensor(translation)),
         there=there,
@@ -193,9 +199,15 @@ def given_start(
             about,
             frames=int(there.sum()),
             clip_frames=len(there),
-            off=float(np.nanmedian(found.off[there])) if there.any() else float("nan"),
+            off=float(np.nanmedian(found.off[follows])) if follows.any() else float("nan"),
         ),
     )
+
+
+def _between(values: Float[np.ndarray, "T n"], known: Bool[np.ndarray, "T"]) -> Float[np.ndarray, "T n"]:
+    """Values where they are known, and linear in time between those frames."""
+    at = np.flatnonzero(known)
+    return np.stack([np.interp(np.arange(len(values)), at, column) for column in values[known].T], 1)
 
 
 def _with_whole_hands(body: BodyModel, params: BodyParams) -> BodyParams:

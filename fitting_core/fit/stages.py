@@ -217,9 +217,12 @@ class Stages:
 
     @cached_property
     def given(self) -> Bool[Tensor, "T"]:
-        """Frames that begin with the given start."""
+        """Frames that begin with the given start; those that show too few keypoints only if they are held near it."""
         usable = self.observations.usable
-        return torch.zeros_like(usable) if self.start is None else usable & torch.as_tensor(self.start.there).to(usable)
+        if self.start is None:
+            return torch.zeros_like(usable)
+        there = torch.as_tensor(self.start.there).to(usable)
+        return there if self.config.start_deviation is not None else there & usable
 
     @property
     def near_start(self) -> Bool[Tensor, "T"]:

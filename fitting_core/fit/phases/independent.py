@@ -52,7 +52,7 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
         Fits of all frames. Frames with under four confident body keypoints, and frames whose cost is not finite, are
         interpolated from their neighbours and named in the notes.
     """
-    usable = stages.observations.usable
+    usable = stages.observations.usable | stages.given
     guess = guess_depth(stages)
     if not bool(usable.any()):
         nobody = FrameFits.at(starting_state(stages, guess.depth, 0.0), Start.TURNED_0)

@@ -74,7 +74,23 @@ def test_nobody_is_placed_by_too_few_keypoints(free_body: BodyModel):
     found = placed(from_pelvis(free_body, truth), three, CAMERA)
     assert np.isnan(found.pelvis[0]).all() and found.median_off[0] == np.inf
     assert np.isfinite(found.pelvis[1]).all()
-    assert start_of(free_body, truth, three).there.tolist() == [False, True]
+
+
+def test_frames_with_too_few_keypoints_are_placed_between_others(free_body: BodyModel):
+    """And where the fit is held near the start they count: nothing else tells of them."""
+    truth = arms_in_motion(3)
+    three = hidden(body_seen(free_body, truth), slice(3, kp.COUNT), frames=slice(1, 2))
+    start = start_of(free_body, moved(truth, (0.4, 0.0, 1.0)), three)
+    assert start.there.all() and np.isfinite(start.off).all()
+    assert float((start.params.camera_translation - truth.camera_translation).abs().max()) < 0.05
+    for deviation, given in ((None, [True, False, True]), (0.05, [True, True, True])):
+        stages = Stages.of(three, CAMERA, free_body, replace(QUICK, start_deviation=deviation), start=start)
+        assert stages.given.tolist() == given
+    config = replace(QUICK, start_deviation=0.05)
+    found = fit_clip(clip_of(three), free_body, config, start=start).last.params
+    assert point_error(from_pelvis(free_body, found), from_pelvis(free_body, truth)).max() < 25
+    nobody = hidden(three, slice(3, kp.COUNT))
+    assert not start_of(free_body, truth, nobody).there.any()
 
 
 def test_frames_that_do_not_follow_the_keypoints_are_left_out(free_body: BodyModel):
