@@ -56,6 +56,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.io.result_files import StoredFit as StoredFit
     from fitting_core.io.result_files import read_fit as read_fit
     from fitting_core.io.result_files import write_result as write_result
+    from fitting_core.io.start_reader import read_start as read_start
     from fitting_core.keypoints import Keypoints as Keypoints
     from fitting_core.render.overlay import write_overlay as write_overlay
 
@@ -78,6 +79,7 @@ _HOMES = {
     "io": ("read_motion",),
     "io.clip_reader": ("read_clip", "read_keypoints"),
     "io.result_files": ("StoredFit", "read_fit", "write_result"),
+    "io.start_reader": ("read_start",),
     "keypoints": ("Keypoints",),
     "render.overlay": ("write_overlay",),
 }

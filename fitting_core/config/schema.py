@@ -124,6 +124,9 @@ class FitConfig:
     """The same for hands and face."""
     robust_deviations: float = 2.0
     """rho for relative positions, in standard deviations of what the lifter says."""
+    start_deviation: float | None = None
+    """With a given start, how near the fit is held to it: standard deviation in metres of where its body keypoints lie
+    relative to the pelvis. None: the fit only begins with it."""
     robust_at_height: float | None = None
     """Image height to which both rho belong; they scale with the clip's own. None: pixels as they are."""
     neck_weight: float = 0.0
@@ -186,6 +189,7 @@ PRESETS: dict[str, FitConfig] = {
         weights=_TCFIT_WEIGHTS,
         hip_weight=1.0,
         robust_pixels_fine=15.0,
+        start_deviation=0.03,
         robust_at_height=1000.0,
         one_sided_cut_off=True,
         unswap_sides=True,

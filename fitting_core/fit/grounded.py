@@ -54,14 +54,21 @@ def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unsw
     )
 
 
-def stances_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool) -> Stances | None:
+def stances_of_params(
+    clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool, on_floor: bool = True
+) -> Stances | None:
     """Where feet are held that stand in a body's motion; None where none does.
 
-    The arguments are those of `grounding_of_params`.
+    The other arguments are those of `grounding_of_params`.
+
+    Args:
+        on_floor: whether they are moved onto the clip's floor; else each is held where it is.
     """
     grounding = grounding_of_params(clip, body, params, unswap=unswap)
     if grounding is None or not grounding.contacts.standing.any():
         return None
+    if not on_floor:
+        grounding = replace(grounding, ground=None)
     return stances(grounding, stance_of(body, params).feet, _soles(body, params))
 
 

@@ -65,7 +65,8 @@ class Observations:
     """Where each keypoint's part of the body lies relative to the pelvis, metres in camera axes, as far as anything but
     the image says so."""
     relative_position_deviation: Float[Tensor, "T 137 3"]
-    """Standard deviation of that, metres; infinite where nothing is known, and for x and y of what is detected."""
+    """Standard deviation of that, metres; infinite where nothing is known, as the lifter's x and y of what is
+    detected."""
     told: Bool[Tensor, "T 137"]
     """Keypoints whose relative z a person has said; the lifter has no say in it."""
     held_position: Float[Tensor, "T 137 3"]
@@ -143,6 +144,29 @@ class Observations:
         deviations[:, kp.BODY, :2] = torch.as_tensor(np.where(undetected, deviation, np.inf)).to(position)[..., None]
         position[..., 2] = torch.where(self.told, self.relative_position[..., 2], position[..., 2])
         deviations[..., 2] = torch.where(self.told, self.relative_position_deviation[..., 2], deviations[..., 2])
+        return replace(self, relative_position=position, relative_position_deviation=deviations)
+
+    def near(self, points: Float[np.ndarray, "T 25 3"], deviation: Float[np.ndarray, "T 25"]) -> "Observations":
+        """The same with what a given start says of body keypoints, as far as no person says it.
+
+        Unlike the lifter it does not come from the detections: x and y count too. Where both say something it is their
+        mean by variance; where they disagree, it is as uncertain as that says (R. T. Birge, Phys. Rev. 40, 1932).
+
+        Args:
+            points: relative to the pelvis, metres in camera axes.
+            deviation: standard deviation of these along each axis, metres; infinite where nothing is known.
+        """
+        own = torch.as_tensor(deviation).to(self.xy)[..., None].repeat(1, 1, 3)
+        own[..., 2].masked_fill_(self.told[:, kp.BODY], torch.inf)
+        found = torch.where(own.isfinite(), torch.as_tensor(points).to(self.xy), 0.0)
+        before, spread = self.relative_position[:, kp.BODY], self.relative_position_deviation[:, kp.BODY]
+        precision = spread**-2 + own**-2
+        mean = (before * spread**-2 + found * own**-2) / precision.clamp_min(1e-9)
+        both = own.isfinite() & spread.isfinite()
+        apart = torch.where(both, (before - found) ** 2 / (spread**2 + own**2), 1.0).clamp_min(1.0)
+        position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
+        position[:, kp.BODY] = torch.where(own.isfinite(), mean, before)
+        deviations[:, kp.BODY] = torch.where(own.isfinite(), (apart / precision).sqrt(), spread)
         return replace(self, relative_position=position, relative_position_deviation=deviations)
 
     def held(self, stances: Stances) -> "Observations":

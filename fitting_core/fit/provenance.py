@@ -32,6 +32,7 @@ class Start(IntEnum):
     FILLED = 14
     AGAIN = 15
     BETWEEN = 16
+    GIVEN = 17
 
 
 class Stopped(IntEnum):
@@ -63,6 +64,7 @@ STARTS: dict[int, str] = {
     Start.FILLED: "the frames around it, as it could not be fitted alone",
     Start.AGAIN: "an earlier result",
     Start.BETWEEN: "between the key frames before and after it",
+    Start.GIVEN: "the result that was given to start from",
 }
 """What "started from ..." goes on with."""
 

@@ -1,7 +1,7 @@
 """summary.json: how a fit went, in numbers."""
 
 import platform
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import metadata
 from typing import Any
 
@@ -64,6 +64,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "hash": body.hash,
         },
         "ground": None if fit.grounding is None else _ground(fit.grounding),
+        "start": None if fit.start is None else asdict(fit.start),
         "pose_prior": legible(fit.pose_prior),
         "warnings": [legible(warning) for warning in fit.warnings],
         "config": as_plain(replace(fit.config, pose_prior=legible(fit.config.pose_prior))),

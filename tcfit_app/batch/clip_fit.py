@@ -48,7 +48,8 @@ from tcfit_app.batch.records import (
     write_record,
 )
 from tcfit_app.exports.overlay_video import write_comparison
-from tcfit_app.fitting.bodies import record_of
+from tcfit_app.fitting.bodies import Bodies, record_of
+from tcfit_app.imports.starts import start_of
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.accessing import accessing
@@ -309,12 +310,13 @@ _WRITERS: dict[Form, Callable[[Work], Figures]] = {
 def _run_fit(work: Work, clip: Clip) -> FitResult:
     task, body = work.task, work.body
     shape = None if task.fit.shape is None else read_betas(task.fit.shape, body_hash=body.hash)
+    start = start_of(task.fit.begin, clip, body, Bodies(task.fit.body.models))
     # Corrected keypoints, as a project may have them, have another first phase.
     if task.start is not None and clip is work.clip:
         first = read_run(task.start / FIRST_NAME, task.config)
-        events = shape_events(clip, body, task.config, first, shape=shape)
+        events = shape_events(clip, body, task.config, first, given=start, shape=shape)
     else:
-        events = fit_events(clip, body, task.config, shape=shape)
+        events = fit_events(clip, body, task.config, start=start, shape=shape)
     return drained(mapped(events, work.report))
 
 

@@ -14,16 +14,21 @@ from fitting_core.camera import FocalRule, Up
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
-from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions, StartOptions
 
-Group = Literal["files", "subject", "clip", "camera", "body", "preset", "setting"]
+Group = Literal["files", "subject", "clip", "camera", "body", "start", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""
 FILES = ("video", "keypoints", "out", "shape")
 FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
 """A clip has at most one of them."""
 OF_CAMERA_FILE = ("camera_name", "camera_unit", "camera_up")
 """What belongs to a camera file."""
-_OPTIONS: dict[Group, type] = {"clip": ClipOptions, "camera": CameraOptions, "body": BodyOptions}
+_OPTIONS: dict[Group, type] = {
+    "clip": ClipOptions,
+    "camera": CameraOptions,
+    "body": BodyOptions,
+    "start": StartOptions,
+}
 _CHOICES = {
     "gender": ("neutral", "male", "female"),
     "keypoint_scale": ("auto", "pixels", "0..1", "-1..1"),
@@ -33,6 +38,8 @@ _NUMBERS = {
     "person": Range(0),
     "first_frame": Range(0),
     "last_frame": Range(0),
+    "start_person": Range(0),
+    "start_first_frame": Range(0),
     "frame_rate": Range(open=True),
     "image_size": Range(1),
     "focal_length": Range(open=True),

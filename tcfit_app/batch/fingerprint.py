@@ -17,7 +17,7 @@ from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.clip_reader import locate
 from fitting_core.io.known_shape import read_betas
 from tcfit_app.batch.manifest import ClipTask, Form
-from tcfit_app.options.fit import CameraOptions, ClipOptions
+from tcfit_app.options.fit import CameraOptions, ClipOptions, StartOptions
 from tcfit_app.options.preparing import body_file
 
 FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"
@@ -59,25 +59,35 @@ def unchanged(then: Fingerprint, task: ClipTask) -> bool:
 
 def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
     """Column and path of each input file that does not exist."""
-    named = {"video": task.fit.video, "keypoints": task.fit.keypoints, "camera": task.fit.camera.camera}
+    fit = task.fit
+    named = {"video": fit.video, "keypoints": fit.keypoints, "camera": fit.camera.camera, "start": fit.begin.start}
     return [(column, path) for column, path in named.items() if path is not None and not path.exists()]
 
 
 def settings_of(task: ClipTask) -> str:
     """Everything but the input files. What only says how fast or where is left out."""
     shape = [] if task.fit.shape is None else [msgspec.json.encode(_betas(task.fit.shape))]
-    common = _common(task.fit.clip, task.fit.camera, body_file(task.fit.body), task.config, task.form, task.fit.overlay)
+    fit = task.fit
+    common = _common(fit.clip, fit.camera, fit.begin, body_file(fit.body), task.config, task.form, fit.overlay)
     return _hashed([common, *shape])
 
 
 @lru_cache(maxsize=256)  # Most clips of a list have the same, which takes milliseconds to write down.
 def _common(
-    clip: ClipOptions, camera: CameraOptions, body: Path, config: FitConfig, form: Form, overlay: bool
+    clip: ClipOptions,
+    camera: CameraOptions,
+    begin: StartOptions,
+    body: Path,
+    config: FitConfig,
+    form: Form,
+    overlay: bool,
 ) -> bytes:
     """Settings without the shape."""
     plain = {
         "clip": dataclasses.asdict(clip),
-        "camera": dataclasses.asdict(camera) | {"camera": None},  # an input file
+        # Files are input, and not settings.
+        "camera": dataclasses.asdict(camera) | {"camera": None},
+        "start": dataclasses.asdict(begin) | {"start": None},
         "body": _file_hash(body),
         "config": {name: value for name, value in as_plain(config).items() if name != "device"},
         "prior": "" if config.pose_prior in POSE_PRIORS else _file_hash(Path(config.pose_prior)),
@@ -107,7 +117,7 @@ def stamp_of(task: ClipTask) -> str:
 
 
 def content_of(task: ClipTask) -> str:
-    """Of all keypoints and the camera, and of what a video is recognised by."""
+    """Of all keypoints, the camera and the start, and of what a video is recognised by."""
     return _hashed(
         part
         for kind, file in _inputs(task)
@@ -124,7 +134,7 @@ def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
         return  # The fit will say so: there is nothing that the clip depends on.
-    for kind, path in (("video", images), ("keypoints", keypoints)):
+    for kind, path in (("video", images), ("keypoints", keypoints), ("start", task.fit.begin.start)):
         if path is not None and path.is_dir():
             for folder, folders, names in os.walk(path):
                 folders.sort()

@@ -13,7 +13,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from tcfit_app.batch.columns import FOCAL, OF_CAMERA_FILE, Column, find, suggestion
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import FitOptions, MethodOptions, camera_for, fit_config
+from tcfit_app.options.fit import FitOptions, MethodOptions, StartOptions, camera_for, fit_config
 
 _SHOWN = 30
 """Errors that a message lists; of more than these, the number is told."""
@@ -227,7 +227,7 @@ def _fit_options(
     line: int, files: dict[str, Path], given: dict[Column, Any], options: BatchOptions, complaints: Complaints
 ) -> FitOptions | None:
     """What `tcfit fit` would be told."""
-    of: dict[str, dict[str, Any]] = {"clip": {}, "camera": {}, "body": {}}
+    of: dict[str, dict[str, Any]] = {"clip": {}, "camera": {}, "body": {}, "start": {}}
     for column, value in given.items():
         if column.group in of:
             of[column.group][column.name] = value
@@ -240,6 +240,8 @@ def _fit_options(
     clip = replace(options.clip, **of["clip"])
     if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
         complaints.add(line, f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
+    if of["start"] and "start" not in of["start"]:
+        complaints.add(line, f"{', '.join(of['start'])} without start; give the result that is meant.", "start")
     return FitOptions(
         video=files.get("video"),
         keypoints=files.get("keypoints"),
@@ -250,6 +252,7 @@ def _fit_options(
         clip=clip,
         camera=camera_for(replace(options.camera, **of["camera"]), _method(given, options)),
         body=replace(options.body, **of["body"]),
+        begin=StartOptions(**of["start"]),
     )
 
 

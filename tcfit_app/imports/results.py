@@ -1,7 +1,7 @@
 """Results of other programs as runs of a project: read, brought into its camera's space, and kept to compare with."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.model import N_JOINTS, BodyModel
-from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
 from fitting_core.errors import InputError
@@ -38,8 +36,6 @@ from contextlib import contextmanager
 
 PHASE = 1
 """Under which phase a result stands: nothing follows its corrections, and nothing is fitted on from it."""
-_SAME_SHAPE = 0.01
-"""Share by which the sides' ratio of two images that show the same may differ."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +102,7 @@ def imported_fit(
     Raises:
         InputError: It cannot be read or does not fit the clip, or its body is not there.
     """
-    decode = _vposer(choices.vposer)
+    decode = vposer_decoder(choices.vposer)
     motion = read_motion(path, person=choices.person, gender=choices.gender, decode=decode)
     covered = cover(
         motion,
@@ -117,7 +113,7 @@ def imported_fit(
         first_frame=choices.first_frame,
     )
     body, motion = _with_body(motion, bodies, choices)
-    camera = _camera(motion, clip, choices.focal_length)
+    camera = motion.camera_for(clip.camera, choices.focal_length)
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
     put = () if motion.placed else (f"{path.name} tells no camera: its body was put before the clip's camera.",)
     told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes))
@@ -140,7 +136,7 @@ def _name(path: Path) -> str:
     return path.parent.name if path.name in ("results", FIT_NAME) and path.parent.name else path.name
 
 
-def _vposer(given: Path | None) -> "Decode | None":
+def vposer_decoder(given: Path | None = None) -> "Decode | None":
     """What decodes VPoser's numbers, read when the first are met; None if none is there."""
     if given is None and not user_file().is_file():
         return None
@@ -175,60 +171,7 @@ def _with_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -
         if kind == "smplx":
             raise
         raise InputError(f"{error} Or pose an SMPL-X body, without the shape: --body-model smplx.") from error
-    own = body.source is not None and FREE_FOLDER in body.source.parents
-    if body.hash == motion.body_hash or (not own and body.kind == motion.kind and not motion.body_hash):
-        return body, motion
-    whose = "tcfit's free body" if own else f"the {body.kind} body {body.source}"
-    return body, _without_shape(motion, whose)
-
-
-def _without_shape(motion: ImportedMotion, whose: str) -> ImportedMotion:
-    """Betas, expressions and hand components are numbers of one body model; joint angles are not."""
-    params = motion.params
-    empty = {name: torch.zeros_like(getattr(params, name)) for name in ("betas", "expression")}
-    lost = "shape and expression"
-    if not motion.whole_hands and params.left_hand_pose.shape[1] < 45:
-        empty |= {name: torch.zeros_like(getattr(params, name)) for name in ("left_hand_pose", "right_hand_pose")}
-        lost = "shape, expression and hands (components)"
-    note = f"It is posed on {whose}, to which its {lost} mean nothing: these are left out, joint angles are kept."
-    return replace(motion, params=replace(params, **empty), notes=(*motion.notes, note))
-
-
-def _camera(motion: ImportedMotion, clip: Clip, focal_length: float | None) -> Camera:
-    """The camera that the result was found with, for images of the clip's size; it stands where the clip's does."""
-    found = _own_camera(motion, clip, focal_length)
-    return replace(found, lens=clip.camera.lens, world=clip.camera.world)
-
-
-def _own_camera(motion: ImportedMotion, clip: Clip, focal_length: float | None) -> Camera:
-    size = clip.camera.size
-    if motion.camera is not None:
-        return _scaled(motion, motion.camera, size)
-    if focal_length is not None:
-        if not (np.isfinite(focal_length) and focal_length > 0):
-            raise InputError(f"The focal length is {focal_length:g}; expected pixels, above 0.")
-        focal = (focal_length, "as given when it was imported")
-    elif (told := motion.focal_for(size)) is not None:
-        focal = told
-    else:
-        return clip.camera
-    middle = (size[0] / 2, size[1] / 2)
-    return Camera(focal=(focal[0], focal[0]), center=middle, size=size, source=focal[1])
-
-
-def _scaled(motion: ImportedMotion, camera: Camera, size: tuple[int, int]) -> Camera:
-    x, y = size[0] / camera.size[0], size[1] / camera.size[1]
-    if abs(x / y - 1) > _SAME_SHAPE:
-        raise InputError(
-            f"{motion.source}: was found on images of {camera.size[0]} x {camera.size[1]} pixels, and the clip has "
-            f"{size[0]} x {size[1]}; expected the result of this clip."
-        )
-    return replace(
-        camera,
-        focal=(camera.focal[0] * x, camera.focal[1] * y),
-        center=(camera.center[0] * x, camera.center[1] * y),
-        size=size,
-    )
+    return body, motion.for_body(body)
 
 
 _STARTS: dict[bytes, str] = {

@@ -15,8 +15,8 @@ class BatchOptions:
 
     Columns: out (a folder for the result of each clip), video and keypoints (at least one of them), and any option
     below or setting of `tcfit settings` that is to differ between clips, by its name: focal_length, person,
-    first_frame, preset, temporal.weight, ... Empty cells take what the command line says. Paths are relative to the
-    file.
+    first_frame, preset, temporal.weight, ...; and start, start_person and start_first_frame as of `tcfit fit`. Empty
+    cells take what the command line says. Paths are relative to the file.
 
     Each clip gives what `tcfit fit` gives. A clip that fails does not stop the others; it is fitted again with --retry,
     or when its files or settings change. What is done is left alone until then.

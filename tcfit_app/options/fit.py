@@ -41,6 +41,7 @@ SHORTCUTS = {
     "shape_sample": "shape_sample.size",
     "shape_strategy": "shape_sample.strategy",
     "seed": "shape_sample.seed",
+    "start_deviation": "start_deviation",
     "device": "device",
     "precision": "precision",
 }
@@ -102,6 +103,19 @@ class CameraOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StartOptions:
+    """A result of another system for this clip, with which phase 1 begins; frames that it lacks are fitted as usual."""
+
+    start: Annotated[Path | None, shown("RESULT", "none")] = None
+    """A result of GVHMR, GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP or BEV, SMPLify-X's output folder, an npz of
+    SMPL-X or AMASS, or a fit of tcfit. The content tells which."""
+    start_person: Annotated[int | None, shown("N", "who follows the keypoints; of SMPLify-X 0")] = None
+    """Of several people in it, as it numbers them."""
+    start_first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None
+    """Number in the video of its first frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class BodyOptions:
     """The body model; `tcfit models` lists those found."""
 
@@ -134,6 +148,9 @@ class MethodOptions:
     shape_sample: Annotated[str | None, _shortcut("shape_sample", "Frames that find the shared shape.")] = None
     shape_strategy: Annotated[str | None, _shortcut("shape_strategy")] = None
     seed: Annotated[str | None, _shortcut("seed", "Of the random sample of frames.")] = None
+    start_deviation: Annotated[
+        str | None, _shortcut("start_deviation", "How near the fit is held to the result of --start, in metres.")
+    ] = None
     device: Annotated[str | None, _shortcut("device", "Where torch computes: cpu, cuda, cuda:1, mps.")] = None
     precision: Annotated[str | None, _shortcut("precision", "Number type of the computation.")] = None
     set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE", help_behavior_hint="(repeatable)")] = ()
@@ -165,6 +182,7 @@ class FitOptions:
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
+    begin: StartOptions = field(default_factory=StartOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
 

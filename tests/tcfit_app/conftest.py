@@ -86,7 +86,9 @@ class FinishedRun:
     events: tuple[FitEvent, ...]
     """What the fit told, up to `Finished`."""
 
-    def replay(self, clip: object, body: object, config: FitConfig, *, shape: object = None) -> Iterator[FitEvent]:
+    def replay(
+        self, clip: object, body: object, config: FitConfig, *, start: object = None, shape: object = None
+    ) -> Iterator[FitEvent]:
         """In place of `fit_events`, for what a command does with a fit of these options: the same again, at once."""
         for event in self.events:
             if not isinstance(event, Finished):

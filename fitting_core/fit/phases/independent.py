@@ -41,6 +41,8 @@ there: among 12 trials of each of 91 poses that finds the best one on 97 % (afte
 def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
     """Camera step, five stages from the neutral pose, frames between key frames, relay.
 
+    Frames with a given start begin with the last stage from there; all of them count as key frames.
+
     Args:
         stages: builds the objectives.
         solver: minimises them.
@@ -50,17 +52,18 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
         Fits of all frames. Frames with under four confident body keypoints, and frames whose cost is not finite, are
         interpolated from their neighbours and named in the notes.
     """
-    usable = stages.observations.usable
+    usable = stages.observations.usable | stages.given
     guess = guess_depth(stages)
     if not bool(usable.any()):
         nobody = FrameFits.at(starting_state(stages, guess.depth, 0.0), Start.TURNED_0)
         return replace(nobody, notes=("no frame shows four body keypoints",))
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
-    keys = run.only(_key_frames(run.frames, stages.config.key_frames_every))
+    given, searched = run.divided()
+    keys = run.only(torch.cat([given, _key_frames(searched, stages.config.key_frames_every)]).sort().values)
     fits, camera = yield from keys.from_the_camera(guess.depth)
     if _restarts(stages):
         fits = yield from run.relay(fits, camera, keys)
-    notes = (guess.note(), *_notes(usable, fits.cost, first_frame))
+    notes = (*((guess.note(),) if len(searched) else ()), *_notes(usable, fits.cost, first_frame))
     return replace(fits.filled(usable & fits.cost.isfinite()), notes=notes)
 
 
@@ -109,6 +112,11 @@ class _Frames:
         """The same for other frames, or by another solver."""
         return _Frames(self.stages, solver or self.solver, frames)
 
+    def divided(self) -> tuple[Tensor, Tensor]:
+        """Frames that have a given start, and those for which one is searched."""
+        given = self.stages.given[self.frames]
+        return self.frames[given], self.frames[~given]
+
     def from_the_camera(self, depth: Tensor) -> Generator[Step, None, tuple[FrameFits, State]]:
         """The camera step and the five stages, of some frames after the other: what is fitted can be looked at.
 
@@ -132,10 +140,29 @@ class _Frames:
         return fits, camera.state
 
     def _all_stages(self, depth: Tensor) -> Generator[Step, None, tuple[FrameFits, FrameFits]]:
-        """Fits of these frames, and where the camera step left them."""
-        camera = yield from self.camera_step(depth)
-        side_view = self.stages.config.yaws == "side_view"
-        return (yield from self.both_sides(camera) if side_view else self.five_stages(camera)), camera
+        """Fits of these frames, and where the camera step left those whose start is searched."""
+        given, searched = self.divided()
+        fits = camera = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
+        if len(searched):
+            run = self.only(searched)
+            camera = yield from run.camera_step(depth)
+            side_view = self.stages.config.yaws == "side_view"
+            fits = yield from run.both_sides(camera) if side_view else run.five_stages(camera)
+        if len(given):
+            fits, _ = fits.lower((yield from self.only(given).from_given(fits)))
+        return fits, camera
+
+    def from_given(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+        """The last stage, from the given start: earlier ones would draw it to the neutral pose."""
+        stages, start = self.stages, self.stages.start
+        assert start is not None, "frames with a given start have one"
+        free, state = stages.free(N_STAGES, betas=True), start.state(stages.parametrisation)
+        if free.hands and stages.config.curled_hands and not start.tells_hands:
+            state = stages.parametrisation.with_half_fists(state)
+        begun = fits.restarted(self.frames, state[self.frames], Start.GIVEN)
+        objective = stages.objective(N_STAGES, begun.state, free)
+        share, last = ((N_STAGES + 1) / (N_STAGES + 2), 1.0), not _restarts(stages)
+        return (yield from self._minimise(objective, begun, "starting from the given result", share, final=last))
 
     def _to_look_at(self, fits: FrameFits, frames: range) -> tuple[range, BodyParams]:
         """Frames, those that were not fitted, or in vain, between the others and the one before."""
@@ -218,7 +245,8 @@ class _Frames:
 
     def seats(self, objective: FrameObjective, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
         """Frames with foreshortened thighs restart from a seat."""
-        seated = self.frames[thighs_foreshortened(self.stages)[self.frames]]
+        _, searched = self.divided()
+        seated = searched[thighs_foreshortened(self.stages)[searched]]
         if not len(seated):
             return fits
         start = fits.restarted(seated, self.stages.parametrisation.with_seat(camera[seated]), Start.SEAT)
@@ -252,7 +280,9 @@ class _Frames:
         stages, settings = self.stages, self.stages.config.settings
         flips, share = LimbFlips(stages), (0.6, 0.6)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
-        frames = self.frames[:: max(1, stages.config.limb_flips_every // stages.config.key_frames_every)]
+        given, searched = self.divided()
+        stride = max(1, stages.config.limb_flips_every // stages.config.key_frames_every)
+        frames = torch.cat([given[:: stages.config.limb_flips_every], searched[::stride]]).sort().values
         frames = frames[fits.cost[frames].isfinite()]
         for _ in range(_FLIP_ROUNDS):
             if not len(frames):

@@ -40,7 +40,7 @@ class Setting:
     xy: Float[Tensor, "T 137 2"]
     """Pixels of the detections."""
     leg_seen: Bool[Tensor, "T"]
-    """Frames that show a hip and its knee."""
+    """Frames that show a hip and its knee, or of which a given start tells them."""
     hands_shown: bool
     """Whether the clip shows any keypoint of the hands."""
     turned: Bool[np.ndarray, "T 55"]

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
+from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
@@ -19,6 +20,8 @@ from fitting_core.video.frame_names import frames_for_one, image_numbers, spans
 
 _NEAREST = 0.5
 """Metres: a body of which something is nearer to the camera is not in front of it."""
+_SAME_SHAPE = 0.01
+"""Share by which the sides' ratio of two images that show the same may differ."""
 _IN_VIEW = 1.2
 """Where a body's place is not known: metres from the pelvis up and down that are to be in the picture."""
 
@@ -83,6 +86,63 @@ class ImportedMotion:
     def focal_for(self, size: tuple[int, int]) -> tuple[float, str] | None:
         """The focal length that the program takes for images of this width and height, and words for it."""
         return self.focal if self.focal_rule is None else (self.focal_rule[0](size), self.focal_rule[1])
+
+    def camera_for(self, camera: Camera, focal_length: float | None = None) -> Camera:
+        """The camera that the motion was found with, for a clip's images; it stands where the clip's does.
+
+        Args:
+            camera: The clip's, which counts where nothing is told.
+            focal_length: In pixels, where the file tells no camera.
+
+        Raises:
+            InputError: The focal length is none, or the motion was found on images of another form.
+        """
+        return replace(self._own_camera(camera, focal_length), lens=camera.lens, world=camera.world)
+
+    def _own_camera(self, camera: Camera, focal_length: float | None) -> Camera:
+        if self.camera is not None:
+            return self._scaled(self.camera, camera.size)
+        focal = self.focal_for(camera.size)
+        if focal_length is not None:
+            if not (np.isfinite(focal_length) and focal_length > 0):
+                raise InputError(f"The focal length is {focal_length:g}; expected pixels, above 0.")
+            focal = (focal_length, "as given when it was imported")
+        if focal is None:
+            return camera
+        middle = (camera.size[0] / 2, camera.size[1] / 2)
+        return Camera(focal=(focal[0], focal[0]), center=middle, size=camera.size, source=focal[1])
+
+    def _scaled(self, camera: Camera, size: tuple[int, int]) -> Camera:
+        x, y = size[0] / camera.size[0], size[1] / camera.size[1]
+        if abs(x / y - 1) > _SAME_SHAPE:
+            raise InputError(
+                f"{self.source}: was found on images of {camera.size[0]} x {camera.size[1]} pixels, and the clip has "
+                f"{size[0]} x {size[1]}; expected the result of this clip."
+            )
+        return replace(
+            camera,
+            focal=(camera.focal[0] * x, camera.focal[1] * y),
+            center=(camera.center[0] * x, camera.center[1] * y),
+            size=size,
+        )
+
+    def for_body(self, body: BodyModel) -> "ImportedMotion":
+        """Without those of its numbers that mean nothing to this body, and with a note that says so.
+
+        Betas, expressions and hand components are numbers of one body model; joint angles are not.
+        """
+        free = body.source is not None and FREE_FOLDER in body.source.parents
+        if body.hash == self.body_hash or (not free and body.kind == self.kind and not self.body_hash):
+            return self
+        params, lost = self.params, "shape and expression"
+        empty = {name: torch.zeros_like(getattr(params, name)) for name in ("betas", "expression")}
+        if not self.whole_hands and params.left_hand_pose.shape[1] < 45:
+            hands = ("left_hand_pose", "right_hand_pose")
+            empty |= {name: torch.zeros_like(getattr(params, name)) for name in hands}
+            lost = "shape, expression and hands (components)"
+        whose = "tcfit's free body" if free else f"the {body.kind} body {body.source}"
+        note = f"It is posed on {whose}, to which its {lost} mean nothing: these are left out, joint angles are kept."
+        return replace(self, params=replace(params, **empty), notes=(*self.notes, note))
 
     def on(self, body: BodyModel, camera: Camera) -> BodyParams:
         """The parameters in camera space, for this body.
@@ -157,6 +217,7 @@ def cover(
     clip_rate: float,
     images: Sequence[str] = (),
     first_frame: int | None = None,
+    partly: bool = False,
 ) -> CoveredFrames:
     """Find a motion's frame for each of a clip.
 
@@ -171,6 +232,7 @@ def cover(
         clip_rate: Frames per second of the clip.
         images: Names without suffixes of the images that the clip is a part of, in order.
         first_frame: Number in the video of the motion's first frame.
+        partly: Whether a part of the clip is enough.
 
     Raises:
         InputError: The motion does not reach over the clip; the message says which frames were found and expected.
@@ -184,7 +246,8 @@ def cover(
     start = float(first_frame) if first_frame is not None else numbers[0] if motion.numbered else float(clip_first)
     numbers += start - numbers[0]
     wanted = clip_first + np.arange(frames)
-    if wanted[0] < numbers[0] - 0.5 or wanted[-1] > numbers[-1] + 0.5:
+    inside = (wanted >= numbers[0] - 0.5) & (wanted <= numbers[-1] + 0.5)
+    if not (inside.any() if partly else inside.all()):
         raise InputError(_not_covered(motion, frames, clip_first, clip_rate, int(start), numbers[-1]))
     places = np.abs(numbers[None] - wanted[:, None]).argmin(1)
     there = np.abs(numbers[places] - wanted) <= 0.5 + 1e-9
@@ -194,7 +257,7 @@ def cover(
             f"{motion.source.name} has {motion.frame_rate:g} frames per second and the clip {clip_rate:g}: each frame "
             "of the clip shows the nearest of its frames."
         )
-    if not there.all():
+    if not there.all() and not partly:
         missing = [int(n) for n in wanted[~there]]
         notes.append(
             f"{motion.source.name} has no result for {len(missing)} frames ({spans(missing)}); these show the nearest."

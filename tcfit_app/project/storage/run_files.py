@@ -9,7 +9,7 @@
 runs of earlier versions and imported motions have none |
 | observed | (T, 55) | as in FitResult |
 | gravity, ground, contacts, ... | | see fitting_core/ground/arrays.py; runs of earlier versions have none |
-| about | () | JSON: camera, phases, warnings, pose prior, format |
+| about | () | JSON: camera, phases, warnings, pose prior, the given start, format |
 
 It reads with np.load(allow_pickle=False).
 """
@@ -28,6 +28,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
+from fitting_core.fit.given_start import StartRecord
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
@@ -54,6 +55,7 @@ class _About(msgspec.Struct, frozen=True, kw_only=True):
     phases: tuple[_Phase, ...]
     warnings: tuple[str, ...]
     pose_prior: str
+    start: StartRecord | None = None
 
 
 def write_run(path: Path, fit: FitResult) -> None:
@@ -71,6 +73,7 @@ def write_run(path: Path, fit: FitResult) -> None:
         phases=phases,
         warnings=fit.warnings,
         pose_prior=fit.pose_prior,
+        start=fit.start,
     )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
     arrays |= grounding_arrays(fit.grounding)
@@ -115,6 +118,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         warnings=about.warnings,
         pose_prior=about.pose_prior,
         grounding=grounding,
+        start=about.start,
     )
 
 

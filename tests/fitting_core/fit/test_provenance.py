@@ -10,8 +10,8 @@ from fitting_core.fit.provenance import STARTS, STOPS, Provenance, Start, Stoppe
 def test_numbers_that_files_hold_keep_their_meaning():
     starts = ["UNKNOWN", "TURNED_0", "TURNED_90", "TURNED_180", "TURNED_270", "SEAT", "FRAME_BEFORE", "FRAME_AFTER"]
     limbs = ["LEFT_ARM", "RIGHT_ARM", "LEFT_LEG", "RIGHT_LEG", "LEFT_HAND", "RIGHT_HAND"]
-    assert [s.name for s in sorted(Start)] == [*starts, *limbs, "FILLED", "AGAIN", "BETWEEN"]
-    assert [int(s) for s in sorted(Start)] == list(range(17))
+    assert [s.name for s in sorted(Start)] == [*starts, *limbs, "FILLED", "AGAIN", "BETWEEN", "GIVEN"]
+    assert [int(s) for s in sorted(Start)] == list(range(18))
     assert {s.name: int(s) for s in Stopped} == {
         "UNKNOWN": 0, "CONVERGED": 1, "ITERATIONS": 2, "STALLED": 3, "FAILED": 4, "EMPTY": 5,
     }  # fmt: skip

@@ -151,6 +151,24 @@ def test_a_clip_is_fitted_again_when_its_camera_file_changes(tmp_path: Path, fre
     assert batch(tmp_path) == INPUT_ERROR and not (tmp_path / "b").exists()
 
 
+def test_a_clip_begins_with_its_own_start_and_is_fitted_again_when_that_changes(tmp_path: Path, free_body: BodyModel):
+    write_clip(tmp_path / "k", free_body)
+    write_list(tmp_path, [{"keypoints": "k", "out": "first"}])
+    assert batch(tmp_path) == 0
+    shutil.copyfile(tmp_path / "first" / "fit.npz", tmp_path / "start.npz")
+    write_list(tmp_path, [{"keypoints": "k", "out": "a", "start": "start.npz"}, {"keypoints": "k", "out": "b"}])
+    assert batch(tmp_path) == 0
+    a, b = (json.loads((tmp_path / name / "summary.json").read_text())["start"] for name in "ab")
+    assert a["source"] == "start.npz" and a["frames"] == 3 and b is None
+    done = fits(tmp_path)
+    assert batch(tmp_path) == 0 and fits(tmp_path) == done
+    shutil.copyfile(tmp_path / "a" / "fit.npz", tmp_path / "start.npz")
+    assert batch(tmp_path) == 0 and fits(tmp_path) == done + 1
+    (tmp_path / "start.npz").unlink()
+    write_list(tmp_path, [{"keypoints": "k", "out": "c", "start": "start.npz"}])
+    assert batch(tmp_path) == INPUT_ERROR and not (tmp_path / "c").exists()
+
+
 def test_projects_get_another_run_and_lose_nothing(tmp_path: Path, free_body: BodyModel):
     write_batch(tmp_path, free_body, clips=1)
     assert batch(tmp_path, "--projects") == 0

@@ -12,7 +12,7 @@ from tcfit_app.batch.columns import columns, find
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.cli.main import parse
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions, StartOptions
 
 
 def tasks_of(folder: Path, text: str, *options: str) -> tuple[ClipTask, ...]:
@@ -43,6 +43,7 @@ def test_every_column_has_its_effect(tmp_path: Path):
         "video": "a.mp4", "keypoints": "k", "out": "o", "person": "1", "first_frame": "3", "last_frame": "9",
         "frame_rate": "25", "keypoint_scale": "0..1", "image_size": "640x480", "focal_length": "900",
         "center": "320 240.5", "body_model": "smplh", "models": "m", "gender": "male", "preset": "paper",
+        "start": "s.pt", "start_person": "2", "start_first_frame": "7", "start_deviation": "0.2",
         "solver": "lbfgs", "Temporal-Weight": "300", "temporal.space": "camera", "weights.shape": '"1,2,3,4,5"',
     }  # fmt: skip
     (task,) = tasks_of(tmp_path, ",".join(cells) + "\n" + ",".join(cells.values()) + "\n")
@@ -52,13 +53,15 @@ def test_every_column_has_its_effect(tmp_path: Path):
     )
     assert task.fit.camera == CameraOptions(focal_length=900.0, center=(320.0, 240.5))
     assert task.fit.body == BodyOptions(body_model="smplh", models=tmp_path / "m", gender="male")
+    assert task.fit.begin == StartOptions(start=tmp_path / "s.pt", start_person=2, start_first_frame=7)
+    assert task.config.start_deviation == 0.2
     assert (task.config.solver, task.config.temporal.weight, task.config.temporal.space) == ("lbfgs", 300.0, "camera")
     assert task.config.weights.shape == (1, 2, 3, 4, 5) and task.line == 2
     assert task.config.weights.body_pose == PRESETS["paper"].weights.body_pose
 
 
 def test_every_option_of_a_clip_is_a_column():
-    options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions) for f in fields(kind)}
+    options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions, StartOptions) for f in fields(kind)}
     assert options | set(SHORTCUTS) | {"video", "keypoints", "out", "shape", "subject", "preset"} == set(columns())
     assert all(find(name) for name in settings())
 
@@ -119,6 +122,7 @@ WRONG = {
     "keypoints,out,fov,camera\nk,o,50,c.npz\n": ["given 2 times, by fov, camera"],
     "keypoints,out,camera,camera_up\nk,o,c.npz,north\n": ["column camera_up: is 'north'; expected one of x, y, z, -x"],
     "keypoints,out,first_frame,last_frame\nk,o,5,4\n": ["first_frame 5 lies behind last_frame 4"],
+    "keypoints,out,start_person\nk,o,2\n": ["line 2, column start: start_person without start; give the result"],
     "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
     "keypoints,out,preset\nk,o,papre\n": ["column preset: is 'papre'; expected one of smplifyx, paper, tcfit"],
     "keypoints,out,window_size\nk,o,1\n": ["line 2: window_size: temporal.window_size is 1; expected 2 or more"],

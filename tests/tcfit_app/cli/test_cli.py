@@ -14,6 +14,7 @@ import pytest
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, PhaseFinished, PhaseStarted
+from fitting_core.fit.provenance import Start
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli import fit_command
@@ -28,10 +29,10 @@ EVERY_OPTION = """
     --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
     --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --camera c.npz --camera-name left --camera-unit 0.001 --camera-up z
-    --body-model smplh --models m --gender male
+    --body-model smplh --models m --gender male --start wham_output.pkl --start-person 2 --start-first-frame 5
     --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
     --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda
-    --precision float32 --set hip_weight=1
+    --precision float32 --start-deviation 0.1 --set hip_weight=1
 """.split()
 
 
@@ -64,7 +65,7 @@ print([m for m in ("torch", "cv2", "scipy", "pyrender", "viser") if m in sys.mod
 def test_every_option_is_read():
     options = parse(EVERY_OPTION)
     plain = parse(["fit", "--out", "o"])
-    for group in ("clip", "camera", "body", "method"):
+    for group in ("clip", "camera", "body", "begin", "method"):
         given, default = vars(getattr(options, group)), vars(getattr(plain, group))
         assert [name for name in given if given[name] == default[name]] == []
     assert [name for name in vars(options) if getattr(options, name) == getattr(plain, name)] == ["out"]
@@ -186,6 +187,33 @@ def test_fit(finished: FinishedRun):
         summary["jitter"]["phase3"]["camera_space_mm_per_frame2"]
         < summary["jitter"]["phase1"]["camera_space_mm_per_frame2"]
     )
+
+
+def test_a_fit_begins_with_another_result(
+    fit_arguments: list[str], finished: FinishedRun, tmp_path: Path, capsys: pytest.CaptureFixture
+):
+    """And says which; the options that say more of it need it."""
+    start = ["--start", str(finished.folder / "fit.npz"), "--set", "last_phase=1"]
+    assert main([*fit_arguments, *start, "--start-deviation", "0.1"]) == 0
+    told = "Phase 1 begins with fit.npz, read as tcfit SMPL-X npz, in"
+    assert told in capsys.readouterr().err
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["start"]["frames"] == summary["start"]["clip_frames"] == FRAMES
+    assert summary["config"]["start_deviation"] == 0.1 and any(told in warning for warning in summary["warnings"])
+    found = np.load(tmp_path / "out" / "fit.npz", allow_pickle=False)
+    assert set(found["start"].tolist()) <= {int(Start.GIVEN), int(Start.FRAME_BEFORE), int(Start.FRAME_AFTER)}
+    assert main([*fit_arguments, "--start-person", "1"]) == 2
+    assert "--start-person without --start" in capsys.readouterr().err
+
+
+def test_a_start_that_cannot_be_read_leaves_nothing(
+    fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture
+):
+    (tmp_path / "gvhmr.pt").write_bytes(b"PK\x03\x04 and no more")
+    for name in ("gvhmr.pt", "none.pkl"):
+        assert main([*fit_arguments, "--start", str(tmp_path / name)]) == 2
+        error = capsys.readouterr().err
+        assert name in error and "Traceback" not in error and not (tmp_path / "out").exists()
 
 
 RULES = {

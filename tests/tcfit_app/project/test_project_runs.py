@@ -10,6 +10,7 @@ import torch
 
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
+from fitting_core.fit.given_start import StartRecord
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_record import Run
@@ -67,6 +68,24 @@ def test_every_phase_comes_back_to_the_last_bit(last_phase: int, dtype: torch.dt
     write_run(tmp_path / "1.npz", fit)
     assert_same_fit(read_run(tmp_path / "1.npz", CONFIG), fit)
     assert [p.name for p in tmp_path.iterdir()] == ["1.npz"]
+
+
+def test_what_a_fit_began_with_comes_back(tmp_path: Path):
+    about = StartRecord(
+        source="wham_output.pkl",
+        format="WHAM result",
+        person=3,
+        frames=2,
+        clip_frames=FRAMES,
+        focal=(900.0, 900.0),
+        focal_source="WHAM's",
+        off=0.04,
+        notes=("It has 2 people.",),
+    )
+    write_run(tmp_path / "1.npz", replace(sample_fit(1), start=about))
+    assert read_run(tmp_path / "1.npz", CONFIG).start == about
+    write_run(tmp_path / "2.npz", sample_fit(1))
+    assert read_run(tmp_path / "2.npz", CONFIG).start is None
 
 
 def test_a_run_of_an_earlier_version_opens(tmp_path: Path):
