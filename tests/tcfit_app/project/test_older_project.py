@@ -42,9 +42,11 @@ def project(folder: Path) -> Iterator[Project]:
 
 
 def _older(fit: FitResult) -> FitResult:
-    """As versions wrote it that knew neither lifter nor ground, noted no provenance and started each frame anew."""
+    """As versions wrote it that knew neither lifter nor ground nor starts from other results, noted no provenance and
+    started each frame anew."""
     weights = replace(fit.config.weights, relative_position=(0,) * 5, held_position=(0,) * 5)
-    config = replace(fit.config, key_frames_every=1, widened_start=True, settings=SolverSettings(), weights=weights)
+    settings = {"key_frames_every": 1, "widened_start": True, "start_deviation": None, "settings": SolverSettings()}
+    config = replace(fit.config, **settings, weights=weights)
     phases = tuple(replace(phase, provenance=None) for phase in fit.phases)
     return replace(fit, phases=phases, config=config, grounding=None)
 
