@@ -1,9 +1,10 @@
 """Keypoints as they stand after some corrections: what edits read and write."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Shaped
+from jaxtyping import Bool, Float, Float32, Int, Shaped
 
 from fitting_core.keypoints import Keypoints
 
@@ -81,15 +82,11 @@ class Corrected:
 
     def at(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> "Corrected":
         """A copy of some keypoints in some frames."""
-        return Corrected(records=self.records.reshape(-1).take(self._cells(frames, joints)))
+        return Corrected(records=self.records.reshape(-1).take(_cells(frames, joints, self.records.shape[1])))
 
     def put(self, frames: tuple[int, ...], joints: tuple[int, ...], values: "Corrected") -> None:
         """Overwrite some keypoints in some frames, in place: a copy of a long clip for each edit would add up."""
-        self.records.reshape(-1)[self._cells(frames, joints)] = values.records
-
-    def _cells(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> np.ndarray:
-        """Numbers of some keypoints among all of all frames: reading by these takes a third of np.ix_."""
-        return np.array(frames)[:, None] * self.records.shape[1] + np.array(joints)
+        self.records.reshape(-1)[_cells(frames, joints, self.records.shape[1])] = values.records
 
     @property
     def present(self) -> Bool[np.ndarray, "F K"]:
@@ -125,6 +122,12 @@ class Corrected:
             depth=depth if np.isfinite(depth).any() else None,
             turn=_fixed(self.turn.copy()) if self.locked.any() else None,
         )
+
+
+@lru_cache(maxsize=4)  # An edit writes what it has read.
+def _cells(frames: tuple[int, ...], joints: tuple[int, ...], count: int) -> Int[np.ndarray, "f j"]:
+    """Numbers of some keypoints among all `count` of all frames: reading by these takes a third of np.ix_."""
+    return _fixed(np.array(frames)[:, None] * count + np.array(joints))
 
 
 def _fixed(array: np.ndarray) -> np.ndarray:

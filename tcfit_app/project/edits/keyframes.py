@@ -1,5 +1,7 @@
 """Keyframes of keypoints: what lies between two of them follows both."""
 
+from bisect import bisect_left, bisect_right
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -62,17 +64,24 @@ def keyed(
     start, stop = max(frames.start - 1, 0), min(frames.stop + 1, len(now.xy))
     seen = tuple(range(start, stop))
     values, detected = now.at(seen, joints), detections.at(seen, joints)
+    there = _there(values)
+    base = np.where(there[..., None], values.xy - values.shift, 0.0)
     changed = sorted(frame - start for frame in (removed, placed) if frame is not None)
     for column in range(len(joints)):
         one, found = (Corrected(records=part.records[:, column]) for part in (values, detected))
-        keys = np.flatnonzero(one.key)
-        first = max(keys[keys < changed[0]], default=changed[0])
-        last = min(keys[keys > changed[-1]], default=changed[-1])
+        keys = np.flatnonzero(one.key).tolist()
+        before, after = bisect_left(keys, changed[0]), bisect_right(keys, changed[-1])
+        first = keys[before - 1] if before > 0 else changed[0]
+        last = keys[after] if after < len(keys) else changed[-1]
         if removed is not None:
             one.key[removed - start] = False
         if placed is not None and xy is not None:
-            _place(one, placed - start, xy[column])
-        _follow(*(Corrected(records=part.records[first : last + 1]) for part in (one, found)))
+            row = placed - start
+            one.xy[row], one.shift[row] = xy[column], xy[column] - base[row, column]
+            one.confidence[row], one.bad[row], one.edited[row], one.key[row] = 1.0, False, True, True
+        rows = slice(first, last + 1)
+        one, found = (Corrected(records=part.records[rows]) for part in (one, found))
+        _follow(one, found, there[rows, column], base[rows, column])
     inside = slice(frames.start - start, frames.stop - start)
     return Corrected(records=values.records[inside])
 
@@ -90,19 +99,22 @@ def _there(values: Corrected) -> Bool[np.ndarray, "*any"]:
     return (values.xy - values.shift).any(-1) & (values.confidence > 0) & ~values.bad
 
 
-def _place(one: Corrected, row: int, xy: Float[np.ndarray, "2"]) -> None:
-    base = np.where(_there(one)[row], one.xy[row] - one.shift[row], 0.0)
-    one.xy[row], one.shift[row] = xy, xy - base
-    one.confidence[row], one.bad[row], one.edited[row], one.key[row] = 1.0, False, True, True
+def _follow(one: Corrected, found: Corrected, there: Bool[np.ndarray, "n"], base: Float[np.ndarray, "n 2"]) -> None:
+    """What lies between keyframes follows them, and what does not any more goes back; one keypoint, in place.
 
-
-def _follow(one: Corrected, found: Corrected) -> None:
-    """What lies between keyframes follows them, and what does not any more goes back; one keypoint, in place."""
-    there, base = _there(one), one.xy - one.shift
-    base[~there] = 0.0
-    keys, rows = np.flatnonzero(one.key), np.arange(len(base))
-    between = (rows > min(keys, default=len(rows))) & (rows < max(keys, default=0)) & ~one.key
+    Args:
+        one: As it stands, with its keyframes.
+        found: As it was detected.
+        there: Whether it would be somewhere without keyframes.
+        base: Where, pixels; (0, 0) where nowhere.
+    """
+    keys, between = np.flatnonzero(one.key), ~one.key
+    if len(keys):
+        between[: keys[0]] = between[keys[-1] :] = False
+    else:
+        between[:] = False
     if between.any():
+        rows = np.arange(len(base))
         path = _interpolated(rows, np.flatnonzero(there), base) if there.any() else base
         path = path + _interpolated(rows, keys, one.xy - path)
         one.xy[between], one.shift[between] = path[between], (path - base)[between]
