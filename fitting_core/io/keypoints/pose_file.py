@@ -23,6 +23,8 @@ def _camel(name: str) -> str:
     return "".join(word.capitalize() for word in name.split("_"))
 
 
+_MOST_EMPTY = 1_000_000
+"""Frames: nine hours of video."""
 _OPENPOSE_BODY = tuple(_camel(name) for name in BODY_25)
 _OPENPOSE_HAND = (
     "BASE T_STT T_BCMC T_MCP T_IP I_CMC I_MCP I_PIP I_DIP M_CMC M_MCP M_PIP M_DIP R_CMC R_MCP R_PIP R_DIP "
@@ -176,7 +178,8 @@ def write_pose(
         keypoints: Pixels and confidences.
         size: Image width and height in pixels.
         frame_rate: Frames per second.
-        first_frame: Frames to leave empty before the first one, as the format counts them from the video's first.
+        first_frame: Frames to leave empty before the first one, as the format counts them from the video's first. None
+            is left empty for a number above 1,000,000, which counts no frames: of images that are named by their date.
 
     Raises:
         InputError: The image is larger than the format can say.
@@ -184,7 +187,8 @@ def write_pose(
     components, places = openpose_components()
     detected = (keypoints.confidence > 0)[..., None]
     frames = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], -1) * detected
-    points = np.concatenate([np.zeros((first_frame, COUNT, 3)), frames])[:, None, places]
+    before = np.zeros((first_frame if first_frame <= _MOST_EMPTY else 0, COUNT, 3))
+    points = np.concatenate([before, frames])[:, None, places]
     pose = PoseFile(
         components=components, size=size, frame_rate=frame_rate, data=points[..., :2], confidence=points[..., 2]
     )

@@ -12,7 +12,7 @@ from fitting_core.io import read_detections
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.io.keypoints.pose_file import COMPONENTS, write_pose
-from fitting_core.keypoints import CONTOUR, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.keypoints import CONTOUR, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints
 
 MEDIAPIPE_BODY = (
@@ -56,6 +56,12 @@ def test_what_was_written_reads_back(clip: Keypoints):
     difference = np.abs(points[2:] - as_points(clip))
     assert difference[..., :2].max() < 0.01 and difference[..., 2].max() < 1e-6
     assert found.size == SIZE and found.frame_rate == pytest.approx(29.97, abs=1e-5) and found.notes == ()
+
+
+def test_the_number_of_an_image_that_is_named_by_its_date_counts_no_frames(tmp_path: Path):
+    keypoints = Keypoints(xy=np.ones((2, COUNT, 2)), confidence=np.ones((2, COUNT)))
+    write_pose(tmp_path / "photo.pose", keypoints, size=SIZE, frame_rate=30.0, first_frame=20240131123456)
+    assert len(read_detections(tmp_path / "photo.pose").frames) == 2
 
 
 def test_mediapipe_holistic(tmp_path: Path):
