@@ -18,6 +18,8 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+from torch import Tensor
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
@@ -228,15 +230,18 @@ def _disturbed(true: BodyParams, body: BodyModel, how: Disturbance, rng: np.rand
     neutral = BodyParams.neutral(frames)
     # The pelvis stays on its line of sight; a longer lens and a wrong guess put it elsewhere along it.
     pelvis = torch.as_tensor(joints_in_space(body, replace(neutral, betas=neutral.betas))[:, 0])
-    at = torch.as_tensor(_pelvis(late, true, how))
-    return replace(neutral, global_orient=pose[:, :3], body_pose=pose[:, 3:], camera_translation=at - pelvis)
+    before = pelvis.numpy() + late.camera_translation.numpy()
+    at = how.depth * before * (1.0, 1.0, how.focal)
+    # The system sees the picture, and how the body stands to its line of sight: that runs elsewhere with its lens.
+    orient = rotations.log(_turn(before, at) @ turned[:, 0])
+    place = torch.as_tensor(at) - pelvis
+    return replace(neutral, global_orient=orient, body_pose=pose[:, 3:], camera_translation=place)
 
 
-def _pelvis(late: BodyParams, true: BodyParams, how: Disturbance) -> Float[np.ndarray, "T 3"]:
-    place = late.camera_translation.numpy().copy()
-    place[:, 2] *= how.depth * how.focal
-    place[:, :2] *= how.depth
-    return place
+def _turn(one: Float[np.ndarray, "T 3"], other: Float[np.ndarray, "T 3"]) -> Float[Tensor, "T 3 3"]:
+    """The smallest rotations from some directions to others."""
+    found = [Rotation.align_vectors(b[None], a[None])[0].as_matrix() for a, b in zip(one, other, strict=True)]
+    return torch.as_tensor(np.stack(found))
 
 
 def _write_tram(folder: Path, params: BodyParams, frames: np.ndarray, made: MotionClipMade, how: Disturbance) -> Path:

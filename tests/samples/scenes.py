@@ -115,7 +115,8 @@ def random_state(parametrisation: Parametrisation, frames: int, seed: int = 0) -
 def with_positions(stages: Stages, seed: int = 0) -> Stages:
     """The same where something is known of the depth of body keypoints, and of the place of undetected ones.
 
-    Of every fourth nothing is known, and of none of the left arm. Some feet are held where they stand.
+    Of every fourth nothing is known, and of none of the left arm. Of the right arm the place is known although it is
+    detected, as from a given start. Some feet are held where they stand.
     """
     o, random = stages.observations, np.random.default_rng(seed)
     position = torch.as_tensor(random.normal(0.0, 0.3, o.relative_position.shape)).to(o.relative_position)
@@ -123,7 +124,9 @@ def with_positions(stages: Stages, seed: int = 0) -> Stages:
     deviation[torch.as_tensor(random.random(deviation.shape) < 0.25)] = torch.inf
     deviation[:, [*range(kp.BODY.stop, COUNT), kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]]] = torch.inf
     deviations = deviation[..., None].repeat(1, 1, 3)
-    deviations[..., :2][o.confidence > 0] = torch.inf
+    seen = o.confidence > 0
+    seen[:, [kp.INDEX["right_elbow"], kp.INDEX["right_wrist"]]] = False
+    deviations[..., :2][seen] = torch.inf
     held = torch.full_like(o.confidence, torch.inf)
     held[1:, kp.INDEX["right_heel"]] = held[: len(held) - 1, kp.INDEX["left_big_toe"]] = 0.02
     place = position + torch.tensor([0.0, 0.0, 3.0]).to(position)

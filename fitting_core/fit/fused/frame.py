@@ -67,31 +67,34 @@ def _add_group(c, frame, group, scratch):
     for o in range(group.first, group.last):
         i = c.order[o]
         keypoint = c.keypoints[frame, i]
-        weight, ranks = keypoint.weight, 3 if keypoint.place_weight[2] > 0.0 else 2
-        placed = keypoint.place_weight[0] > 0.0  # then the data term has no weight
+        # Across the line of sight there is a place of what is not detected, and of all that a given start knows.
+        weight, across, along = keypoint.weight, keypoint.place_weight[0] > 0.0, keypoint.place_weight[2] > 0.0
         if keypoint.spot_weight[0] > 0.0:
             for k in range(3):
-                e, far = scratch.error[i, 3 + k], keypoint.spot_rho[k] * keypoint.spot_rho[k]
+                e, far = scratch.error[i, 5 + k], keypoint.spot_rho[k] * keypoint.spot_rho[k]
                 s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
                 s.left[k, k] = keypoint.spot_weight[k] * far / (e * e + far)
                 s.pulls[k] = s.left[k, k] * e
             count = _add_rows(c, c.points[i], group, 3, 3, count, scratch)
-        if weight == 0.0 and ranks == 2:
+        if across:
+            for k in range(3):
+                _set_place_row(keypoint, scratch.error[i, 2 + k], k, s)
+            count = _add_rows(c, c.points[i], group, 3, 0, count, scratch)
+        if weight == 0.0 and (across or not along):
             continue
         squared, depth = c.points[i].rho * c.points[i].rho, scratch.points[i, 2]
-        for k in range(ranks):
+        for k in range(2):
             e = scratch.error[i, k]
-            s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
-            if placed or k == 2:
-                far = keypoint.place_rho[k] * keypoint.place_rho[k]
-                scale = keypoint.place_weight[k] * far / (e * e + far)
-                s.left[k, k] = scale
-            else:
-                scale = weight * squared / (e * e + squared)
-                s.left[k, k] = scale * f.focal[k] / depth
-                s.left[k, 2] = -scale * f.focal[k] * scratch.points[i, k] / (depth * depth)
+            scale = weight * squared / (e * e + squared)
+            s.left[k, 1 - k] = 0.0
+            s.left[k, k] = scale * f.focal[k] / depth
+            s.left[k, 2] = -scale * f.focal[k] * scratch.points[i, k] / (depth * depth)
             s.pulls[k] = scale * e
-        count = _add_rows(c, c.points[i], group, ranks, 0 if placed else 2, count, scratch)
+        ranks = 2
+        if along and not across:  # with the two of the image: half of the work of its own
+            _set_place_row(keypoint, scratch.error[i, 4], 2, s)
+            ranks = 3
+        count = _add_rows(c, c.points[i], group, ranks, 2, count, scratch)
     for k in range(group.width):
         for extra in range(count, count + -count % LANES):
             scratch.rows[k, extra] = 0.0
@@ -101,6 +104,15 @@ def _add_group(c, frame, group, scratch):
         line = s.matrix[group.column[a]]
         for b in range(a + 1):
             line[group.column[b]] += s.small[b, a]
+
+
+@helper
+def _set_place_row(keypoint, e, k, s):
+    """The derivative and the pull of a known position along an axis."""
+    far = keypoint.place_rho[k] * keypoint.place_rho[k]
+    s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
+    s.left[k, k] = keypoint.place_weight[k] * far / (e * e + far)
+    s.pulls[k] = s.left[k, k] * e
 
 
 @helper

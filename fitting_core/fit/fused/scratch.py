@@ -82,9 +82,9 @@ class Scratch(NamedTuple):
     pull: Float[np.ndarray, "P 3"]
     points: Float[np.ndarray, "N 3"]
     """In camera space."""
-    error: Float[np.ndarray, "N 6"]
-    """Pixels and metres of depth, of a point that is not detected metres; then metres from where it is held."""
-    rows: Float[np.ndarray, "columns 6N"]
+    error: Float[np.ndarray, "N 8"]
+    """Pixels; metres from a known position relative to the pelvis; metres from where it is held."""
+    rows: Float[np.ndarray, "columns 8N"]
 
 
 def scratch_for(constants: Constants) -> Scratch:
@@ -100,6 +100,6 @@ def scratch_for(constants: Constants) -> Scratch:
         pair_motion=np.zeros((pairs, 3, N_COEFFICIENTS)),
         pull=np.zeros((pairs, 3)),
         points=np.zeros((points, 3)),
-        error=np.zeros((points, 6)),
-        rows=np.zeros((MOST_COLUMNS, 6 * points + LANES)),
+        error=np.zeros((points, 8)),
+        rows=np.zeros((MOST_COLUMNS, 8 * points + LANES)),
     )

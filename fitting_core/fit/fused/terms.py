@@ -36,12 +36,12 @@ def point_cost(c, frame, x, scratch):
             if keypoint.place_weight[d] > 0.0:
                 weight, rho = keypoint.place_weight[d], keypoint.place_rho[d]
                 e = points[i, d] - origin[d] - keypoint.place[d]
-                error[i, d] = e
+                error[i, 2 + d] = e
                 cost += weight * weight * rho * rho * e * e / (e * e + rho * rho)
             if keypoint.spot_weight[d] > 0.0:
                 weight, rho = keypoint.spot_weight[d], keypoint.spot_rho[d]
                 e = points[i, d] - keypoint.spot[d]
-                error[i, 3 + d] = e
+                error[i, 5 + d] = e
                 cost += weight * weight * rho * rho * e * e / (e * e + rho * rho)
     return cost
 
