@@ -146,9 +146,7 @@ def read_eaf(path: Path) -> tuple[Tier, ...]:
             raise ValueError(f"its outermost element is <{root.tag[:40]}>, expected <ANNOTATION_DOCUMENT>")
         return _Document(root).tiers()
     except (ValueError, expat.ExpatError) as error:
-        raise InputError(
-            f"{path}: is no .eaf file of ELAN that can be read: {error}. Save it in ELAN again."
-        ) from error
+        raise InputError(f"{path}: is no .eaf file that can be read: {error}. Open it in ELAN and save it.") from error
 
 
 def _parsed(content: bytes) -> ET.Element:
