@@ -22,9 +22,9 @@ from fitting_core.keypoints import LEFT_HAND, RIGHT_HAND
 from fitting_core.measure.hands.phases import Side
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES, Handshape, finger_angles
 
-FARTHEST = 22.0
-"""Degrees: a hand that is farther from all of the set has none of its shapes. Two shapes of the own set are 7 to 60
-degrees apart."""
+FARTHEST = 30.0
+"""Degrees: a hand that is farther from all of the set has none of its shapes. Shapes of the set are 10 to 32 degrees
+from their nearest one, and fits to noisy detections put fists 24 degrees from a fist: nearer limits refuse these."""
 _HANDS = {"left": LEFT_HAND, "right": RIGHT_HAND}
 _WRIST, _KNUCKLES = 0, (5, 9, 13, 17)
 _BONES = [(4 * f + k, 4 * f + k + 1) for f in range(5) for k in (1, 2, 3)]
