@@ -154,7 +154,7 @@ def sheet(body: BodyModel) -> np.ndarray:
     vertices, cells = Mesh(body, dtype=torch.float64)(at.truth).numpy(), []
     for i, name in enumerate(HANDSHAPES):
         crops = [_crop(body, vertices[i], at.space[i, LEFT_HAND], "left", degrees) for degrees in (0.0, 80.0)]
-        cells.append(_captioned(np.concatenate(crops, 1)[:, 30:-30], name))
+        cells.append(_captioned(np.concatenate(crops, 1), name))
     blank = np.full_like(cells[0], 255)
     cells += [blank] * (-len(cells) % 4)
     return np.concatenate([np.concatenate(cells[i : i + 4], 1) for i in range(0, len(cells), 4)])
