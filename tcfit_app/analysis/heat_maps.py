@@ -71,7 +71,7 @@ def _confidences(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
 
 _LEVELS = (REST, HOLD, MOVEMENT)
 """Of the hands' phases, the brightest last."""
-_HANDS = {f"{side} hand": tuple(range(kp.COUNT)[kp.GROUPS[f"{side}_hand"]]) for side in SIDES}
+_HANDS = {side: tuple(range(kp.COUNT)[kp.GROUPS[f"{side}_hand"]]) for side in SIDES}
 
 
 def _phases(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
@@ -86,7 +86,7 @@ HEAT_MAPS: dict[str, HeatKind] = {
     "error_by_part": HeatKind(title="Error by part, B", unit="px", worse="high", values=_errors, weighted=True),
     "confidence_by_part": HeatKind(title="Confidence by part", unit="", worse="low", values=_confidences, top=1.0),
     "hand_phases": HeatKind(
-        title="Hands move, hold, rest, B", unit="", worse="high", values=_phases, top=2.0, parts=_HANDS, words=_LEVELS
+        title="Hand phases, B", unit="", worse="high", values=_phases, top=2.0, parts=_HANDS, words=_LEVELS
     ),
 }
 """By name. A part's value is the mean over its keypoints; errors are weighted with the confidence of the detections."""

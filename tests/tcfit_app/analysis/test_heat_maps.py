@@ -43,5 +43,5 @@ def test_a_clip_without_keypoints_has_none(tiny_body: BodyModel, name: str):
 
 def test_hands_that_stay_have_no_movement(tiny_body: BodyModel):
     found = heat_map("hand_phases", fit_of(tiny_body, still_params(3)))
-    assert found.parts == ("left hand", "right hand") and found.values.shape == (3, 2)
+    assert found.parts == ("left", "right") and found.values.shape == (3, 2)
     assert "movement" not in {HEAT_MAPS["hand_phases"].words[int(level)] for level in found.values.flat}
