@@ -15,10 +15,9 @@ from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.imports.elan import FLAGS, NOTES, REVIEW
 from tcfit_app.project.edits.edit_log import Note
+from tcfit_app.project.packed import HANDSHAPES as HANDSHAPES_FILE
 from tcfit_app.project.project import Project
 
-HANDSHAPES_FILE = "handshapes.toml"
-"""In a project's folder: the user's own set of handshapes."""
 _STATES = {
     "flag": ("flagged", "Needs attention"),
     "checked": ("looks fine", "A reviewer has looked at it"),

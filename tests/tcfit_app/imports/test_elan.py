@@ -1,11 +1,14 @@
 """ELAN and back: what is exported, notes that come back, undo, another annotator's file, and what is refused."""
 
 import re
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pympi
 import pytest
+import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
@@ -14,7 +17,9 @@ from fitting_core.io.annotations.eaf import read_eaf, write_eaf
 from tcfit_app.cli.main import main
 from tcfit_app.imports.elan import OWN, import_notes
 from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, WriteNote
+from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
+from tests.drivers.lone_page import lone_page
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_project
 
@@ -88,9 +93,11 @@ def test_a_project_s_own_handshapes(folder: Path, tmp_path: Path):
     own = folder / "handshapes.toml"
     own.write_text('[mine]\nlike = "relaxed"\n')
     try:
-        assert main(["export", str(folder), "--out", str(tmp_path), "--formats", "elan"]) == 0
+        assert main(["export", str(folder), "--out", str(tmp_path), "--formats", "elan", "project"]) == 0
     finally:
         own.unlink()
+    unpack(tmp_path / "walk.tcfit.zip", tmp_path / "again.tcfit")
+    assert (tmp_path / "again.tcfit" / "handshapes.toml").read_text() == '[mine]\nlike = "relaxed"\n'
     names = {
         a.text for tier in read_eaf(tmp_path / "walk.eaf") if tier.name.endswith("handshape") for a in tier.annotations
     }
@@ -184,3 +191,20 @@ def test_the_command(folder: Path, exported: Path, tmp_path: Path, capsys: pytes
     assert "--person: means nothing for" in capsys.readouterr().err
     assert main(["import", str(folder), str(tmp_path / "fit.npz"), "--tiers", "x"]) == 2
     assert "has no tiers" in capsys.readouterr().err
+
+
+def test_the_panel_takes_a_file_of_the_browser(panel_server: viser.ViserServer, project: Project, tmp_path: Path):
+    waiting: list[Callable[[], None]] = []
+    path = annotated(tmp_path / "x.eaf", ("gloss", [(0, 2, "HOUSE")]), ("eyes", [(1, 1, "blink")]))
+    with lone_page(panel_server, project, waiting.append) as tested:
+        tested.field("Tiers").value = " gloss, "
+        upload = tested.field("Upload an .eaf file …")
+        upload._impl.value = viser.UploadedFile(name="x.eaf", content=path.read_bytes())
+        tested.call_back(upload, MagicMock())
+        for command in waiting:
+            command()
+        deadline = time.monotonic() + 20
+        while not project.notes and time.monotonic() < deadline:
+            tested.page.tab.session.take_news()
+            time.sleep(0.02)
+    assert notes(project) == [(range(3), "HOUSE")]
