@@ -155,7 +155,7 @@ const valueOf = ({ part, value }, unit, words) => `${part} ${words[value] ?? val
 function heatLines(frame, y) {
   return (states.rows?.rows ?? []).flatMap(({ title, unit, heat }, index) => {
     const found = heat && within(rowBand(index), y) ? partAt(heat, rowBand(index), y, frame) : null;
-    return found ? [frameTitle(frame), `${title}  ${valueOf(found, unit, heat.words)}`] : [];
+    return found ? [frameTitle(frame), `${title}  ${valueOf(found, unit, heat?.words ?? [])}`] : [];
   });
 }
 
@@ -164,7 +164,7 @@ function frameLines(frame) {
   const lines = [frameTitle(frame)];
   for (const { title, unit, curves, signed, heat } of states.rows?.rows ?? []) {
     const worst = heat && worstPart(heat, frame);
-    if (worst) lines.push(`${title}  ${valueOf(worst, unit, heat?.words ?? [])}`);
+    if (worst) lines.push(`${title}  ${valueOf(worst, unit, heat.words)}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
     const said = there.map(({ label, values }) => {
       const value = Number(Number(values[frame]).toPrecision(3));
