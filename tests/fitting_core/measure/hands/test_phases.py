@@ -77,6 +77,7 @@ def test_short_stops_and_flicks_do_not_count():
 
 def test_slow_drift_is_a_hold_and_one_frame_too():
     assert told(moved(standing(200), 0, 199, 0.4)) == [("hold", 0, 200)]  # 0.1 m/s
+    assert told(moved(standing(200), 0, 199, 0.72)) == [("hold", 0, 200)]  # 0.18 m/s, which never gets fast
     assert told(standing(1)) == [("hold", 0, 1)]
 
 
