@@ -11,6 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import OFF_MEAN
+from fitting_core.measure.hands.phases import SIDES, Side, wrist_speed
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
 
@@ -74,6 +75,10 @@ def _temporal_residual(fit: PosedFit) -> Float[np.ndarray, "T"]:
     return residual
 
 
+def _speed(side: Side) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
+    return lambda fit: wrist_speed(fit.joints, side, fit.clip.frame_rate)
+
+
 CURVES: dict[str, CurveKind] = {
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(slice(0, kp.COUNT))),
     **{
@@ -85,12 +90,16 @@ CURVES: dict[str, CurveKind] = {
     "volume": CurveKind(title="Volume", unit="dm³", values=lambda fit: fit.volumes),
     "confidence": CurveKind(title="Mean confidence", unit="", values=_confidence),
     "depth": CurveKind(title="Depth of the pelvis", unit="m", values=lambda fit: fit.root[:, 2]),
+    **{
+        f"{side}_wrist": CurveKind(title=f"Speed of the {side} wrist", unit="m/s", values=_speed(side))
+        for side in SIDES
+    },
 }
 """By name; "volume" is the slow one, as it needs whole meshes.
 
 Reprojection errors are means over counted keypoints but the neck, weighted with their confidence; the mean confidence
 is over keypoints that were detected in some frame; the temporal residual is the root mean square over joints of what
-E_T punishes, in the space in which the fit compares joints.
+E_T punishes, in the space in which the fit compares joints; wrists are as fast as they are against the chest.
 """
 
 

@@ -1,13 +1,14 @@
 """What is high and low on which part of the body along a clip: the heat maps of the timeline, asked for by name."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, SIDES, hand_phases
 from tcfit_app.analysis.body_regions import REGIONS
 from tcfit_app.analysis.curves import weighted_mean
 from tcfit_app.analysis.posed_fit import PosedFit
@@ -28,6 +29,17 @@ class HeatMap:
     """Where colours end, which start at 0."""
 
 
+PARTS: dict[str, tuple[int, ...]] = {
+    part: REGIONS[part]
+    for part in (
+        *("head", "face", "torso"),
+        *(f"{side} {part}" for part in ("arm", "hand", "leg", "foot") for side in ("left", "right")),
+    )
+}
+"""The regions from top to bottom."""
+assert set(PARTS) == set(REGIONS)
+
+
 @dataclass(frozen=True, kw_only=True)
 class HeatKind:
     """How a heat map is made."""
@@ -40,17 +52,11 @@ class HeatKind:
     """Of each keypoint; NaN where there is none."""
     top: float | None = None
     """Where colours end; None: as suits the values."""
-
-
-PARTS: dict[str, tuple[int, ...]] = {
-    part: REGIONS[part]
-    for part in (
-        *("head", "face", "torso"),
-        *(f"{side} {part}" for part in ("arm", "hand", "leg", "foot") for side in ("left", "right")),
-    )
-}
-"""The regions from top to bottom."""
-assert set(PARTS) == set(REGIONS)
+    parts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: PARTS)
+    weighted: bool = False
+    """With the confidence of the detections."""
+    words: tuple[str, ...] = ()
+    """What the values 0, 1 and so on stand for, if they are no amounts."""
 
 
 def _errors(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
@@ -63,9 +69,25 @@ def _confidences(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
     return np.where(fit.tracked, fit.clip.keypoints.confidence, np.nan)
 
 
+_LEVELS = (REST, HOLD, MOVEMENT)
+"""Of the hands' phases, the brightest last."""
+_HANDS = {side: tuple(range(kp.COUNT)[kp.GROUPS[f"{side}_hand"]]) for side in SIDES}
+
+
+def _phases(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
+    levels = np.full((len(fit), kp.COUNT), np.nan)
+    for side in SIDES:
+        for span in hand_phases(fit.joints, side, fit.clip.frame_rate):
+            levels[span.frames.start : span.frames.stop, kp.GROUPS[f"{side}_hand"]] = _LEVELS.index(span.label)
+    return levels
+
+
 HEAT_MAPS: dict[str, HeatKind] = {
-    "error_by_part": HeatKind(title="Error by part, B", unit="px", worse="high", values=_errors),
+    "error_by_part": HeatKind(title="Error by part, B", unit="px", worse="high", values=_errors, weighted=True),
     "confidence_by_part": HeatKind(title="Confidence by part", unit="", worse="low", values=_confidences, top=1.0),
+    "hand_phases": HeatKind(
+        title="Hand phases, B", unit="", worse="high", values=_phases, top=2.0, parts=_HANDS, words=_LEVELS
+    ),
 }
 """By name. A part's value is the mean over its keypoints; errors are weighted with the confidence of the detections."""
 
@@ -79,8 +101,8 @@ def heat_map(name: str, fit: PosedFit) -> HeatMap:
     """
     kind = HEAT_MAPS[name]
     values = kind.values(fit)
-    weights = fit.clip.keypoints.confidence if kind.worse == "high" else np.ones_like(values)
-    by_part = np.stack([weighted_mean(values[:, part], weights[:, part]) for part in map(list, PARTS.values())], 1)
+    weights = fit.clip.keypoints.confidence if kind.weighted else np.ones_like(values)
+    by_part = np.stack([weighted_mean(values[:, part], weights[:, part]) for part in map(list, kind.parts.values())], 1)
     known = by_part[np.isfinite(by_part)]
     top = kind.top or (float(np.percentile(known, _TOP)) if len(known) else 0.0)
-    return HeatMap(name=name, parts=tuple(PARTS), values=by_part, top=top or 1.0)
+    return HeatMap(name=name, parts=tuple(kind.parts), values=by_part, top=top or 1.0)

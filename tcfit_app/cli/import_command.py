@@ -1,8 +1,11 @@
-"""`tcfit import`: another program's result as a run of a project."""
+"""`tcfit import`: another program's result as a run of a project, or ELAN's annotations as notes."""
 
 import sys
 
+from fitting_core.errors import InputError
+from fitting_core.io.annotations.eaf import SUFFIX
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.elan import import_notes
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.options.import_ import ImportOptions
 from tcfit_app.project.project import Project
@@ -15,6 +18,11 @@ def run_import(options: ImportOptions) -> None:
         InputError: The project cannot be opened for writing, the result cannot be read or does not fit the clip, or its
             body is not there; nothing has been written then.
     """
+    if options.path.suffix.lower() == SUFFIX:
+        _import_notes(options)
+        return
+    if options.tiers:
+        raise InputError(f"--tiers: {options.path} is no {SUFFIX} file, and has no tiers. Leave it out.")
     choices = ImportChoices(
         first_frame=options.first_frame,
         person=options.person,
@@ -31,3 +39,16 @@ def run_import(options: ImportOptions) -> None:
     print(
         f"Imported as run {run.id}, {run.name}: {len(fit.last.params)} frames, {run.body.gender} {run.body.kind} body"
     )
+
+
+def _import_notes(options: ImportOptions) -> None:
+    said = {name: getattr(options, name) for name in _OF_RESULTS}
+    if named := [name for name, value in said.items() if value not in (None, "")]:
+        raise InputError(f"--{named[0].replace('_', '-')}: means nothing for {options.path}, which holds annotations.")
+    with Project.open(options.project) as project:
+        found = import_notes(project, options.path, options.tiers)
+    print(f"Imported {found.in_words()}")
+
+
+_OF_RESULTS = ("name", "first_frame", "person", "gender", "body_model", "models", "focal_length", "vposer")
+"""Options that say how a result is read."""

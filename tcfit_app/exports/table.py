@@ -18,6 +18,7 @@ from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.lens import filmed_keypoints
 from fitting_core.video.frames import image_files
+from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import (
     as_json,
     clip_stated,
@@ -30,7 +31,7 @@ from tcfit_app.exports.overlay_video import write_side_by_side
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.packed import pack
 
-Group = Literal["Motion", "Meshes", "Video", "Keypoints", "Figures", "Project"]
+Group = Literal["Motion", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
 Needs = Literal["motion", "run", "keypoints"]
 """Any fit; a project with a run; a project."""
 
@@ -268,6 +269,14 @@ EXPORTS: dict[str, Export] = {
         hint="The sign-language field's binary format with OpenPose's points, with all corrections",
         write=_pose,
         needs="keypoints",
+    ),
+    "elan": Export(
+        title="ELAN (.eaf)",
+        group="Annotations",
+        suffix=".eaf",
+        hint="Tiers over the video: notes, flags, review; phases and handshapes of each hand of the chosen fit",
+        write=write_elan,
+        needs="run",
     ),
     "figures": Export(
         title="CSV",

@@ -11,17 +11,18 @@ from tcfit_app.options.fit import shown
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """Put another program's result into a project as a run, to compare fits with.
+    """Put another program's result into a project as a run, to compare fits with; or ELAN's annotations as notes.
 
     SMPLify-X's output folder (or a zip of it), an npz of SMPL-X or AMASS, a fit.npz of tcfit, or a result of GVHMR,
     GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP or BEV. The content tells which; the body model that it belongs to
-    must be here. Nothing is written unless all of it could be read.
+    must be here. Of an .eaf file of ELAN, annotations become notes on their frames. Nothing is written unless all of it
+    could be read.
     """
 
     project: Annotated[Positional[Path], arg(metavar="PROJECT")]
     """The project's folder."""
     path: Annotated[Positional[Path], arg(metavar="PATH")]
-    """The result: a folder or a file."""
+    """The result: a folder or a file; or an .eaf file."""
     name: Annotated[str, shown("TEXT", "the file's")] = ""
     """Of the run."""
     first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None
@@ -38,3 +39,5 @@ class ImportOptions:
     """Focal length in pixels, for a result that tells none."""
     vposer: Annotated[Path | None, shown("PATH", "the one that was added")] = None
     """The VPoser that SMPLify-X used."""
+    tiers: Annotated[tuple[str, ...], shown("NAME ...", "all but those of tcfit")] = ()
+    """Of an .eaf file: which tiers become notes."""

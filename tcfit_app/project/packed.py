@@ -38,6 +38,8 @@ from tcfit_app.project.storage.reference import NAME as REFERENCE
 SUFFIX = ".tcfit.zip"
 ABOUT = "tcfit-project.json"
 FORMAT, VERSION = "tcfit project", 1
+HANDSHAPES = "handshapes.toml"
+"""The user's own set of handshapes, if there is one: see docs/linguists.md."""
 MOST_ENTRIES = 500_000
 MOST_BYTES = 1 << 40
 MOST_RATIO = 1100
@@ -45,7 +47,7 @@ MOST_RATIO = 1100
 # Only Windows sees a path or a drive in a frame's name that has a backslash or a colon.
 _FRAME = r"[^/\0]" if os.name == "posix" else r"[^/\\:\0]"
 _NAMES = re.compile(
-    rf"tcfit-project\.json|project\.sqlite|(detections|reference)\.npz|{runs.ENTRY}"
+    rf"tcfit-project\.json|project\.sqlite|handshapes\.toml|(detections|reference)\.npz|{runs.ENTRY}"
     rf"|media/[^/\\:\0]+(/{_FRAME}+)?",
     re.DOTALL,
 )
@@ -95,7 +97,7 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
         files = [
             (copy, database.NAME),
             (detections, DETECTIONS),
-            *([(folder / REFERENCE, REFERENCE)] if (folder / REFERENCE).is_file() else []),
+            *((folder / name, name) for name in (REFERENCE, HANDSHAPES) if (folder / name).is_file()),
             *_run_files(folder, copy),
             *_media_files(folder, copy, with_media=with_media),
         ]

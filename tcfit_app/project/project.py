@@ -8,6 +8,7 @@ A project is a folder:
 | detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137); stay once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
 | reference.npz | what fits are compared with, where something is known |
+| handshapes.toml | the user's own set of handshapes, where there is one |
 | media/ | the video or images, if they were copied; else the database knows where they are |
 | project.lock | held by the one process that writes |
 

@@ -59,6 +59,28 @@ class WriteNote(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """The `Note.id` of the one that gets this text."""
 
 
+class NoteText(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One of several notes that are written together."""
+
+    first: int
+    """The first of its frames, counted from the clip's first (0)."""
+    last: int
+    text: str
+    replaces: int | None = None
+    """As of WriteNote."""
+
+
+class WriteNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="notes"):
+    """Notes that came together, as from a file: one undo takes all of them back."""
+
+    notes: tuple[NoteText, ...]
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """All that they are on."""
+        return tuple(sorted({frame for note in self.notes for frame in range(note.first, note.last + 1)}))
+
+
 class Undo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="undo"):
     """Takes back an edit or a remark."""
 
@@ -73,7 +95,7 @@ class Redo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """Its id."""
 
 
-Remark = MarkFrames | WriteNote
+Remark = MarkFrames | WriteNote | WriteNotes
 """What is said about frames; the keypoints stay."""
 Said = Edit | Remark
 """What can be undone."""
@@ -98,7 +120,7 @@ class Note:
     """What somebody has written about frames."""
 
     id: int
-    """Of the log's entry that said it first: it stays the same with other texts."""
+    """By the log's entry that said it first (`note_id`): it stays the same with other texts."""
     frames: range
     text: str
     time: datetime
@@ -186,7 +208,7 @@ class EditHistory:
         self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
-        self._written: list[tuple[LogEntry, WriteNote]] = []
+        self._written: list[LogEntry] = []
         """Those of _done about notes."""
         self._before: deque[tuple[Edit, Corrected]] = deque()
         """What the last edits of _done have overwritten, of as many as memory allows."""
@@ -223,12 +245,12 @@ class EditHistory:
     def notes(self) -> tuple[Note, ...]:
         """The notes that there are, by their frames."""
         found: dict[int, Note] = {}
-        for entry, said in self._written:
-            number = entry.id if said.replaces is None else said.replaces
-            found.pop(number, None)
-            if said.text:
-                frames = range(said.frames[0], said.frames[-1] + 1)
-                found[number] = Note(id=number, frames=frames, text=said.text, time=entry.time, author=entry.author)
+        for entry in self._written:
+            for place, (frames, text, replaces) in enumerate(_texts(entry.action)):
+                number = note_id(entry.id, place) if replaces is None else replaces
+                found.pop(number, None)
+                if text:
+                    found[number] = Note(id=number, frames=frames, text=text, time=entry.time, author=entry.author)
         return tuple(sorted(found.values(), key=lambda note: (note.frames.start, note.id)))
 
     @property
@@ -247,6 +269,8 @@ class EditHistory:
 
     def check(self, action: Action) -> None:
         """Raise InputError if this cannot be the next action."""
+        if isinstance(action, WriteNotes):
+            return self._check_notes(action)
         if isinstance(action, Remark):
             _check_frames(action.frames, len(self._now.xy))
             return self._check_note(action) if isinstance(action, WriteNote) else None
@@ -258,14 +282,29 @@ class EditHistory:
             raise InputError(f"Edit {action.edit} cannot be {verb} now; {now} next. Somebody else may have edited.")
 
     def _check_note(self, note: WriteNote) -> None:
-        if note.replaces is not None and note.replaces not in {known.id for known in self.notes}:
-            raise InputError("This note is gone: somebody has changed or deleted it.")
-        if note.replaces is None and not note.text:
-            raise InputError("The note is empty. Type what it says first.")
-        if len(note.text) > NOTE_CHARACTERS:
-            raise InputError(f"The note has {len(note.text):,} characters; expected {NOTE_CHARACTERS:,} at most.")
+        self._check_text(note.text, note.replaces, {known.id for known in self.notes})
         if not note.frames or tuple(range(note.frames[0], note.frames[-1] + 1)) != note.frames:
             raise InputError("A note is on one frame, or on several that follow each other.")
+
+    def _check_notes(self, written: WriteNotes) -> None:
+        if not written.notes:
+            raise InputError("There are no notes to keep.")
+        there = {known.id for known in self.notes}
+        for note in written.notes:
+            _check_frames((note.first, note.last), len(self._now.xy))
+            self._check_text(note.text, note.replaces, there)
+            there.discard(note.replaces)
+            if note.last < note.first:
+                raise InputError("A note is on one frame, or on several that follow each other.")
+
+    @staticmethod
+    def _check_text(text: str, replaces: int | None, there: set[int]) -> None:
+        if replaces is not None and replaces not in there:
+            raise InputError("This note is gone: somebody has changed or deleted it.")
+        if replaces is None and not text:
+            raise InputError("The note is empty. Type what it says first.")
+        if len(text) > NOTE_CHARACTERS:
+            raise InputError(f"The note has {len(text):,} characters; expected {NOTE_CHARACTERS:,} at most.")
 
     def add(self, entry: LogEntry) -> None:
         """Take up the next entry, whose action has passed `check`."""
@@ -283,7 +322,7 @@ class EditHistory:
         if isinstance(entry.action, Undo):
             self._undone.append(self._done.pop())
             said = _said(self._undone[-1])
-            if isinstance(said, WriteNote):
+            if isinstance(said, WriteNote | WriteNotes):
                 self._written.pop()
             return said
         if isinstance(entry.action, Redo):
@@ -292,8 +331,8 @@ class EditHistory:
             self._undone.clear()
             self._done.append(entry)
         said = _said(self._done[-1])
-        if isinstance(said, WriteNote):
-            self._written.append((self._done[-1], said))
+        if isinstance(said, WriteNote | WriteNotes):
+            self._written.append(self._done[-1])
         return said
 
     def _make(self, edit: Edit) -> None:
@@ -321,6 +360,19 @@ class EditHistory:
         every = range(len(self._now.xy)), range(self._now.xy.shape[1])
         self._now.put(tuple(every[0]), tuple(every[1]), self._detections)
         self._make_all()
+
+
+def note_id(entry: int, place: int) -> int:
+    """The id of a note: that of its entry in the log, and for those after the first the place in it as well."""
+    return entry + (place << 32)
+
+
+def _texts(action: Action) -> list[tuple[range, str, int | None]]:
+    """The frames and text of each note, and which one it replaces."""
+    if isinstance(action, WriteNote):
+        return [(range(action.frames[0], action.frames[-1] + 1), action.text, action.replaces)]
+    assert isinstance(action, WriteNotes)
+    return [(range(note.first, note.last + 1), note.text, note.replaces) for note in action.notes]
 
 
 def _said(entry: LogEntry) -> Said:

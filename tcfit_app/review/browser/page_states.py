@@ -220,6 +220,8 @@ class Heat(_State, frozen=True, kw_only=True):
     """Where colours end, which start at 0."""
     worse: Literal["high", "low"]
     """Which values are bright."""
+    words: tuple[str, ...] = ()
+    """What the values 0, 1 and so on stand for, if they are no amounts."""
 
 
 class Row(_State, frozen=True, kw_only=True):

@@ -217,7 +217,8 @@ _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
 def heat(found: HeatMap) -> states.Heat:
     """A heat map as the page has it, to three digits: 20,000 frames of it are a megabyte."""
     values = tuple(curve_values(column, digits=3) for column in found.values.T)
-    return states.Heat(parts=found.parts, values=values, top=found.top, worse=HEAT_MAPS[found.name].worse)
+    kind = HEAT_MAPS[found.name]
+    return states.Heat(parts=found.parts, values=values, top=found.top, worse=kind.worse, words=kind.words)
 
 
 def _origin(shown: Shown) -> Hashable:

@@ -5,7 +5,7 @@ import textwrap
 import numpy as np
 
 from tcfit_app.analysis.body_regions import full_name
-from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote
+from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
     ClearDepth,
     CopyFrom,
@@ -68,6 +68,8 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{MARKS[edit.state]}, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, WriteNote):
         return f"{_note_in_words(edit)}, {in_words(edit.frames, first_frame)}"
+    if isinstance(edit, WriteNotes):
+        return f"{len(edit.notes)} notes imported, {in_words(edit.frames, first_frame)}"
     what = _keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, MoveKey):

@@ -4,6 +4,7 @@ from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.noting import FIELD
+from tcfit_app.review.panels.elan_notes import ElanImport
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -31,6 +32,7 @@ class Notes:
         hint = f"About the selected frames, or the one on show. {NOTE_CHARACTERS:,} characters at most"
         self._field = self._tab.client.gui.add_text(FIELD, "", hint=hint)
         self._board = Board(self._tab)
+        self._elan = ElanImport(self._tab)
         on = self._tab.buttons.on
         on("notes.write", lambda _: self._write())
         on("notes.leave", lambda _: self._change(None))
@@ -57,6 +59,7 @@ class Notes:
 
     def draw(self) -> None:
         """Bring it to the tab's state."""
+        self._elan.draw()
         tab, changing = self._tab, self._noting.changing
         where = "" if tab.state.playing else in_words(tab.chosen_frames, tab.first_frame)
         if not tab.sent.differs("notes", tab.session.marked, where, changing):

@@ -21,8 +21,9 @@ from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
-from tcfit_app.imports.results import ImportChoices, import_run, upload
-from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, edits_since
+from tcfit_app.imports.elan import ElanNotes, notes_of
+from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
+from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes, edits_since
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
@@ -143,6 +144,19 @@ class Session:
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
         self._edited(self.project.append(note, author=author), None)
+
+    def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
+        """The notes in an .eaf file that a browser has sent, for `keep_notes`. Slow: for `tasks`.
+
+        Raises:
+            InputError: As `import_notes`; nothing is kept yet.
+        """
+        with kept_as("upload.eaf", content, name_of_file(name)) as path:
+            return notes_of(path, self.project, tiers)
+
+    def keep_notes(self, notes: WriteNotes, *, author: str) -> None:
+        """Keep several notes at once. Raises InputError as `write_note`."""
+        self._edited(self.project.append(notes, author=author), None)
 
     # --- fits ---
 

@@ -34,8 +34,14 @@ def test_confidence_counts_what_is_missing_in_a_frame_but_not_what_is_never_ther
     assert found.top == 1.0
 
 
-@pytest.mark.parametrize("name", HEAT_MAPS)
+@pytest.mark.parametrize("name", [name for name, kind in HEAT_MAPS.items() if not kind.words])
 def test_a_clip_without_keypoints_has_none(tiny_body: BodyModel, name: str):
     fit = fit_of(tiny_body, still_params(2))
     found = heat_map(name, with_keypoints(fit, confidence=np.zeros(fit.clip.keypoints.confidence.shape)))
     assert found.values.shape == (2, len(PARTS)) and np.isnan(found.values).all() and found.top > 0
+
+
+def test_hands_that_stay_have_no_movement(tiny_body: BodyModel):
+    found = heat_map("hand_phases", fit_of(tiny_body, still_params(3)))
+    assert found.parts == ("left", "right") and found.values.shape == (3, 2)
+    assert "movement" not in {HEAT_MAPS["hand_phases"].words[int(level)] for level in found.values.flat}

@@ -308,6 +308,7 @@ def test_every_kind_is_drawn_in_these_tests():
         *KINDS.values(),
         edit_log.MarkFrames,
         edit_log.WriteNote,
+        edit_log.WriteNotes,
         edit_log.Undo,
         edit_log.Redo,
     }

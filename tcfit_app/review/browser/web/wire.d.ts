@@ -107,6 +107,7 @@ export interface Heat {
   values: ((number | null)[])[];
   top: number;
   worse: "high" | "low";
+  words: string[];
 }
 
 export interface Row {

@@ -148,14 +148,14 @@ function drawPointer(context) {
 /** @param {number} frame */
 const frameTitle = (frame) => `Frame ${frameNumber(frame)}  ${clockText(frame)}`;
 
-/** @param {{ part: string, value: number }} found @param {string} unit */
-const valueOf = ({ part, value }, unit) => `${part} ${value}${unit && ` ${unit}`}`;
+/** @param {{ part: string, value: number }} found @param {string} unit @param {readonly string[]} words */
+const valueOf = ({ part, value }, unit, words) => `${part} ${words[value] ?? value}${unit && ` ${unit}`}`;
 
 /** What the heat map under the pointer has in a frame. @param {number} frame @param {number} y */
 function heatLines(frame, y) {
   return (states.rows?.rows ?? []).flatMap(({ title, unit, heat }, index) => {
     const found = heat && within(rowBand(index), y) ? partAt(heat, rowBand(index), y, frame) : null;
-    return found ? [frameTitle(frame), `${title}  ${valueOf(found, unit)}`] : [];
+    return found ? [frameTitle(frame), `${title}  ${valueOf(found, unit, heat?.words ?? [])}`] : [];
   });
 }
 
@@ -164,7 +164,7 @@ function frameLines(frame) {
   const lines = [frameTitle(frame)];
   for (const { title, unit, curves, signed, heat } of states.rows?.rows ?? []) {
     const worst = heat && worstPart(heat, frame);
-    if (worst) lines.push(`${title}  ${valueOf(worst, unit)}`);
+    if (worst) lines.push(`${title}  ${valueOf(worst, unit, heat.words)}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
     const said = there.map(({ label, values }) => {
       const value = Number(Number(values[frame]).toPrecision(3));

@@ -1,0 +1,1 @@
+"""What hands do along a clip: when they move and are held, and in which shape."""

@@ -1,0 +1,124 @@
+"""When a hand moves, is held and rests, by the speed of its wrist against the trunk.
+
+What linguists call phases of movement (Kita, van Gijn and van der Hulst, "Movement phases in signs and co-speech
+gestures, and their transcription by human coders", 1998) are told apart by what they mean: preparation, stroke,
+retraction. A speed knows only movement and hold, as in Liddell and Johnson's "American Sign Language: The phonological
+base" (1989), and where an unmoved hand lies. So these are the three that are told.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter1d
+
+from fitting_core.body.geometry import unit
+from fitting_core.body.model import JOINT
+from fitting_core.measure.hands.spans import Span, spans_of, without_short
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+REST, MOVEMENT, HOLD = PHASES = ("rest", "movement", "hold")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseRule:
+    """What counts as movement, and what as rest. `benchmarks/hand_phases.py` measures what the values give."""
+
+    fast: float = 0.25
+    """Metres per second: a movement reaches it somewhere."""
+    slow: float = 0.14
+    """Metres per second: a movement lasts as long as the wrist is faster. One value alone would make ten movements of
+    a speed that wavers about it."""
+    movement: float = 0.08
+    """Seconds: shorter movements are none."""
+    hold: float = 0.10
+    """Seconds: shorter stops between two movements are part of them, such as where a movement turns back."""
+    low: float = 0.3
+    """An unmoved hand rests if its wrist is lower than this share of the way from the hips up to the neck."""
+    blur: float = 0.02
+    """Seconds: standard deviation of the Gaussian by which the path is smoothed before it is derived."""
+
+
+def wrist_in_chest(joints: Float[np.ndarray, "T 55 3"], side: Side) -> Float[np.ndarray, "T 3"]:
+    """Where a wrist is for the chest: metres from it, x to the person's left, y up the spine, z forward.
+
+    Args:
+        joints: Kinematic joints in any space, metres.
+        side: Of the hand.
+    """
+    chest, neck = joints[:, JOINT["spine3"]], joints[:, JOINT["neck"]]
+    # The collars hang on the chest's joint, so shrugs do not move them; shoulders would.
+    across = unit(joints[:, JOINT["left_collar"]] - joints[:, JOINT["right_collar"]])
+    forward = unit(np.cross(across, neck - chest))
+    axes = np.stack([across, np.cross(forward, across), forward], 1)
+    return np.einsum("tad,td->ta", axes, joints[:, JOINT[f"{side}_wrist"]] - chest)
+
+
+def wrist_speed(
+    joints: Float[np.ndarray, "T 55 3"], side: Side, frame_rate: float, *, blur: float = 0.0
+) -> Float[np.ndarray, "T"]:
+    """Speed of a wrist against the chest, metres per second, by central differences; 0 in a clip of one frame.
+
+    Args:
+        joints: Kinematic joints in any space, metres.
+        side: Of the hand.
+        frame_rate: Frames per second.
+        blur: See `PhaseRule`.
+    """
+    path = wrist_in_chest(joints, side)
+    if len(path) < 2:
+        return np.zeros(len(path))
+    if blur > 0:
+        path = gaussian_filter1d(path, blur * frame_rate, axis=0, mode="nearest")
+    return np.linalg.norm(np.gradient(path, 1 / frame_rate, axis=0), axis=1)
+
+
+def wrist_height(joints: Float[np.ndarray, "T 55 3"], side: Side) -> Float[np.ndarray, "T"]:
+    """How high a wrist is along the trunk: 0 at the hips, 1 at the neck."""
+    hips = (joints[:, JOINT["left_hip"]] + joints[:, JOINT["right_hip"]]) / 2
+    trunk = joints[:, JOINT["neck"]] - hips
+    return ((joints[:, JOINT[f"{side}_wrist"]] - hips) * trunk).sum(1) / (trunk**2).sum(1)
+
+
+def hand_phases(
+    joints: Float[np.ndarray, "T 55 3"], side: Side, frame_rate: float, rule: PhaseRule = PhaseRule()
+) -> list[Span]:
+    """What a hand does: every frame is in one span, which is called "movement", "hold" or "rest".
+
+    Args:
+        joints: Kinematic joints of all frames in any space, metres.
+        side: Of the hand.
+        frame_rate: Frames per second.
+        rule: What counts as what.
+    """
+    speed = wrist_speed(joints, side, frame_rate, blur=rule.blur)
+    moving = _moving(speed, rule, frame_rate)
+    height = wrist_height(joints, side)
+    found = []
+    for span in spans_of([MOVEMENT if moves else HOLD for moves in moving]):
+        rests = span.label == HOLD and np.median(height[span.frames]) < rule.low
+        found.append(Span(frames=span.frames, label=REST if rests else span.label))
+    return found
+
+
+def _moving(speed: Float[np.ndarray, "T"], rule: PhaseRule, frame_rate: float) -> Bool[np.ndarray, "T"]:
+    """Hysteresis: frames above `slow` in a stretch that reaches `fast`; then what is too short goes."""
+    faster = speed > rule.slow
+    reached = np.zeros(len(speed), bool)
+    for span in spans_of(["x" if above else "" for above in faster]):
+        reached[span.frames] = speed[span.frames].max() >= rule.fast
+    still = ~reached
+    # A stop at the clip's first or last frame goes on outside of it.
+    inner = without_short(still, math.ceil(rule.hold * frame_rate))
+    still[1:-1] = inner[1:-1] | _touching_an_end(still)[1:-1]
+    return without_short(~still, math.ceil(rule.movement * frame_rate))
+
+
+def _touching_an_end(still: Bool[np.ndarray, "T"]) -> Bool[np.ndarray, "T"]:
+    ends = np.zeros(len(still), bool)
+    for span in spans_of(["x" if s else "" for s in still]):
+        ends[span.frames] = span.frames.start == 0 or span.frames.stop == len(still)
+    return ends

@@ -1,0 +1,39 @@
+"""Stretches of frames that are called the same."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Span:
+    """Frames that follow each other, and what they are called."""
+
+    frames: range
+    """Counted from the clip's first (0)."""
+    label: str
+
+
+def spans_of(labels: Sequence[str]) -> list[Span]:
+    """The longest stretches of one label each, in order; frames with an empty label are in none."""
+    changes = [t for t in range(1, len(labels)) if labels[t] != labels[t - 1]]
+    starts, stops = [0, *changes], [*changes, len(labels)]
+    found = (Span(frames=range(a, b), label=labels[a]) for a, b in zip(starts, stops, strict=True) if a < b)
+    return [span for span in found if span.label]
+
+
+def runs(where: Bool[np.ndarray, "T"]) -> list[slice]:
+    """The stretches of frames that are true."""
+    edges = np.flatnonzero(np.diff(np.r_[0, where.astype(int), 0]))
+    return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
+
+
+def without_short(where: Bool[np.ndarray, "T"], shortest: int) -> Bool[np.ndarray, "T"]:
+    """The same without stretches of fewer frames than `shortest`."""
+    kept = where.copy()
+    for run in runs(where):
+        if run.stop - run.start < shortest:
+            kept[run] = False
+    return kept

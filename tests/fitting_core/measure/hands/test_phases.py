@@ -1,0 +1,106 @@
+"""Phases of hands: against the script of the generated signing, and of motions that are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.model import JOINT
+from fitting_core.body.points.positions import joints_in_space
+from fitting_core.measure.hands.phases import SIDES, hand_phases, wrist_height, wrist_speed
+from fitting_core.measure.hands.scripted import agreement, scripted_phases
+from fitting_core.measure.hands.spans import Span, spans_of
+from fitting_core.synthetic.acting.script import Build
+from fitting_core.synthetic.motions.signing import signing
+from fitting_core.synthetic.suite import SEQUENCES, subject_body, world_params
+
+RATE = 50.0
+
+
+def standing(frames: int) -> np.ndarray:
+    """Joints of somebody who stands, with the left wrist before the chest."""
+    joints = np.zeros((frames, 55, 3))
+    places = {
+        "spine3": (0, 1.2, 0), "neck": (0, 1.45, 0), "left_collar": (0.06, 1.38, 0), "right_collar": (-0.06, 1.38, 0),
+        "left_hip": (0.1, 0.95, 0), "right_hip": (-0.1, 0.95, 0), "left_wrist": (0.1, 1.25, 0.3),
+        "right_wrist": (-0.25, 0.95, 0.05),
+    }  # fmt: skip
+    for name, place in places.items():
+        joints[:, JOINT[name]] = place
+    return joints
+
+
+def told(joints: np.ndarray, side: str = "left") -> list[tuple[str, int, int]]:
+    return [(s.label, s.frames.start, s.frames.stop) for s in hand_phases(joints, side, RATE)]  # pyright: ignore
+
+
+def moved(joints: np.ndarray, start: int, stop: int, metres: float) -> np.ndarray:
+    """The left wrist goes aside between two frames, evenly."""
+    way = np.interp(np.arange(len(joints)), [start, stop], [0.0, metres])
+    result = joints.copy()
+    result[:, JOINT["left_wrist"], 0] += way
+    return result
+
+
+def test_a_hand_is_held_moves_and_is_held():
+    (a, _, b), (m, first, last), (c, _, end) = told(moved(standing(100), 40, 60, 0.4))
+    assert (a, m, c, end) == ("hold", "movement", "hold", 100)
+    assert b == first and abs(first - 40) <= 1 and abs(last - 60) <= 2
+
+
+def test_an_unmoved_hand_near_the_hips_rests():
+    assert told(standing(50), "right") == [("rest", 0, 50)]
+    assert wrist_height(standing(1), "right")[0] == pytest.approx(0.0)
+    assert wrist_height(standing(1), "left")[0] == pytest.approx(0.6)
+
+
+def test_who_walks_and_turns_moves_no_hand():
+    """A whole body that goes and turns, 1.5 m/s and a turn in 2 s, is no movement of its hands."""
+    joints = standing(100)
+    turn = Rotation.from_euler("y", np.linspace(0, 2 * np.pi, 100)[:, None]).as_matrix()
+    walked = np.einsum("tij,tkj->tki", turn, joints) + np.linspace(0, 3, 100)[:, None, None] * [1.0, 0, 0.2]
+    assert wrist_speed(walked, "left", RATE).max() < 1e-9
+    assert told(walked) == [("hold", 0, 100)]
+
+
+def test_the_speed_is_that_of_the_wrist():
+    assert wrist_speed(moved(standing(60), 0, 59, 0.59), "left", RATE)[30] == pytest.approx(0.5)
+    assert wrist_speed(standing(1), "left", RATE).tolist() == [0.0]
+
+
+def test_short_stops_and_flicks_do_not_count():
+    back_and_forth = moved(moved(standing(100), 30, 40, 0.3), 41, 51, -0.3)
+    assert [name for name, _, _ in told(back_and_forth)] == ["hold", "movement", "hold"]
+    assert told(moved(standing(60), 30, 31, 0.008)) == [("hold", 0, 60)]
+
+
+def test_slow_drift_is_a_hold_and_one_frame_too():
+    assert told(moved(standing(200), 0, 199, 0.4)) == [("hold", 0, 200)]  # 0.1 m/s
+    assert told(moved(standing(200), 0, 199, 0.72)) == [("hold", 0, 200)]  # 0.18 m/s, which never gets fast
+    assert told(standing(1)) == [("hold", 0, 1)]
+
+
+def test_the_signing_motion_does_what_its_script_says():
+    """Without a fit: benchmarks/hand_phases.py measures the fits."""
+    sequence = replace(SEQUENCES["signing_1"], frames=100)
+    body = subject_body(sequence.subject)
+    script, _ = signing(Build.of(body, sequence.subject.betas), sequence.seconds, np.random.default_rng([300, 1]))
+    joints = joints_in_space(body, world_params(sequence, body))
+    for side in SIDES:
+        truth = scripted_phases(script.arms[side], np.arange(100) / sequence.frame_rate)
+        found = hand_phases(joints, side, sequence.frame_rate)
+        assert agreement(truth, found, sequence.frame_rate).same > 0.8
+        assert {span.label for span in found} == {"rest", "movement", "hold"}
+
+
+def test_agreement():
+    truth = ["hold"] * 10 + ["movement"] * 10 + ["rest"] * 10
+    spans = [Span(frames=range(12), label="hold"), Span(frames=range(12, 30), label="movement")]
+    found = agreement(truth, spans, 20.0)
+    assert (found.same, found.off, found.missed, found.extra) == (pytest.approx(18 / 30), (100.0,), 1, 0)
+
+
+def test_spans():
+    assert spans_of(["a", "a", "", "b"]) == [Span(frames=range(2), label="a"), Span(frames=range(3, 4), label="b")]
+    assert spans_of([]) == [] == spans_of([""])
