@@ -18,7 +18,7 @@ from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, StoredFit, read
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.exports.exporting import file_name, write_export
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import DEFAULTS, EXPORTS, Export
+from tcfit_app.exports.table import DEFAULTS, Export, exports
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.options.export import ExportOptions
@@ -47,21 +47,22 @@ def run_export(options: ExportOptions) -> None:
         whole = source if options.frames is None else source[_frames(options.frames, source)]
         targets = {name: _target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            _write(EXPORTS[name], whole, path, zipped=options.zip)
+            _write(exports()[name], whole, path, zipped=options.zip)
 
 
 def listed() -> str:
     """All formats, for the user."""
     lines = [f"{'format':14}{'':8}what"]
-    for name, export in EXPORTS.items():
+    for name, export in exports().items():
         lines.append(f"{name:14}{'folder' if export.many else '':8}{export.title}: {export.hint}")
     return "\n".join(lines)
 
 
 def _formats(wished: tuple[str, ...]) -> tuple[str, ...]:
-    unknown = [name for name in wished if name not in EXPORTS]
+    known = exports()
+    unknown = [name for name in wished if name not in known]
     if unknown:
-        raise InputError(f"--formats {' '.join(unknown)}: not known; expected some of {', '.join(EXPORTS)}.")
+        raise InputError(f"--formats {' '.join(unknown)}: not known; expected some of {', '.join(known)}.")
     return tuple(dict.fromkeys(wished or DEFAULTS))
 
 
@@ -171,7 +172,7 @@ def _frames(wished: str, source: ExportSource) -> slice:
 
 def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     """Where an export goes; raises InputError where it cannot be made or would replace something."""
-    export = EXPORTS[name]
+    export = exports()[name]
     if source.known_motion is not None and export.needs != "motion":
         raise InputError(
             f"--formats {name}: {source.name} is a result of tcfit fit, which has neither keypoints nor video. Give a "

@@ -1,12 +1,14 @@
 """What can be exported: one function for each format, and the table of them for command line and app."""
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
+from fitting_core.errors import InputError
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.keypoints.pose_file import write_pose
@@ -17,6 +19,7 @@ from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_ob
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.lens import filmed_keypoints
+from fitting_core.plugins import Plugin, added
 from fitting_core.video.frames import image_files
 from tcfit_app.exports.figures import (
     as_json,
@@ -323,3 +326,57 @@ EXPORTS: dict[str, Export] = {
 """By the name on the command line, in the order of their buttons."""
 DEFAULTS = ("glb", "npz", "bvh")
 """What `tcfit export` writes when nothing is wished for."""
+
+
+# --- of plugins ---
+
+
+def exports() -> dict[str, Export]:
+    """EXPORTS, and behind them those that plugins add."""
+    return EXPORTS | {
+        name: replace(plugin.thing, write=_guarded(plugin))
+        for name, plugin in added("tcfit.exports", Export, taken=EXPORTS).items()
+        if _is_sound(plugin)
+    }
+
+
+def _is_sound(plugin: Plugin[Export]) -> bool:
+    export = plugin.thing
+    wrong = {
+        f"its group is {export.group!r}; expected one of {', '.join(get_args(Group))}": export.group in get_args(Group),
+        f"it needs {export.needs!r}; expected one of {', '.join(get_args(Needs))}": export.needs in get_args(Needs),
+        f"its suffix is {export.suffix!r}; expected '.' or '-' and letters": _SUFFIX.fullmatch(str(export.suffix)),
+    }
+    for reason, right in wrong.items():
+        if not right:
+            plugin.reports(reason)
+            return False
+    return True
+
+
+_SUFFIX = re.compile(r"[.-][A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], None]:
+    """Its writing, whose faults come as InputError; but what `progress` raises, by which users cancel, goes through."""
+
+    def write(source: ExportSource, path: Path, progress: Progress) -> None:
+        ended: list[BaseException] = []
+
+        def advance(share: float) -> None:
+            try:
+                progress(share)
+            except BaseException as error:
+                ended.append(error)
+                raise
+
+        try:
+            plugin.thing.write(source, path, advance)
+        except (InputError, OSError):
+            raise
+        except Exception as error:
+            if error in ended:
+                raise
+            raise InputError(f"{plugin.thing.title} cannot be written. {plugin.reports(error)}") from error
+
+    return write
