@@ -19,8 +19,10 @@ import pytest
 
 from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.measure.references.bodies import reference_of
+from fitting_core.measure.references.reference import write_reference
 from tcfit_app.cli.main import parse
-from tests.samples.posed_clips import CAMERA, clip_of, motion
+from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -208,8 +210,11 @@ def test_every_target_of_make_that_is_named_exists():
 
 @pytest.fixture
 def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The files of the examples: walk.mp4, and its keypoints as OpenPose writes them."""
-    keypoints = clip_of(motion(4), noise=2.0).keypoints
+    """The files of the examples: walk.mp4, its keypoints as OpenPose writes them, and the truth."""
+    moving = motion(4)
+    keypoints = clip_of(moving, noise=2.0).keypoints
+    truth = reference_of("walk", "made", shipped_body(), moving, frame_rate=25.0, in_camera=True)
+    write_reference(tmp_path / "truth.npz", truth)
     write_openpose(tmp_path / "keypoints", keypoints, name="walk")
     video = cv2.VideoWriter(str(tmp_path / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
     for _ in range(len(keypoints)):
@@ -224,11 +229,14 @@ def examples(path: Path) -> list[str]:
 
 
 def test_the_examples_run(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
-    monkeypatch.setitem(PRESETS, "tcfit", QUICK)
+    for name in ("tcfit", "paper"):
+        monkeypatch.setitem(PRESETS, name, QUICK)
     names: dict[str, Any] = {}
     for example in examples(DOCS / "library.md"):
         exec(example, names)
-    assert "torch.Size([4, 63])" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert all(text in said for text in ("torch.Size([4, 63])", "phase 3: ", "Re-run", "PA-MPJPE", "(4, 55, 3)"))
+    assert all(Path(name).stat().st_size > 1000 for name in ("walk.glb", "walk.bvh", "walk.npz", "walk-fit/fit.npz"))
 
 
 def test_the_readme_has_the_example_that_runs():

@@ -9,12 +9,10 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.ground.level import level_of
-from fitting_core.io.motion.fitted_motion import Motion, Progress
-from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, StoredFit, read_fit
+from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.exports.exporting import file_name, write_export
 from tcfit_app.exports.source import ExportedFit, ExportSource
@@ -120,24 +118,9 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
         raise InputError(f"{path}: is a result of one fit and not a project: leave out --run and --against.")
     stored = read_fit(path)
     name = _clip_name(path)
-    motion = Motion(
-        body=Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash)),
-        params=_phase(stored, options.phase),
-        camera=stored.camera,
-        frame_rate=stored.frame_rate,
-        name=name,
-        first_frame=stored.first_frame,
-        level=level_of(stored.grounding, stored.camera.world),
-    )
+    body = Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash))
+    motion = stored_motion(stored, body, name=name, phase=options.phase)
     return ExportSource(name=name, known_motion=motion, axes=options.axes)
-
-
-def _phase(stored: StoredFit, phase: int | None) -> BodyParams:
-    if phase in (None, stored.last_phase):
-        return stored.params
-    if phase == 1:
-        return stored.phase1
-    raise InputError(f"--phase {phase}: the result has phases 1 and {stored.last_phase}.")
 
 
 def _clip_name(path: Path) -> str:

@@ -17,6 +17,7 @@ from fitting_core.io.motion.bvh import write_bvh
 from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
 from fitting_core.io.motion.smplifyx import write_smplifyx
+from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.lens import filmed_keypoints
 from fitting_core.plugins import Plugin, added
@@ -65,15 +66,15 @@ class Export:
 def _glb(source: ExportSource, path: Path, progress: Progress) -> None:
     from fitting_core.io.motion.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
 
-    write_glb(path, source.motion("y-up"), progress)
+    write_glb(path, source.motion(MOTION_FILES[".glb"].axes), progress)
 
 
 def _npz(source: ExportSource, path: Path, progress: Progress) -> None:
-    write_animation_npz(path, source.motion("z-up"))
+    write_animation_npz(path, source.motion(MOTION_FILES[".npz"].axes))
 
 
 def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
-    motion = source.motion("y-up")
+    motion = source.motion(MOTION_FILES[".bvh"].axes)
     (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
     write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
 
