@@ -69,6 +69,8 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.measure.comparison import figure_titles as figure_titles
     from fitting_core.measure.fit_figures import evaluate_fit as evaluate_fit
     from fitting_core.measure.references.files import read_reference as read_reference
+    from fitting_core.render.motion_views import Look as Look
+    from fitting_core.render.motion_views import picture_of as picture_of
     from fitting_core.render.overlay import write_overlay as write_overlay
     from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
 
@@ -100,6 +102,7 @@ _HOMES = {
     "measure.comparison": ("Comparison", "figure_titles"),
     "measure.fit_figures": ("evaluate_fit",),
     "measure.references.files": ("read_reference",),
+    "render.motion_views": ("Look", "picture_of"),
     "render.overlay": ("write_overlay",),
     "synthetic.demo_clip": ("cached_demo",),
 }

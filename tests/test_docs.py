@@ -228,7 +228,37 @@ def examples(path: Path) -> list[str]:
     return [block for language, block in _FENCED.findall(text_of(path)) if language == "python"]
 
 
-def test_the_examples_run(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+def test_the_pages_with_examples_are_known():
+    """Those of plugins.md are a package, which tests/tcfit_app/test_plugins.py installs."""
+    assert {page.name for page in PAGES if examples(page)} == {"plugins.md", "events.md", "engineers.md", "library.md"}
+
+
+def test_the_page_for_engineers_runs(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+    monkeypatch.setitem(PRESETS, "tcfit", QUICK)
+    names: dict[str, Any] = {}
+    for example in examples(DOCS / "engineers.md"):
+        exec(example, names)
+    said = capsys.readouterr().out
+    assert "4 frames; the right wrist moves at up to" in said and "(4, 63) (10,) [0 1]" in said and "y up" in said
+
+
+def test_a_program_that_starts_tcfit_hears_of_it(
+    walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    """With what the command takes beside, so that it is quick."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    (example,) = examples(DOCS / "events.md")
+    quick = '"--no-overlay", "--set", "relay_rounds=0", "--set", "settings.iterations=2", "--json"]'
+    run = example.replace('["tcfit", ', f'["{sys.executable}", "-m", "tcfit_app", ').replace('"--json"]', quick)
+    assert run != example
+    exec(run, {})
+    said = capsys.readouterr().out
+    assert "phase 3: " in said and "failed" not in said and Path("walk-fit/fit.npz").is_file()
+
+
+def test_the_examples_run(
+    walk: None, off_screen_gl: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
     for name in ("tcfit", "paper"):
         monkeypatch.setitem(PRESETS, name, QUICK)
     names: dict[str, Any] = {}

@@ -12,8 +12,10 @@ from tqdm import tqdm
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.motion_files import stored_motion
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
 from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import file_name, write_export
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import DEFAULTS, Export, exports
@@ -41,11 +43,14 @@ def run_export(options: ExportOptions) -> None:
     formats = _formats(options.formats)
     if options.path is None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
-    with _source(options.path, options) as source:
-        whole = source if options.frames is None else source[_frames(options.frames, source)]
+    with source_of(options.path, options) as source:
+        whole = source if options.frames is None else source[frames_of(options.frames, source)]
         targets = {name: _target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            _write(exports()[name], whole, path, zipped=options.zip)
+            emit(Step(step=name, title=exports()[name].title))
+            _write(exports()[name], whole, path, told(name), zipped=options.zip)
+            emit(StepDone(step=name))
+            emit_wrote(path, kind=name)
 
 
 def listed() -> str:
@@ -65,7 +70,12 @@ def _formats(wished: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def _source(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
+def source_of(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
+    """What there is to export at a path, with the run, the phase and the body models of the options.
+
+    Raises:
+        InputError: There is neither a project nor a result, or it lacks what the options name.
+    """
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             yield _of_project(project, options)
@@ -136,7 +146,7 @@ def _clip_name(path: Path) -> str:
 # --- frames and files ---
 
 
-def _frames(wished: str, source: ExportSource) -> slice:
+def frames_of(wished: str, source: ExportSource) -> slice:
     """Frames by their numbers in the video, both ends included."""
     motion = source.known_motion
     first = motion.first_frame if motion is not None else source.clip.first_frame
@@ -169,10 +179,10 @@ def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     return path
 
 
-def _write(export: Export, source: ExportSource, path: Path, *, zipped: bool) -> None:
+def _write(export: Export, source: ExportSource, path: Path, tell: Progress, *, zipped: bool) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with _bar(export.title) as progress:
+        with bar(export.title, tell) as progress:
             write_export(export, source, path, progress, zipped=zipped)
     except OSError as error:
         raise InputError(
@@ -182,11 +192,13 @@ def _write(export: Export, source: ExportSource, path: Path, *, zipped: bool) ->
 
 
 @contextmanager
-def _bar(title: str) -> Iterator[Progress]:
+def bar(title: str, tell: Progress) -> Iterator[Progress]:
+    """A bar on a terminal; what it yields takes shares, moves the bar, and hands them to `tell`."""
     form = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}"
-    with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as bar:
+    with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as shown:
 
         def advance(share: float) -> None:
-            bar.update(share - bar.n)
+            shown.update(share - shown.n)
+            tell(share)
 
         yield advance

@@ -362,7 +362,7 @@ def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Pa
 def test_missing_opengl_does_not_fail_the_fit(
     fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):
-    def nothing(*arguments: Any) -> None:
+    def nothing(*arguments: Any, **options: Any) -> None:
         raise InputError("No off-screen OpenGL was found. On Debian or Ubuntu, `apt-get install libegl1 libgl1`")
 
     monkeypatch.setattr(fit_command, "write_comparison", nothing)
