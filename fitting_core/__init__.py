@@ -73,6 +73,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.render.motion_views import picture_of as picture_of
     from fitting_core.render.overlay import write_overlay as write_overlay
     from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
+    from fitting_core.synthetic.demo_clip import make_demo as make_demo
 
 _HOMES = {
     "body.files.reading": ("load_body",),
@@ -104,7 +105,7 @@ _HOMES = {
     "measure.references.files": ("read_reference",),
     "render.motion_views": ("Look", "picture_of"),
     "render.overlay": ("write_overlay",),
-    "synthetic.demo_clip": ("cached_demo",),
+    "synthetic.demo_clip": ("cached_demo", "make_demo"),
 }
 """Module -> what it offers here. A folder's name must not be among them: once imported, the folder would hide it."""
 _HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}

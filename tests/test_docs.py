@@ -35,8 +35,8 @@ _HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
 _FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _SPAN = re.compile(r"`([^`\n]+)`")
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9_-]*")
-_OPENPOSE = {"--write_json", "--hand", "--face", "--keypoint_scale"}
-"""Options of OpenPose, which is not ours."""
+_FOREIGN = {"--write_json", "--hand", "--face", "--keypoint_scale", "--file"}
+"""Options of OpenPose and Docker, which are not ours."""
 QUICK = replace(
     PRESETS["tcfit"],
     relay_rounds=0,
@@ -194,7 +194,7 @@ def test_a_benchmark_has_the_options_that_are_shown(arguments: tuple[str, ...]):
 
 def test_every_option_that_is_named_exists():
     helps = [*map(help_of, subcommands()), *(help_of_benchmark(name) for name, *_ in benchmarks())]
-    known = _OPENPOSE.union(["--help"], *map(_OPTION.findall, helps))
+    known = _FOREIGN.union(["--help"], *map(_OPTION.findall, helps))
     assert not {(page, option) for page, span in spans() for option in _OPTION.findall(span) if option not in known}
 
 
@@ -230,7 +230,13 @@ def examples(path: Path) -> list[str]:
 
 def test_the_pages_with_examples_are_known():
     """Those of plugins.md are a package, which tests/tcfit_app/test_plugins.py installs."""
-    assert {page.name for page in PAGES if examples(page)} == {"plugins.md", "events.md", "engineers.md", "library.md"}
+    assert {page.name for page in PAGES if examples(page)} == {
+        "plugins.md",
+        "events.md",
+        "engineers.md",
+        "library.md",
+        "formats.md",
+    }
 
 
 def test_the_page_for_engineers_runs(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
@@ -238,6 +244,10 @@ def test_the_page_for_engineers_runs(walk: None, monkeypatch: pytest.MonkeyPatch
     names: dict[str, Any] = {}
     for example in examples(DOCS / "engineers.md"):
         exec(example, names)
+    Path("walk-fit").rename("result")
+    (example,) = examples(DOCS / "formats.md")
+    exec(example, names)
+    assert names["fit"]["poses"].shape == (4, 165)
     said = capsys.readouterr().out
     assert "4 frames; the right wrist moves at up to" in said and "(4, 63) (10,) [0 1]" in said and "y up" in said
 
