@@ -9,8 +9,9 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, drained, mapped
-from fitting_core.fit.fitting import Refit, patched, rerun_events
+from fitting_core.fit.fitting import Refit, rerun_events
 from fitting_core.fit.grounded import grounded
+from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 
