@@ -91,7 +91,7 @@ def added(
         taken: Names of tcfit's own, which nobody may have.
         report_others: Whether a thing of no kind that is named here is a fault.
     """
-    found: dict[str, Plugin[Thing]] = {}
+    found: dict[str, Plugin] = {}
     for plugin in loaded(group):
         if not isinstance(plugin.thing, kind):
             if isinstance(plugin.thing, others) or not report_others:

@@ -249,7 +249,7 @@ def test_the_page_for_engineers_runs(walk: None, monkeypatch: pytest.MonkeyPatch
     exec(example, names)
     assert names["fit"]["poses"].shape == (4, 165)
     said = capsys.readouterr().out
-    assert "4 frames; the right wrist moves at up to" in said and "(4, 63) (10,) [0 1]" in said and "y up" in said
+    assert "4 frames; the right wrist moves at up to" in said and "(4, 63) (10,)\n[0 1]" in said and "y up" in said
 
 
 def test_a_program_that_starts_tcfit_hears_of_it(

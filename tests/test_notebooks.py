@@ -28,7 +28,7 @@ def test_a_notebook_runs(path: Path, tmp_path: Path, off_screen_gl: None, monkey
     notebook = read(path)
     nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
     printed = "".join(output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", ()) if output)
-    expected = {"1-fit-and-look": ("12 frames", "demo.glb"), "2-compare-and-evaluate": ("PA-MPJPE", "demo-fit done")}
+    expected = {"1-fit-and-look": ("8 frames", "demo.glb"), "2-compare-and-evaluate": ("PA-MPJPE", "demo-fit done")}
     assert all(text in printed for text in expected[path.stem])
     pictures = [o for cell in notebook.cells for o in cell.get("outputs", ()) if "image/jpeg" in o.get("data", {})]
     assert len(pictures) == (2 if path.stem.startswith("1") else 0)

@@ -310,7 +310,7 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
 
 def added_findings() -> dict[str, Callable[[PosedFit], Iterator[Finding]]]:
     """Those that plugins add, by kind. One that fails finds nothing more, and is reported."""
-    plugins = added("tcfit.findings", Callable, taken=FINDINGS)
+    plugins = added("tcfit.findings", Callable, taken=FINDINGS)  # pyright: ignore[reportArgumentType]
     return {kind: partial(_reported, plugin) for kind, plugin in plugins.items()}
 
 
