@@ -48,17 +48,32 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.fit.fitting import rerun_events as rerun_events
     from fitting_core.fit.objective_values import ObjectiveValues as ObjectiveValues
     from fitting_core.fit.objective_values import evaluate_objective as evaluate_objective
+    from fitting_core.fit.refitting import refit as refit
     from fitting_core.fit.result import FitResult as FitResult
     from fitting_core.fit.result import PhaseResult as PhaseResult
     from fitting_core.io import read_motion as read_motion
     from fitting_core.io.clip_reader import read_clip as read_clip
     from fitting_core.io.clip_reader import read_keypoints as read_keypoints
+    from fitting_core.io.motion.fitted_motion import Motion as Motion
+    from fitting_core.io.motion.mesh_sequence import write_obj_sequence as write_obj_sequence
+    from fitting_core.io.motion.mesh_sequence import write_ply_sequence as write_ply_sequence
+    from fitting_core.io.motion_files import motion_of as motion_of
+    from fitting_core.io.motion_files import stored_motion as stored_motion
+    from fitting_core.io.motion_files import write_motion as write_motion
     from fitting_core.io.result_files import StoredFit as StoredFit
     from fitting_core.io.result_files import read_fit as read_fit
     from fitting_core.io.result_files import write_result as write_result
     from fitting_core.io.start_reader import read_start as read_start
     from fitting_core.keypoints import Keypoints as Keypoints
+    from fitting_core.measure.comparison import Comparison as Comparison
+    from fitting_core.measure.comparison import figure_titles as figure_titles
+    from fitting_core.measure.fit_figures import evaluate_fit as evaluate_fit
+    from fitting_core.measure.references.files import read_reference as read_reference
+    from fitting_core.render.motion_views import Look as Look
+    from fitting_core.render.motion_views import picture_of as picture_of
     from fitting_core.render.overlay import write_overlay as write_overlay
+    from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
+    from fitting_core.synthetic.demo_clip import make_demo as make_demo
 
 _HOMES = {
     "body.files.reading": ("load_body",),
@@ -75,13 +90,22 @@ _HOMES = {
     "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "FramesFitted"),
     "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),
     "fit.objective_values": ("ObjectiveValues", "evaluate_objective"),
+    "fit.refitting": ("refit",),
     "fit.result": ("FitResult", "PhaseResult"),
     "io": ("read_motion",),
     "io.clip_reader": ("read_clip", "read_keypoints"),
+    "io.motion.fitted_motion": ("Motion",),
+    "io.motion.mesh_sequence": ("write_obj_sequence", "write_ply_sequence"),
+    "io.motion_files": ("motion_of", "stored_motion", "write_motion"),
     "io.result_files": ("StoredFit", "read_fit", "write_result"),
     "io.start_reader": ("read_start",),
     "keypoints": ("Keypoints",),
+    "measure.comparison": ("Comparison", "figure_titles"),
+    "measure.fit_figures": ("evaluate_fit",),
+    "measure.references.files": ("read_reference",),
+    "render.motion_views": ("Look", "picture_of"),
     "render.overlay": ("write_overlay",),
+    "synthetic.demo_clip": ("cached_demo", "make_demo"),
 }
 """Module -> what it offers here. A folder's name must not be among them: once imported, the folder would hide it."""
 _HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}

@@ -1,9 +1,11 @@
 """What is fitted: one person's keypoints over a clip, with the camera and where the frames come from."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting_core.camera import Camera
+from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 
 
@@ -24,3 +26,18 @@ class Clip:
 
     def __len__(self) -> int:
         return len(self.keypoints)
+
+    def corrected(self, frame: int, points: Mapping[str, tuple[float, float] | None]) -> "Clip":
+        """The clip with keypoints of one frame as a person says they are; `fit.refitting.refit` fits it again.
+
+        Args:
+            frame: Counted from the clip's first as 0.
+            points: By name in `keypoints.NAMES`: where it is in the image, in pixels (x right, y down), with confidence
+                1; or None: what was detected is wrong, and does not count.
+
+        Raises:
+            InputError: There is no such frame or keypoint, or a position is no number.
+        """
+        if not 0 <= frame < len(self):
+            raise InputError(f"There is no frame {frame} to correct: the clip has frames 0 to {len(self) - 1}.")
+        return replace(self, keypoints=self.keypoints.corrected(frame, points))

@@ -1,9 +1,13 @@
 """The 137 OpenPose keypoints: the one place that defines their order, names, groups and bones."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from fitting_core.errors import InputError
 
 BODY_25 = (
     "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist mid_hip right_hip right_knee "
@@ -123,6 +127,23 @@ class Keypoints:
 
     def __len__(self) -> int:
         return len(self.xy)
+
+    def corrected(self, frame: int, points: Mapping[str, tuple[float, float] | None]) -> "Keypoints":
+        """See `Clip.corrected`."""
+        xy, confidence, by_hand = self.xy.copy(), self.confidence.copy(), self.placed.copy()
+        depth = self.told_depth.copy()
+        for name, point in points.items():
+            if name not in INDEX:
+                near = ", ".join(get_close_matches(name, NAMES)) or "such as right_wrist"
+                raise InputError(f"There is no keypoint {name!r}; expected one of keypoints.NAMES: {near}.")
+            if point is not None and not (len(point) == 2 and np.isfinite(point).all()):
+                raise InputError(f"{name} is put at {point}; expected x and y in pixels, or None.")
+            k = INDEX[name]
+            xy[frame, k] = xy[frame, k] if point is None else point
+            confidence[frame, k], by_hand[frame, k] = float(point is not None), point is not None
+            depth[frame, k] = np.nan if point is None else depth[frame, k]
+        known = {} if self.depth is None else {"depth": depth}
+        return replace(self, xy=xy, confidence=confidence, by_hand=by_hand, **known)
 
     def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> "Keypoints":
         known = {name: array[frames] for name, array in vars(self).items() if array is not None}

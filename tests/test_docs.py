@@ -19,8 +19,10 @@ import pytest
 
 from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.measure.references.bodies import reference_of
+from fitting_core.measure.references.reference import write_reference
 from tcfit_app.cli.main import parse
-from tests.samples.posed_clips import CAMERA, clip_of, motion
+from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -33,8 +35,8 @@ _HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
 _FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _SPAN = re.compile(r"`([^`\n]+)`")
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9_-]*")
-_OPENPOSE = {"--write_json", "--hand", "--face", "--keypoint_scale"}
-"""Options of OpenPose, which is not ours."""
+_FOREIGN = {"--write_json", "--hand", "--face", "--keypoint_scale", "--file"}
+"""Options of OpenPose and Docker, which are not ours."""
 QUICK = replace(
     PRESETS["tcfit"],
     relay_rounds=0,
@@ -192,7 +194,7 @@ def test_a_benchmark_has_the_options_that_are_shown(arguments: tuple[str, ...]):
 
 def test_every_option_that_is_named_exists():
     helps = [*map(help_of, subcommands()), *(help_of_benchmark(name) for name, *_ in benchmarks())]
-    known = _OPENPOSE.union(["--help"], *map(_OPTION.findall, helps))
+    known = _FOREIGN.union(["--help"], *map(_OPTION.findall, helps))
     assert not {(page, option) for page, span in spans() for option in _OPTION.findall(span) if option not in known}
 
 
@@ -208,8 +210,11 @@ def test_every_target_of_make_that_is_named_exists():
 
 @pytest.fixture
 def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The files of the examples: walk.mp4, and its keypoints as OpenPose writes them."""
-    keypoints = clip_of(motion(4), noise=2.0).keypoints
+    """The files of the examples: walk.mp4, its keypoints as OpenPose writes them, and the truth."""
+    moving = motion(4)
+    keypoints = clip_of(moving, noise=2.0).keypoints
+    truth = reference_of("walk", "made", shipped_body(), moving, frame_rate=25.0, in_camera=True)
+    write_reference(tmp_path / "truth.npz", truth)
     write_openpose(tmp_path / "keypoints", keypoints, name="walk")
     video = cv2.VideoWriter(str(tmp_path / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
     for _ in range(len(keypoints)):
@@ -223,12 +228,55 @@ def examples(path: Path) -> list[str]:
     return [block for language, block in _FENCED.findall(text_of(path)) if language == "python"]
 
 
-def test_the_examples_run(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+def test_the_pages_with_examples_are_known():
+    """Those of plugins.md are a package, which tests/tcfit_app/test_plugins.py installs."""
+    assert {page.name for page in PAGES if examples(page)} == {
+        "plugins.md",
+        "events.md",
+        "engineers.md",
+        "library.md",
+        "formats.md",
+    }
+
+
+def test_the_page_for_engineers_runs(walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
     monkeypatch.setitem(PRESETS, "tcfit", QUICK)
+    names: dict[str, Any] = {}
+    for example in examples(DOCS / "engineers.md"):
+        exec(example, names)
+    Path("walk-fit").rename("result")
+    (example,) = examples(DOCS / "formats.md")
+    exec(example, names)
+    assert names["fit"]["poses"].shape == (4, 165)
+    said = capsys.readouterr().out
+    assert "4 frames; the right wrist moves at up to" in said and "(4, 63) (10,)\n[0 1]" in said and "y up" in said
+
+
+def test_a_program_that_starts_tcfit_hears_of_it(
+    walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    """With what the command takes beside, so that it is quick."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    (example,) = examples(DOCS / "events.md")
+    quick = '"--no-overlay", "--set", "relay_rounds=0", "--set", "settings.iterations=2", "--json"]'
+    run = example.replace('["tcfit", ', f'["{sys.executable}", "-m", "tcfit_app", ').replace('"--json"]', quick)
+    assert run != example
+    exec(run, {})
+    said = capsys.readouterr().out
+    assert "phase 3: " in said and "failed" not in said and Path("walk-fit/fit.npz").is_file()
+
+
+def test_the_examples_run(
+    walk: None, off_screen_gl: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    for name in ("tcfit", "paper"):
+        monkeypatch.setitem(PRESETS, name, QUICK)
     names: dict[str, Any] = {}
     for example in examples(DOCS / "library.md"):
         exec(example, names)
-    assert "torch.Size([4, 63])" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert all(text in said for text in ("torch.Size([4, 63])", "phase 3: ", "Re-run", "PA-MPJPE", "(4, 55, 3)"))
+    assert all(Path(name).stat().st_size > 1000 for name in ("walk.glb", "walk.bvh", "walk.npz", "walk-fit/fit.npz"))
 
 
 def test_the_readme_has_the_example_that_runs():

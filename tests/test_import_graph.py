@@ -17,7 +17,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors keypoints
+        errors keypoints plugins
         camera lens config files body
         clip metrics priors video lifting ground
         fit
@@ -32,7 +32,7 @@ FLOORS = {
         analysis imports
         evaluation server
         exports bench
-        review batch
+        review batch plugin_api
         cli
         __main__
     """,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.io.added_readers import read_added_keypoints, read_added_motion
 from fitting_core.io.keypoints.coco_wholebody import holds_coco
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.pose_binary import starts_as_pose
@@ -56,6 +57,8 @@ def read_detections(path: Path) -> Detections:
     if not path.exists():
         raise InputError(f"No keypoints at {path}: there is no such file or folder.")
     start = b"" if path.is_dir() else _first_bytes(path)
+    if (detections := read_added_keypoints(path, start)) is not None:
+        return detections
     for recognises, reader in READERS.items():
         if recognises(path, start):
             module, function = reader.split(":")
@@ -93,6 +96,8 @@ def read_motion(
         raise InputError(f"{path}: there is no such file or folder; expected the result of a fit.")
     if (path / FIT_NAME).is_file():
         path = path / FIT_NAME
+    if (motion := read_added_motion(path)) is not None:
+        return motion
     if (learned := read_learned(path, person=person, gender=gender)) is not None:
         return learned
     if path.is_file() and _holds_arrays(path):

@@ -22,7 +22,7 @@ from fitting_core.render.renderer import DEFAULT_COLOR, Renderer
 
 Image = UInt8[np.ndarray, "H W 3"]
 
-_DISTANCE = 8.0  # times the extent: nearly parallel, so that limbs keep their lengths wherever they point
+_DISTANCE = 8.0  # times the extent: nearly parallel
 _MARGIN = 1.1
 _GAP = 6
 _CAPTION_HEIGHT = 18
@@ -54,11 +54,17 @@ class View:
     """Degrees by which the eye stands higher than the middle."""
     size: tuple[int, int] = (240, 320)
     """Width and height in pixels."""
+    distance: float | None = None
+    """Metres from the eye to the middle; None: so far that limbs keep their lengths wherever they point."""
+
+    @property
+    def _away(self) -> float:
+        return _DISTANCE * self.extent if self.distance is None else self.distance
 
     @property
     def camera(self) -> Camera:
         """The camera that belongs to `camera_space`."""
-        focal = min(self.size) * _DISTANCE
+        focal = min(self.size) * self._away / self.extent
         return Camera(focal=(focal, focal), center=(self.size[0] / 2, self.size[1] / 2), size=self.size)
 
     def camera_space(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
@@ -67,7 +73,7 @@ class View:
         around = np.array([[math.cos(a), 0, -math.sin(a)], [0, 1, 0], [math.sin(a), 0, math.cos(a)]])
         over = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
         seen = (np.asarray(points, float) - self.center) @ (over @ around).T
-        return seen * [1, -1, -1] + [0, 0, _DISTANCE * self.extent]
+        return seen * [1, -1, -1] + [0, 0, self._away]
 
     def pixels(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 2"]:
         """Where points appear."""

@@ -4,8 +4,9 @@ A value is judged against the same clip. Its score is how far it lies above the 
 robust standard deviations, or a distance that no reviewer would mind if that is larger. From 1 on it is reported.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
 from fitting_core.fit.observations import lifted_keypoints, seen_confidence
 from fitting_core.fit.sides import PAIRED, SEEN, unswapped
+from fitting_core.plugins import Plugin, added
 from fitting_core.video.frame_names import runs
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
@@ -301,3 +303,36 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
     "confidence": _low_confidence,
 }
 """By kind. Of findings with the same score the earlier kind is told."""
+
+
+# --- of plugins ---
+
+
+def added_findings() -> dict[str, Callable[[PosedFit], Iterator[Finding]]]:
+    """Those that plugins add, by kind. One that fails finds nothing more, and is reported."""
+    plugins = added("tcfit.findings", Callable, taken=FINDINGS)  # pyright: ignore[reportArgumentType]
+    return {kind: partial(_reported, plugin) for kind, plugin in plugins.items()}
+
+
+def _reported(plugin: Plugin[Callable[[PosedFit], Iterable[Finding]]], fit: PosedFit) -> Iterator[Finding]:
+    try:
+        for finding in plugin.thing(fit):
+            if wrong := _wrong(finding, len(fit)):
+                plugin.reports(wrong)
+                return
+            yield finding
+    except Exception as error:
+        plugin.reports(error)
+
+
+def _wrong(finding: object, frames: int) -> str:
+    """What is wrong with a finding; empty if nothing."""
+    if not isinstance(finding, Finding):
+        return f"it found {type(finding).__name__}; expected Finding"
+    if not (isinstance(finding.frame, int) and 0 <= finding.frame < frames):
+        return f"it found something in frame {finding.frame!r}; expected an int from 0 to {frames - 1}"
+    if not (isinstance(finding.score, float) and np.isfinite(finding.score)):
+        return f"its score is {finding.score!r}; expected a float, from 1 on"
+    if not all(isinstance(joint, int) and 0 <= joint < kp.COUNT for joint in finding.joints):
+        return f"its joints are {finding.joints!r}; expected ints from 0 to {kp.COUNT - 1}"
+    return ""

@@ -1,7 +1,7 @@
 """Figures of a run, by itself and against the project's reference, and two runs side by side."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,9 +11,11 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.fit.result import PhaseResult
 from fitting_core.measure import comparison
+from fitting_core.measure.comparison import FigureKind, number_of
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.references.reference import Reference
 from fitting_core.metrics import jitter, torso_lean
+from fitting_core.plugins import added
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
 
@@ -72,21 +74,29 @@ COST = "cost_"
 
 
 def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """All figures of a run: METRICS, and the mean cost per frame by term of the phase that gave its parameters.
+    """All figures of a run: METRICS, those of plugins, and the mean cost by term of the phase that gave its parameters.
 
     The mean volume needs whole meshes: a second for a thousand frames.
     """
-    figures = [_metric(name, run) for name in METRICS]
+    figures = [_metric(name, kind, run) for name, kind in (METRICS | added_metrics()).items()]
     return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
 
 
 def frame_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
     """The figures of a run with a part of the clip's frames, without what is known of whole runs only."""
-    return tuple(_metric(name, run) for name in METRICS if name not in _OF_RUNS)
+    kinds = METRICS | added_metrics()
+    return tuple(_metric(name, kind, run) for name, kind in kinds.items() if name not in _OF_RUNS)
 
 
-def _metric(name: str, run: MeasuredRun) -> Metric:
-    kind = METRICS[name]
+def added_metrics() -> dict[str, MetricKind]:
+    """Those that plugins add. One that fails has no value, and is reported."""
+    return {
+        name: replace(plugin.thing, value=number_of(plugin, plugin.thing.value))
+        for name, plugin in added("tcfit.metrics", MetricKind, FigureKind, taken=METRICS).items()
+    }
+
+
+def _metric(name: str, kind: MetricKind, run: MeasuredRun) -> Metric:
     return Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
 
 

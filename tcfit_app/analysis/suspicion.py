@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from tcfit_app.analysis.body_regions import LIMB_OF
-from tcfit_app.analysis.findings import FINDINGS, Finding
+from tcfit_app.analysis.findings import FINDINGS, Finding, added_findings
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.project.edits.edit_log import LogEntry, frames_of
 from tcfit_app.project.storage.marks import Mark
@@ -26,7 +26,7 @@ class Suspect:
     score: float
     """Largest of the worst frame's findings; comparable between kinds, from 1 on."""
     kind: str
-    """One of FINDINGS."""
+    """One of FINDINGS, or a plugin's."""
     reason: str
     """A few words about the worst frame: "left wrist is 42 px off"."""
     joints: tuple[int, ...]
@@ -57,7 +57,7 @@ def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue
         checked: Frames that a person found to be fine (see `still_checked`).
     """
     by_frame: dict[int, list[_Found]] = {}
-    for kind, found_in in FINDINGS.items():
+    for kind, found_in in (FINDINGS | added_findings()).items():
         for finding in found_in(fit):
             by_frame.setdefault(finding.frame, []).append((kind, finding))
     for found in by_frame.values():

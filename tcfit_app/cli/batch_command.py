@@ -30,6 +30,7 @@ from tcfit_app.batch.records import (
 from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
 from tcfit_app.bench.machine import cores
+from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 from tcfit_app.project.storage.accessing import accessing
@@ -98,6 +99,7 @@ def _told(course: Course, manifest: Path, seconds: float) -> list[Row]:
         write_summary(folder, rows, seconds=seconds)
         report = write_report(folder, manifest.name, course.tasks, rows, [record for record, _ in outcomes])
     show_summary(rows, seconds=seconds, console=Console())
+    emit_wrote(folder / SUMMARY_CSV, report)
     print(f"A row for each clip is in {folder / SUMMARY_CSV}, and to be looked at in {report}")
     return rows
 
@@ -173,10 +175,22 @@ class _Lines:
         if isinstance(news, Ended):
             self._running.pop(news.index, None)
             self._count += 1
+            emit(
+                ClipEnded(
+                    clip=task.name,
+                    state=news.record.state,
+                    place=self._count,
+                    total=self._total,
+                    seconds=news.record.seconds,
+                    reason=news.record.reason,
+                )
+            )
             tqdm.write(self._line(task, news.record), file=sys.stdout)
             sys.stdout.flush()
             self._bar.update(1)
         else:
+            step = f"phase {news.phase}" if news.phase else "reading"
+            emit(Progress(step=step, share=news.share, text="", clip=task.name))
             self._running[news.index] = f"phase {news.phase} {news.share:.0%}" if news.phase else "reading"
         self._bar.set_postfix_str(", ".join(f"{self._tasks[i].name} {how}" for i, how in self._running.items()))
 

@@ -15,6 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.keypoints.openpose import SUFFIX, write_openpose
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
+from tcfit_app.cli.json_lines import Note, Progress, Step, emit, emit_wrote
 from tcfit_app.options.detect import DetectOptions
 
 _UNFINISHED = ".detection"
@@ -78,7 +79,9 @@ def _detect(detection: Detection, store: StoredDetection, folder: Path, name: st
         raise
     write_openpose(folder, found.keypoints, name=name, first_frame=frames[0])
     store.discard()
+    emit_wrote(folder, kind="keypoints")
     if found.note:
+        emit(Note(text=found.note))
         _tell([f"Note: {found.note}"])
     detected = (found.keypoints.confidence > 0).any(1).sum()
     print(f"Wrote {len(frames)} files into {folder}: somebody in {detected} of {len(frames)} frames.")
@@ -94,9 +97,11 @@ def shown(detection: Detection, store: StoredDetection) -> Detected:
                 end = event
                 continue
             if event.step != step:
+                emit(Step(step=event.step, title=_STEPS[event.step]))
                 step, bar = event.step, _next_bar(bar, event)
             if bar is not None:
                 bar.update(event.done - bar.n)
+            emit(Progress(step=event.step, share=event.share, text=f"{event.done} of {event.total} frames"))
     finally:
         if bar is not None:
             bar.close()

@@ -167,6 +167,31 @@ def check_folders() -> Iterator[Check]:
             yield Check(status="ok", found=f"{purpose}: {folder}")
 
 
+def check_plugins() -> Iterator[Check]:
+    """What other packages add, and what of it cannot be used."""
+    from fitting_core import plugins
+    from fitting_core.io.added_readers import keypoint_readers, motion_readers
+    from fitting_core.measure.comparison import figures
+    from tcfit_app.analysis.findings import added_findings
+    from tcfit_app.analysis.run_metrics import added_metrics
+    from tcfit_app.exports.table import exports
+
+    tables = {
+        "tcfit.readers": {**keypoint_readers(), **motion_readers()},
+        "tcfit.exports": exports(),
+        "tcfit.findings": added_findings(),
+        "tcfit.metrics": {**figures(), **added_metrics()},
+    }
+    for group, table in tables.items():
+        for plugin in plugins.loaded(group):
+            if plugin.name in table and not any(fault.of(plugin) for fault in plugins.faults()):
+                yield Check(status="ok", found=f"{group}: {plugin.name}, of {plugin.package}")
+    for fault in plugins.faults():
+        yield Check(status="warning", found=f"{fault.group}: {fault.name}: {fault.reason}", advice=fault.advice)
+    if not any(plugins.loaded(group) for group in tables) and not plugins.faults():
+        yield Check(status="ok", found="none")
+
+
 CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
     "Python and packages": check_python,
     "Body models": check_bodies,
@@ -174,6 +199,7 @@ CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
     "Off-screen rendering (overlay video)": check_rendering,
     "Video": check_video,
     "Folders": check_folders,
+    "Plugins": check_plugins,
 }
 """What the doctor looks at, by title."""
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
+from tcfit_app.cli.json_lines import Failure, emit
 
 FAILED, INPUT_ERROR, CANCELLED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes: of a full disk, too little memory and the like; of what the user gave (as for unknown options); of Ctrl-C
@@ -90,6 +91,7 @@ def _first_line(error: BaseException) -> str:
 
 
 def _say(text: str, code: int = FAILED) -> int:
+    emit(Failure(text=text))
     print(f"tcfit: {text}", file=sys.stderr, flush=True)
     return code
 

@@ -16,8 +16,9 @@ from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.report.markup import number
 from fitting_core.synthetic.suite import SEQUENCES, make_sequence
 from tcfit_app.cli.evaluate_motion import run_motion_suite
+from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.ablations import Setting, run_ablations
-from tcfit_app.evaluation.evaluated_fits import evaluated_fit
+from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
 from tcfit_app.evaluation.evaluating import drawable, evaluated
 from tcfit_app.evaluation.files import REPORT_NAME, print_table, write_evaluation
 from tcfit_app.evaluation.suite_runs import (
@@ -63,7 +64,8 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
         if reference is None:
             raise InputError(f"--reference-first-frame: {options.fit} has no reference: give --reference too.")
         reference = reference.starting_at(options.reference_first_frame, fit.frame_rate)
-    evaluation = evaluated(fit, reference, every=options.every, models=options.models)
+    done = _counted(fit, options.every)
+    evaluation = evaluated(fit, reference, every=options.every, models=options.models, done=done)
     evaluation = replace(evaluation, settings=evaluation.settings | {"Command": command})
     drawn = drawable(fit, reference, options.models)
     worst = worst_frames(evaluation.records, lambda sequence: drawn, count=options.pictures)
@@ -72,8 +74,29 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     print_table(evaluation.records)
     for note in evaluation.notes:
         print(f"Note: {note}", file=sys.stderr)
+        emit(Note(text=note))
+    _emit_records(evaluation.records, folder)
     print(f"Wrote metrics.csv, metrics.json and {REPORT_NAME} into {folder}")
     return folder
+
+
+def _counted(fit: EvaluatedFit, every: int) -> Callable[[int], None]:
+    """Takes how many frames' surfaces have just been measured, and tells of the share."""
+    total = sum(-(-len(params) // every) for params, _ in fit.phases.values())
+    count = 0
+
+    def done(more: int) -> None:
+        nonlocal count
+        count += more
+        emit(Progress(step="surfaces", share=min(1.0, count / total), text=f"{count} of {total} frames"))
+
+    return done
+
+
+def _emit_records(records: Sequence[Record], folder: Path) -> None:
+    for record in records:
+        emit_figures(record.sequence, record.method, record.comparison.figures)
+    emit_wrote(*(folder / name for name in ("metrics.csv", "metrics.json", REPORT_NAME)))
 
 
 def _check(options: EvaluateOptions) -> None:
@@ -142,6 +165,7 @@ def run_suite(options: EvaluateOptions, *, command: str = "") -> Path:
         )
         ablations = run_ablations(setting, jobs=options.jobs)
     write_evaluation(folder, evaluation, worst=worst, ablations=ablations)
+    _emit_records(evaluation.records, folder)
     print_table(evaluation.records)
     print(f"Wrote metrics.csv, metrics.json and {REPORT_NAME} into {folder}")
     return folder
@@ -161,6 +185,7 @@ def _done(tasks: Sequence[SuiteTask], jobs: int) -> dict[tuple[str, str], tuple[
         found[task.sequence, task.variant] = records
         said = "; ".join(f"{r.method} {number(r.comparison.figures.get(_FIGURE), 2)} cm" for r in records)
         print(f"{len(found)} of {len(tasks)}: {task.sequence}: {said}", file=sys.stderr, flush=True)
+        emit(Progress(step="sequences", share=len(found) / len(tasks), text=f"{task.sequence}: {said}"))
     return found
 
 

@@ -15,6 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.measure.depth_figures import CURVES, GROUPINGS, PART_CURVES, DepthRecord, figures, titled
 from fitting_core.measure.report.markup import number
+from tcfit_app.cli.json_lines import Progress, emit, emit_wrote
 from tcfit_app.evaluation.motion_runs import MotionTask, motions_named, run_motions, write_records
 from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.fit import MethodOptions, fit_config
@@ -61,6 +62,7 @@ def run_motion_suite(options: EvaluateOptions, *, command: str = "") -> Path:
     for method, own in tables.items():
         for title, rows in own.items():
             _print(f"{method}: {title}", rows)
+    emit_wrote(folder / JSON_NAME, folder / TABLES_NAME)
     print(f"Wrote {JSON_NAME} and {TABLES_NAME} into {folder}")
     return folder
 
@@ -82,6 +84,7 @@ def _done(tasks: Sequence[MotionTask], jobs: int) -> list[DepthRecord]:
         value = figures(records[-1:], "")["all"][_TOLD]
         told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {number(value)}')}"
         print(f"{len(found)} of {len(tasks)}: {told}", file=sys.stderr, flush=True)
+        emit(Progress(step="sequences", share=len(found) / len(tasks), text=told))
     return [record for task in tasks for record in found[task.folder]]
 
 

@@ -9,16 +9,16 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.ground.level import level_of
-from fitting_core.io.motion.fitted_motion import Motion, Progress
-from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, StoredFit, read_fit
+from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.motion_files import stored_motion
+from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
 from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import file_name, write_export
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import DEFAULTS, EXPORTS, Export
+from tcfit_app.exports.table import DEFAULTS, Export, exports
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.options.export import ExportOptions
@@ -43,30 +43,39 @@ def run_export(options: ExportOptions) -> None:
     formats = _formats(options.formats)
     if options.path is None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
-    with _source(options.path, options) as source:
-        whole = source if options.frames is None else source[_frames(options.frames, source)]
+    with source_of(options.path, options) as source:
+        whole = source if options.frames is None else source[frames_of(options.frames, source)]
         targets = {name: _target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            _write(EXPORTS[name], whole, path, zipped=options.zip)
+            emit(Step(step=name, title=exports()[name].title))
+            _write(exports()[name], whole, path, told(name), zipped=options.zip)
+            emit(StepDone(step=name))
+            emit_wrote(path, kind=name)
 
 
 def listed() -> str:
     """All formats, for the user."""
     lines = [f"{'format':14}{'':8}what"]
-    for name, export in EXPORTS.items():
+    for name, export in exports().items():
         lines.append(f"{name:14}{'folder' if export.many else '':8}{export.title}: {export.hint}")
     return "\n".join(lines)
 
 
 def _formats(wished: tuple[str, ...]) -> tuple[str, ...]:
-    unknown = [name for name in wished if name not in EXPORTS]
+    known = exports()
+    unknown = [name for name in wished if name not in known]
     if unknown:
-        raise InputError(f"--formats {' '.join(unknown)}: not known; expected some of {', '.join(EXPORTS)}.")
+        raise InputError(f"--formats {' '.join(unknown)}: not known; expected some of {', '.join(known)}.")
     return tuple(dict.fromkeys(wished or DEFAULTS))
 
 
 @contextmanager
-def _source(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
+def source_of(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
+    """What there is to export at a path, with the run, the phase and the body models of the options.
+
+    Raises:
+        InputError: There is neither a project nor a result, or it lacks what the options name.
+    """
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             yield _of_project(project, options)
@@ -119,24 +128,9 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
         raise InputError(f"{path}: is a result of one fit and not a project: leave out --run and --against.")
     stored = read_fit(path)
     name = _clip_name(path)
-    motion = Motion(
-        body=Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash)),
-        params=_phase(stored, options.phase),
-        camera=stored.camera,
-        frame_rate=stored.frame_rate,
-        name=name,
-        first_frame=stored.first_frame,
-        level=level_of(stored.grounding, stored.camera.world),
-    )
+    body = Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash))
+    motion = stored_motion(stored, body, name=name, phase=options.phase)
     return ExportSource(name=name, known_motion=motion, axes=options.axes)
-
-
-def _phase(stored: StoredFit, phase: int | None) -> BodyParams:
-    if phase in (None, stored.last_phase):
-        return stored.params
-    if phase == 1:
-        return stored.phase1
-    raise InputError(f"--phase {phase}: the result has phases 1 and {stored.last_phase}.")
 
 
 def _clip_name(path: Path) -> str:
@@ -152,7 +146,7 @@ def _clip_name(path: Path) -> str:
 # --- frames and files ---
 
 
-def _frames(wished: str, source: ExportSource) -> slice:
+def frames_of(wished: str, source: ExportSource) -> slice:
     """Frames by their numbers in the video, both ends included."""
     motion = source.known_motion
     first = motion.first_frame if motion is not None else source.clip.first_frame
@@ -171,7 +165,7 @@ def _frames(wished: str, source: ExportSource) -> slice:
 
 def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     """Where an export goes; raises InputError where it cannot be made or would replace something."""
-    export = EXPORTS[name]
+    export = exports()[name]
     if source.known_motion is not None and export.needs != "motion":
         raise InputError(
             f"--formats {name}: {source.name} is a result of tcfit fit, which has neither keypoints nor video. Give a "
@@ -185,10 +179,10 @@ def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     return path
 
 
-def _write(export: Export, source: ExportSource, path: Path, *, zipped: bool) -> None:
+def _write(export: Export, source: ExportSource, path: Path, tell: Progress, *, zipped: bool) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with _bar(export.title) as progress:
+        with bar(export.title, tell) as progress:
             write_export(export, source, path, progress, zipped=zipped)
     except OSError as error:
         raise InputError(
@@ -198,11 +192,13 @@ def _write(export: Export, source: ExportSource, path: Path, *, zipped: bool) ->
 
 
 @contextmanager
-def _bar(title: str) -> Iterator[Progress]:
+def bar(title: str, tell: Progress) -> Iterator[Progress]:
+    """A bar on a terminal; what it yields takes shares, moves the bar, and hands them to `tell`."""
     form = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}"
-    with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as bar:
+    with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as shown:
 
         def advance(share: float) -> None:
-            bar.update(share - bar.n)
+            shown.update(share - shown.n)
+            tell(share)
 
         yield advance

@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
@@ -19,6 +19,7 @@ from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
 from fitting_core.io.known_shape import read_betas
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
+from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.starts import start_of
@@ -64,6 +65,7 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(options.out / OVERLAY_NAME, fit, clip, body):
         written.append(OVERLAY_NAME)
+    _emit_result(options.out, clip, fit, summary, written)
     print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {options.out}"]))
     return Outcome(fit=fit, body=body, summary=summary)
 
@@ -75,7 +77,7 @@ def _fit_and_write(
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
-        with Progress() as progress:
+        with ProgressBars() as progress:
             for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
@@ -95,9 +97,21 @@ def _what_stayed(finished: PhaseFinished | None, folder: Path) -> str:
     return f"Stopped; the result up to phase {finished.phase} is in {folder}"
 
 
+def _emit_result(folder: Path, clip: Clip, fit: FitResult, summary: dict[str, Any], written: Sequence[str]) -> None:
+    for warning in fit.warnings:
+        emit(Note(text=warning))
+    for phase, error in summary["reprojection_px"].items():
+        figures = {f"reprojection_px_{name}": value for name, value in error.items()}
+        figures["jitter_mm_per_frame2"] = summary["jitter"][phase]["camera_space_mm_per_frame2"]
+        emit_figures(clip.name, f"{phase[:-1]} {phase[-1]}", figures)
+    emit_wrote(*(folder / name for name in written))
+
+
 def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) -> bool:
     try:
-        write_comparison(path, fit, clip, body)
+        emit(Step(step="overlay", title="Overlay video"))
+        write_comparison(path, fit, clip, body, progress=told("overlay"))
+        emit(StepDone(step="overlay"))
     except (InputError, OSError) as error:
         _tell([f"No {path.name} was written, but the fit is complete. {error}"])
         return False
@@ -126,11 +140,21 @@ def _tell(lines: Iterable[str]) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
+def _emit_event(event: FitEvent) -> None:
+    step = f"phase {getattr(event, 'phase', 0)}"
+    if isinstance(event, PhaseStarted):
+        emit(Step(step=step, title=event.title))
+    elif isinstance(event, Iteration):
+        emit(Progress(step=step, share=event.share, text=event.label, cost=event.cost))
+    elif isinstance(event, PhaseFinished):
+        emit(StepDone(step=step, seconds=event.result.seconds, cost=event.result.objective["total"]))
+
+
 _FORMAT = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}{postfix}"
 _STEPS = 1000
 
 
-class Progress:
+class ProgressBars:
     """A context manager; give it every event.
 
     Args:
@@ -143,7 +167,7 @@ class Progress:
         """That of the phase that runs, on a terminal."""
         self._start = 0.0
 
-    def __enter__(self) -> "Progress":
+    def __enter__(self) -> "ProgressBars":
         return self
 
     def __exit__(
@@ -154,6 +178,7 @@ class Progress:
 
     def show(self, event: FitEvent) -> None:
         """Show an event; those that say nothing new are passed over."""
+        _emit_event(event)
         if isinstance(event, PhaseStarted):
             self._begin(f"Phase {event.phase}: {event.title}")
         elif isinstance(event, Iteration):

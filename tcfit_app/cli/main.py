@@ -15,6 +15,7 @@ from fitting_core.config.schema import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from tcfit_app.cli.ending import ended, prepare_streams
+from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, version
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.detect import DetectOptions
@@ -23,6 +24,7 @@ from tcfit_app.options.export import ExportOptions
 from tcfit_app.options.fit import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 from tcfit_app.options.import_ import ImportOptions
 from tcfit_app.options.paths import check_paths
+from tcfit_app.options.render import RenderOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +83,12 @@ def _export(options: ExportOptions, command: str) -> None:
     from tcfit_app.cli.export_command import run_export
 
     run_export(options)
+
+
+def _render(options: RenderOptions, command: str) -> None:
+    from tcfit_app.cli.render_command import run_render
+
+    run_render(options)
 
 
 def _import(options: ImportOptions, command: str) -> None:
@@ -153,6 +161,7 @@ COMMANDS: dict[str, tuple[type, Callable[[Any, str], int | None]]] = {
     "detect": (DetectOptions, _detect),
     "import": (ImportOptions, _import),
     "export": (ExportOptions, _export),
+    "render": (RenderOptions, _render),
     "evaluate": (EvaluateOptions, _evaluate),
     "batch": (BatchOptions, _batch),
     "bench": (BenchOptions, _bench),
@@ -192,7 +201,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
-    return ended(lambda: _run(given))
+    if OPTION not in given:
+        return ended(lambda: _run(given))
+    with json_lines(given[0]) as end:
+        return end(ended(lambda: _run_told(given)))
+
+
+def _run_told(given: list[str]) -> int | None:
+    emit(Started(schema=SCHEMA, command=given[0], version=version()))
+    return _run(given)
 
 
 def _run(given: list[str]) -> int | None:

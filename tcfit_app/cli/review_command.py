@@ -11,16 +11,19 @@ from contextlib import AbstractContextManager, closing
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from tcfit_app.options.fit import ReferenceOptions, ReviewOptions, ServerOptions
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.project.storage.run_record import newest_body
 from tcfit_app.review.browser.channel import web_files
+from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ def run_review(options: ReviewOptions) -> None:
         InputError: There is no such project, it cannot be made, or nothing can listen at the address.
     """
     check_folders(options.server, models=options.models)
+    entry_of(options.server)  # told before a project is made
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     if options.video is not None and is_project(options.video):
         with _served(options.video.stem, options.server) as server:
@@ -73,8 +77,46 @@ def check_folders(options: ServerOptions, *, models: Path | None = None) -> None
 
 def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
     return review_server(
-        f"tcfit: {name}", host=options.host, port=options.port, open_browser=options.browser, scripts=web_files()
+        f"tcfit: {name}",
+        host=options.host,
+        port=options.port,
+        open_browser=options.browser,
+        scripts=web_files(),
+        entry=entry_of(options),
     )
+
+
+def entry_of(options: ServerOptions) -> Entry:
+    """How browsers on other computers come in.
+
+    Raises:
+        InputError: The password cannot be read or is too short, or the public address is none.
+    """
+    public = (options.public or "").rstrip("/").lower()
+    parts = urlsplit(public)
+    if public and (
+        parts.scheme not in ("http", "https") or not parts.netloc or public != f"{parts.scheme}://{parts.netloc}"
+    ):
+        raise InputError(
+            f"--public {options.public}: expected an address such as https://fits.example.org, without a path."
+        )
+    if options.password_file is None:
+        return Entry(public=public)
+    try:
+        text = regular_file(options.password_file).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise InputError(f"--password-file {options.password_file}: cannot be read ({error}).") from error
+    password = next(iter(text.splitlines()), "")
+    if len(password) < _SHORTEST:
+        raise InputError(
+            f"--password-file {options.password_file}: its first line has {len(password)} characters; expected "
+            f"{_SHORTEST} or more."
+        )
+    return Entry(password=password, public=public)
+
+
+_SHORTEST = 12
+"""Characters of a password."""
 
 
 def _review(

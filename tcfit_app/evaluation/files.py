@@ -13,7 +13,7 @@ from rich.table import Table
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.measure.comparison import figure_titles
+from fitting_core.measure.comparison import figure_names, figure_titles
 from fitting_core.measure.records import Evaluation, Record, methods, motions, of, overall
 from fitting_core.measure.report.ablations import Ablation
 from fitting_core.measure.report.markup import number
@@ -79,7 +79,7 @@ def as_csv(records: Sequence[Record]) -> str:
 
 
 def print_table(records: Sequence[Record], console: Console | None = None) -> None:
-    """The main figures, a column for each method, by motion, over all its frames."""
+    """The main figures and those of plugins, a column for each method, by motion, over all its frames."""
     titles, console = figure_titles(), console or Console()
     for motion in motions(records):
         some = of(records, motion=motion)
@@ -88,7 +88,7 @@ def print_table(records: Sequence[Record], console: Console | None = None) -> No
         table.add_column("", no_wrap=True)
         for name in names:
             table.add_column(name.replace(", ", "\n"), justify="right", no_wrap=True)
-        for figure in _PRINTED:
+        for figure in (*_PRINTED, *(name for name in titles if name not in figure_names())):
             values = [overall(of(some, method=name), figure) for name in names]
             if any(value is not None for value in values):
                 title, unit, _ = titles[figure]

@@ -25,7 +25,9 @@ _PLAIN = 235
 """Grey behind the bodies where there is no video."""
 
 
-def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) -> None:
+def write_comparison(
+    path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, progress: Callable[[float], None] = lambda share: None
+) -> None:
     """Write the overlay video, over a plain background where the clip has no video.
 
     Raises:
@@ -40,6 +42,7 @@ def write_comparison(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
 
         def advance(done: int) -> None:
             bar.update(done - bar.n)
+            progress(done / len(clip))
 
         _write(path, clip, panels, body, fit.camera, advance)
 

@@ -1,12 +1,14 @@
 """What can be exported: one function for each format, and the table of them for command line and app."""
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
+from fitting_core.errors import InputError
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.keypoints.pose_file import write_pose
@@ -15,8 +17,10 @@ from fitting_core.io.motion.bvh import write_bvh
 from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
 from fitting_core.io.motion.smplifyx import write_smplifyx
+from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.result_files import fit_arrays
 from fitting_core.lens import filmed_keypoints
+from fitting_core.plugins import Plugin, added
 from fitting_core.video.frames import image_files
 from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import (
@@ -63,15 +67,15 @@ class Export:
 def _glb(source: ExportSource, path: Path, progress: Progress) -> None:
     from fitting_core.io.motion.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
 
-    write_glb(path, source.motion("y-up"), progress)
+    write_glb(path, source.motion(MOTION_FILES[".glb"].axes), progress)
 
 
 def _npz(source: ExportSource, path: Path, progress: Progress) -> None:
-    write_animation_npz(path, source.motion("z-up"))
+    write_animation_npz(path, source.motion(MOTION_FILES[".npz"].axes))
 
 
 def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
-    motion = source.motion("y-up")
+    motion = source.motion(MOTION_FILES[".bvh"].axes)
     (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
     write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
 
@@ -332,3 +336,57 @@ EXPORTS: dict[str, Export] = {
 """By the name on the command line, in the order of their buttons."""
 DEFAULTS = ("glb", "npz", "bvh")
 """What `tcfit export` writes when nothing is wished for."""
+
+
+# --- of plugins ---
+
+
+def exports() -> dict[str, Export]:
+    """EXPORTS, and behind them those that plugins add."""
+    return EXPORTS | {
+        name: replace(plugin.thing, write=_guarded(plugin))
+        for name, plugin in added("tcfit.exports", Export, taken=EXPORTS).items()
+        if _is_sound(plugin)
+    }
+
+
+def _is_sound(plugin: Plugin[Export]) -> bool:
+    export = plugin.thing
+    wrong = {
+        f"its group is {export.group!r}; expected one of {', '.join(get_args(Group))}": export.group in get_args(Group),
+        f"it needs {export.needs!r}; expected one of {', '.join(get_args(Needs))}": export.needs in get_args(Needs),
+        f"its suffix is {export.suffix!r}; expected '.' or '-' and letters": _SUFFIX.fullmatch(str(export.suffix)),
+    }
+    for reason, right in wrong.items():
+        if not right:
+            plugin.reports(reason)
+            return False
+    return True
+
+
+_SUFFIX = re.compile(r"[.-][A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], None]:
+    """Its writing, whose faults come as InputError; but what `progress` raises, by which users cancel, goes through."""
+
+    def write(source: ExportSource, path: Path, progress: Progress) -> None:
+        ended: list[BaseException] = []
+
+        def advance(share: float) -> None:
+            try:
+                progress(share)
+            except BaseException as error:
+                ended.append(error)
+                raise
+
+        try:
+            plugin.thing.write(source, path, advance)
+        except (InputError, OSError):
+            raise
+        except Exception as error:
+            if error in ended:
+                raise
+            raise InputError(f"{plugin.thing.title} cannot be written. {plugin.reports(error)}") from error
+
+    return write

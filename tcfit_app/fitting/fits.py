@@ -22,8 +22,9 @@ from fitting_core.fit.fitting import Refit
 from fitting_core.fit.grounded import grounded
 from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
+from fitting_core.fit.refitting import with_phases
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob, with_phases
+from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
 from tcfit_app.fitting.live import Correction, Target
 from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project

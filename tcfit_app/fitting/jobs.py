@@ -1,6 +1,5 @@
 """What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
 
-import time
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -8,12 +7,10 @@ from typing import Protocol
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, mapped
-from fitting_core.fit.fitting import Refit, fit_events, rerun_events, shape_events
-from fitting_core.fit.grounded import grounded
-from fitting_core.fit.phase_figures import patched
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.fit.events import FitEvent
+from fitting_core.fit.fitting import fit_events, shape_events
+from fitting_core.fit.refitting import refit_events
+from fitting_core.fit.result import FitResult
 from tcfit_app.project.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
@@ -83,27 +80,8 @@ class RerunFrames:
         return (3,)
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
-        """See `fitting.rerun_events`; each window is told when it is finished."""
-        begin, params = time.perf_counter(), self.start.last.params
-        provenance = Provenance.unknown(len(self.clip))
-        for i, window in enumerate(self.windows):
-            events = rerun_events(self.clip, self.body, self.config, params, window)
-            refit = yield from _as_part(events, i, len(self.windows))
-            inside = slice(window.start, window.stop)
-            params, provenance = refit.params, provenance.with_frames(window, refit.provenance[inside])
-            yield FramesFitted(phase=3, frames=window, params=params[inside])
-        phase = patched(
-            replace(self.start.last, phase=3),
-            self.clip,
-            self.body,
-            self.config,
-            params,
-            self.windows,
-            provenance=provenance,
-            note=f"{self.title}: window of phase 3, the rest as in the run before",
-        )
-        phase = replace(phase, seconds=time.perf_counter() - begin)
-        return grounded(with_phases(self.start, (phase,), self.config), self.clip, self.body)
+        """See `refitting.refit_events`."""
+        return refit_events(self.clip, self.body, self.start, self.windows, config=self.config, title=self.title)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,21 +106,6 @@ class FitShape:
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.shape_events`; starts from the first phase's poses."""
         return shape_events(self.clip, self.body, self.config, self.start)
-
-
-def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:
-    """A fit with its later phases in place of what it had from the first of them on."""
-    kept = tuple(p for p in fit.phases if p.phase < phases[0].phase)
-    return replace(fit, phases=(*kept, *phases), config=config)
-
-
-def _as_part(events: Generator[FitEvent, None, Refit], part: int, parts: int) -> Generator[FitEvent, None, Refit]:
-    """The same events, as one of equal parts of a phase."""
-
-    def of_part(event: FitEvent) -> FitEvent:
-        return replace(event, share=(part + event.share) / parts) if isinstance(event, Iteration) else event
-
-    return (yield from mapped(events, of_part))
 
 
 @dataclass(kw_only=True)

@@ -39,6 +39,8 @@ class BatchOptions:
     """Write overlay.mp4 beside each result: phase 1 and the final fit side by side."""
     overwrite: bool = False
     """Write into folders that hold other files too."""
+    json: bool = False
+    """Tell programs what happens: a JSON object for each line of the standard output."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)

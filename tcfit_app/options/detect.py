@@ -40,6 +40,8 @@ class DetectOptions:
     """On the CPU."""
     restart: bool = False
     """Do not go on with what an earlier run has left, but start anew."""
+    json: bool = False
+    """Tell programs what happens: a JSON object for each line of the standard output."""
     list: bool = False
     """Show the models that can be downloaded, with their licences, and those that are here."""
     download: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME", help_behavior_hint="(repeatable)")] = ()

@@ -72,5 +72,7 @@ class EvaluateOptions:
     """Worst frames in the report."""
     out: Annotated[Path | None, shown("DIR", "NAME-evaluation")] = None
     """Folder for tables and report; those that lie there are replaced."""
+    json: bool = False
+    """Tell programs what happens: a JSON object for each line of the standard output."""
     models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""

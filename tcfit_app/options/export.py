@@ -39,6 +39,8 @@ class ExportOptions:
     upright, with the floor at height 0, where that is known; or in the world of --camera. world: its own axes."""
     zip: bool = False
     """Write a zip where a format is a folder of files."""
+    json: bool = False
+    """Tell programs what happens: a JSON object for each line of the standard output."""
     overwrite: bool = False
     """Replace files of the same names. A folder that holds others is left as it is."""
     models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None

@@ -179,6 +179,8 @@ class FitOptions:
     """Write overlay.mp4: phase 1 and the final fit side by side."""
     threads: Annotated[int, shown("N", "one for each core")] = 0
     """Threads on which the frames of a fit are shared out."""
+    json: bool = False
+    """Tell programs what happens: a JSON object for each line of the standard output."""
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
@@ -219,6 +221,10 @@ class ServerOptions:
     """Open the link in a browser, where there is one."""
     files: Annotated[Path | None, shown("DIR", "any, for browsers on this computer alone")] = None
     """Folder whose files may be named in the page (videos, results, models), by browsers on other computers too."""
+    password_file: Annotated[Path | None, shown("FILE", "none: each browser needs a link")] = None
+    """File whose first line is a password of 12 characters or more, which lets in any number of browsers."""
+    public: Annotated[str | None, shown("URL", "none")] = None
+    """Address under which a proxy offers the review, such as https://fits.example.org."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,10 +5,15 @@ asked first about each request, whether for the page or for the websocket. What 
 this user's terminal, memory or cookies; between computers everything travels unencrypted.
 """
 
+import base64
 import secrets
 import threading
+import time
+from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from http import HTTPStatus
+from urllib.parse import urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -27,6 +32,24 @@ PROTECTION = {
 _TOKEN_BYTES = 32
 
 
+_TRIES, _MINUTE = 20, 60.0
+"""Wrong passwords in so many seconds, after which nobody is asked for one; browsers that are in notice nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """How browsers on other computers come in."""
+
+    password: str = ""
+    """Lets any number of browsers in; empty: there is none."""
+    public: str = ""
+    """The address under which a proxy offers the server, such as https://fits.example.org; empty: there is none."""
+
+    def is_at(self, host_header: str) -> bool:
+        """Whether a request's Host names the public address."""
+        return bool(self.public) and host_header.lower() == urlsplit(self.public).netloc
+
+
 class Gate:
     """Answers in viser's place whatever must not reach it.
 
@@ -40,15 +63,19 @@ class Gate:
         *,
         scripts: Mapping[str, bytes] | None = None,
         admitted: Callable[[], None] = lambda: None,
+        entry: Entry | None = None,
     ) -> None:
-        """A gate that is closed to everybody without the link.
+        """A gate that is closed to everybody without the link, or the password if there is one.
 
         Args:
             address: Where the server listens.
+            entry: How browsers on other computers come in beside that.
             scripts: JavaScript modules by their paths, for browsers that were let in.
             admitted: Called after each new browser, when `link` is a fresh one.
         """
-        self._address = address
+        self._address, self._entry = address, entry or Entry()
+        self._wrong: deque[float] = deque(maxlen=_TRIES)
+        """When passwords were wrong, the last ones."""
         self._scripts = scripts or {}
         self._admitted = admitted
         # Cookies do not tell ports apart: without it two servers on one computer would overwrite each other's.
@@ -61,23 +88,39 @@ class Gate:
     def link(self) -> str:
         """What to open in the next browser."""
         with self._lock:
-            return self._address.url + self._entrance()
+            return (self._entry.public or self._address.url) + self._entrance()
 
     def answer(self, request: Request) -> Response | None:
         """The answer that the request gets without reaching viser; None if viser may answer."""
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
-        if len(hosts) != 1 or not self._address.accepts(hosts[0]):
+        public = len(hosts) == 1 and self._entry.is_at(hosts[0])
+        if len(hosts) != 1 or not (public or self._address.accepts(hosts[0])):
             return _page(HTTPStatus.MISDIRECTED_REQUEST, _WRONG_HOST)
         websocket = "Upgrade" in request.headers
         # Browsers send it with every websocket, but with pages only where one page asks for another.
-        if (origins or websocket) and origins != [f"http://{hosts[0]}"]:
+        own = self._entry.public if public else f"http://{hosts[0]}"
+        if (origins or websocket) and origins != [own]:
             return _page(HTTPStatus.FORBIDDEN, _FOREIGN)
         if self._knows(request.headers):
             return self._lead(request.path, websocket)
         if not websocket and self._redeem(request.path):
             self._admitted()
-            return self._welcome()
+            return self._welcome(secure=own.startswith("https:"))
+        if self._entry.password and not websocket:
+            return self._ask(request.headers, secure=own.startswith("https:"))
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
+
+    def _ask(self, headers: Headers, *, secure: bool) -> Response:
+        """The password, which the browser asks for in a window of its own (RFC 7617), whatever the user's name."""
+        given = headers.get_all("Authorization")
+        now = time.monotonic()
+        if len(self._wrong) == _TRIES and now - self._wrong[0] < _MINUTE:
+            return _page(HTTPStatus.TOO_MANY_REQUESTS, _TOO_OFTEN, {"Retry-After": f"{_MINUTE:.0f}"})
+        if len(given) == 1 and _same(_password_in(given[0]), self._entry.password):
+            return self._welcome(secure=secure)
+        if given:
+            self._wrong.append(now)
+        return _page(HTTPStatus.UNAUTHORIZED, _PASSWORD, {"WWW-Authenticate": 'Basic realm="tcfit", charset="UTF-8"'})
 
     def _lead(self, path: str, websocket: bool) -> Response | None:
         """Lets a known browser through to viser's page, which is a single file, and answers for all other paths."""
@@ -106,11 +149,11 @@ class Gate:
     def _entrance(self) -> str:
         return f"/?token={self._token}"
 
-    def _welcome(self) -> Response:
+    def _welcome(self, *, secure: bool) -> Response:
         # A page that goes on by itself, not a redirect: after a click on a link in another page or program, browsers
         # would follow the redirect without the strict cookie that it just set.
         going_on = "<meta http-equiv='refresh' content='0; url=/'><a href='/'>To the review.</a>"
-        cookie = f"{self._cookie_name}={self._cookie}; HttpOnly; SameSite=Strict; Path=/"
+        cookie = f"{self._cookie_name}={self._cookie}; HttpOnly; SameSite=Strict; Path=/{'; Secure' * secure}"
         return _page(HTTPStatus.OK, going_on, {"Set-Cookie": cookie})
 
 
@@ -125,6 +168,16 @@ def protect(headers: Headers) -> None:
         if name in headers:
             del headers[name]
         headers[name] = value
+
+
+def _password_in(authorization: str) -> str:
+    """Of a header Authorization; empty if it has none."""
+    scheme, _, code = authorization.partition(" ")
+    try:
+        text = base64.b64decode(code.strip(), validate=True).decode() if scheme.lower() == "basic" else ""
+    except ValueError:
+        return ""
+    return text.partition(":")[2]
 
 
 def _same(found: str, expected: str) -> bool:
@@ -151,6 +204,8 @@ _UNKNOWN = (
     "This review opens through the link that tcfit printed where it was started. Each link works in one browser, "
     "once, and until tcfit is stopped; after each use a fresh one is printed."
 )
+_PASSWORD = "This review asks for its password. Reload the page to be asked again."
+_TOO_OFTEN = "Wrong passwords came too often. Try again in a minute."
 _FOREIGN = "Refused: this request comes from another web page."
 _WRONG_HOST = (
     "Refused: tcfit does not answer to this host name. Use the link as it was printed, or this computer's "

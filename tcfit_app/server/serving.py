@@ -12,7 +12,7 @@ from threading import Thread
 import viser
 
 from tcfit_app.server.address import Address, listen
-from tcfit_app.server.gate import Gate
+from tcfit_app.server.gate import Entry, Gate
 from tcfit_app.server.gated_viser import gated_viser
 from tcfit_app.server.viser_bridge import run_javascript
 
@@ -51,6 +51,7 @@ def review_server(
     port: int = PORT,
     open_browser: bool = True,
     scripts: Mapping[str, bytes] | None = None,
+    entry: Entry | None = None,
     say: Say = tell,
 ) -> Iterator[ReviewServer]:
     """Serve until the end of the `with` block, which closes all connections and ends all of the server's threads.
@@ -61,6 +62,7 @@ def review_server(
         port: From here upwards the first that is free is taken; 0 takes any.
         open_browser: Open the link in a browser, where there is one to see it.
         scripts: JavaScript modules for the page, by their paths.
+        entry: A password, and the address of a proxy, if there are such.
         say: Gets the link, a fresh one after each use, and warnings.
 
     Raises:
@@ -69,10 +71,10 @@ def review_server(
     listening, address = listen(host, port)
     with listening:
         welcome = "A browser is connected. Link for another one: "
-        gate = Gate(address, scripts=scripts, admitted=lambda: _aside(say, welcome + gate.link))
+        gate = Gate(address, scripts=scripts, entry=entry, admitted=lambda: _aside(say, welcome + gate.link))
         with gated_viser(listening, gate) as server:
             _dress(server, title)
-            for line in _greeting(address, port, gate.link):
+            for line in _greeting(address, port, gate.link, entry or Entry()):
                 say(line)
             if open_browser and browser_at_hand(os.environ, sys.platform):
                 webbrowser.open(gate.link)
@@ -91,17 +93,22 @@ def browser_at_hand(environment: Mapping[str, str], platform: str) -> bool:
     return platform in ("darwin", "win32") or bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
 
 
-def _greeting(address: Address, asked_port: int, link: str) -> Iterator[str]:
+def _greeting(address: Address, asked_port: int, link: str, entry: Entry) -> Iterator[str]:
     """What the user should know at the start, line by line."""
     if asked_port not in (0, address.port):
         yield f"Port {asked_port} is in use, so this is {address.port}."
-    if not address.loopback:
+    if entry.public and not address.loopback:
+        yield (
+            f"Browsers come in at {entry.public}. Let nobody but its proxy reach port {address.port} of this computer: "
+            "there nothing is encrypted."
+        )
+    elif not address.loopback:
         yield (
             "Warning: other computers can connect. Whoever has the link, or listens in on the network (nothing is "
             "encrypted), can see and change this project. Safer: leave out --host, and reach it through "
             f"ssh -L {address.port}:127.0.0.1:{address.port} ..."
         )
-    if address.ip.is_unspecified:
+    if address.ip.is_unspecified and not entry.public:
         yield "From another computer, put this computer's address in place of the one in the link."
     yield f"Review: {link}"
 

@@ -9,7 +9,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import EXPORTS, Export, Group
+from tcfit_app.exports.table import Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
@@ -67,7 +67,7 @@ class ExportPanel:
         self._size = 0
         """Of its file, in bytes."""
         self._files, self._said = Board(tab), Board(tab)
-        tab.buttons.on("export.begin", self._begin, EXPORTS.__getitem__)
+        tab.buttons.on("export.begin", self._begin, lambda name: exports()[name])
         tab.buttons.on("export.cancel", lambda _: self._stop())
         tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
@@ -200,7 +200,7 @@ class ExportPanel:
                     disabled=export.needs != "keypoints" and not there,
                     hint=export.hint,
                 )
-                for name, export in EXPORTS.items()
+                for name, export in exports().items()
                 if export.group == group
             ]
             rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))

@@ -7,6 +7,7 @@ from typing import ClassVar
 import viser
 
 from fitting_core.errors import InputError
+from fitting_core.plugins import faults
 from fitting_core.video.frame_names import runs
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import Shown
@@ -253,12 +254,16 @@ class ReviewPanel:
         return joined(text(f"{suspect.reason} "), mirror)
 
     def _draw_damage(self) -> None:
-        damage = self._tab.session.project.damage
-        if not self._tab.sent.differs("damage", damage):
+        damage, plugins = self._tab.session.project.damage, tuple(fault.text for fault in faults())
+        if not self._tab.sent.differs("damage", damage, plugins):
             return
         listed = [paragraph(text, "warn") for text in damage[:_MOST]]
         more = [paragraph(f"and {len(damage) - _MOST} more", "dim")] if len(damage) > _MOST else []
-        self._damage.show(*([heading("Damaged in the project", first=True), *listed, *more] if damage else []))
+        shown = [heading("Damaged in the project", first=True), *listed, *more] if damage else []
+        left_out = [paragraph(text, "warn") for text in plugins[:_MOST]]
+        if left_out:
+            shown += [heading("Plugins", first=not damage), *left_out]
+        self._damage.show(*shown)
 
     def _draw_media(self) -> None:
         tab = self._tab

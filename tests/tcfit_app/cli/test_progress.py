@@ -11,7 +11,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.result import FitResult, PhaseResult
-from tcfit_app.cli.fit_command import Progress
+from tcfit_app.cli.fit_command import ProgressBars
 
 
 class _Terminal(io.StringIO):
@@ -34,7 +34,7 @@ def _events() -> Iterator[FitEvent]:
 
 def test_lines_where_there_is_no_terminal():
     stream = io.StringIO()
-    with Progress(stream) as progress:
+    with ProgressBars(stream) as progress:
         for event in _events():
             progress.show(event)
     first, second = stream.getvalue().splitlines()
@@ -45,7 +45,7 @@ def test_lines_where_there_is_no_terminal():
 def test_bar_on_a_terminal_never_goes_back(monkeypatch: pytest.MonkeyPatch):
     stream = _Terminal()
     shares = []
-    with Progress(stream) as progress:
+    with ProgressBars(stream) as progress:
         for event in _events():
             progress.show(event)
             if progress.bar is not None:
@@ -58,7 +58,7 @@ def test_bar_on_a_terminal_never_goes_back(monkeypatch: pytest.MonkeyPatch):
 def test_bar_shows_label_cost_and_times():
     stream = _Terminal()
     events = _events()
-    with Progress(stream) as progress:
+    with ProgressBars(stream) as progress:
         for event in (next(events), next(events)):
             progress.show(event)
         assert progress.bar is not None
@@ -68,7 +68,7 @@ def test_bar_shows_label_cost_and_times():
 
 def test_bar_is_closed_when_a_phase_is_cut_short():
     stream = _Terminal()
-    with pytest.raises(KeyboardInterrupt), Progress(stream) as progress:
+    with pytest.raises(KeyboardInterrupt), ProgressBars(stream) as progress:
         progress.show(next(_events()))
         raise KeyboardInterrupt
     assert stream.getvalue().endswith("\n")

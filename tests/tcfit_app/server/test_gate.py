@@ -1,5 +1,6 @@
 """The gate in front of viser, tried with real clients."""
 
+import base64
 import http.client
 import logging
 import socket
@@ -11,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from ipaddress import ip_address
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.request import HTTPCookieProcessor, ProxyHandler, build_opener
 
@@ -20,9 +22,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from fitting_core.errors import InputError
+from tcfit_app.cli.review_command import entry_of
+from tcfit_app.options.fit import ServerOptions
 from tcfit_app.server import gated_viser
 from tcfit_app.server.address import Address, listen
-from tcfit_app.server.gate import PROTECTION
+from tcfit_app.server.gate import PROTECTION, Entry
 from tcfit_app.server.serving import ReviewServer, browser_at_hand, review_server
 
 if TYPE_CHECKING:
@@ -65,7 +69,7 @@ def get(server: ReviewServer, path: str, **headers: str) -> Answer:
 
 def entrance(server: ReviewServer) -> str:
     """The link's path, with the token."""
-    return server.gate.link.removeprefix(server.address.url)
+    return "/?" + server.gate.link.partition("/?")[2]
 
 
 def admit(server: ReviewServer) -> str:
@@ -603,3 +607,95 @@ def test_in_a_browser(browser: "Browser"):
         stranger.wait_for_url(f"{foreign.address.url}/")
         target = server.address.url.replace("http", "ws")
         assert stranger.evaluate(WEBSOCKET, [target, f"viser-v{viser.__version__}"]) == "refused"
+
+
+# --- a password, and a proxy ---
+
+PUBLIC = "https://fits.example.org"
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[ReviewServer]:
+    """As a laboratory's server runs it: a password, and a proxy before it."""
+    with serve(entry=Entry(password="correct horse: battery", public=PUBLIC)) as running:
+        yield running
+
+
+def basic(password: str, user: str = "anna") -> str:
+    return "Basic " + base64.b64encode(f"{user}:{password}".encode()).decode()
+
+
+def test_the_password_lets_browsers_in(lab: ReviewServer):
+    asked = get(lab, HOME, Host="fits.example.org")
+    assert asked.status == 401 and asked.headers["WWW-Authenticate"].startswith("Basic ")
+    for _ in range(2):
+        let_in = get(lab, HOME, Host="fits.example.org", Authorization=basic("correct horse: battery"))
+        assert let_in.status == 200 and let_in.headers["Set-Cookie"].endswith("; Secure")
+    cookie = let_in.headers["Set-Cookie"].partition(";")[0]
+    assert "<script" in get(lab, HOME, Host="fits.example.org", Cookie=cookie).body
+    assert not get(lab, entrance(lab)).headers["Set-Cookie"].endswith("Secure"), "over plain http the browser drops it"
+
+
+def test_through_the_proxy_only_its_own_page_talks(lab: ReviewServer):
+    given = {"Host": "fits.example.org", "Authorization": basic("correct horse: battery")}
+    assert get(lab, HOME, Origin=PUBLIC, **given).status == 200
+    for origin in ("http://fits.example.org", "https://evil.example", "null"):
+        assert get(lab, HOME, Origin=origin, **given).status == 403
+    assert get(lab, HOME, Host="evil.example", Authorization=given["Authorization"]).status == 421
+    assert lab.gate.link.startswith(f"{PUBLIC}/?token=")
+
+
+@pytest.mark.parametrize("header", ["Basic", "Basic %%%", "Bearer correct", basic(""), basic("correct horse")])
+def test_other_passwords_let_nobody_in(header: str):
+    with serve(entry=Entry(password="correct horse: battery")) as running:
+        assert get(running, HOME, Authorization=header).status == 401
+
+
+def test_guessing_ends_while_links_and_browsers_that_are_in_go_on():
+    with serve(entry=Entry(password="correct horse: battery")) as running:
+        cookie = get(running, entrance(running)).headers["Set-Cookie"].partition(";")[0]
+        statuses = [get(running, HOME, Authorization=basic(f"guess {n}")).status for n in range(24)]
+        assert statuses == [401] * 20 + [429] * 4
+        assert get(running, HOME, Authorization=basic("correct horse: battery")).status == 429
+        assert get(running, HOME, Cookie=cookie).status == 200 and get(running, entrance(running)).status == 200
+
+
+def test_a_websocket_asks_for_no_password(lab: ReviewServer):
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(
+            f"ws://127.0.0.1:{lab.address.port}",
+            origin=f"http://127.0.0.1:{lab.address.port}",  # pyright: ignore[reportArgumentType]
+            additional_headers={"Authorization": basic("correct horse: battery")},
+        )
+
+
+def test_what_is_said_behind_a_proxy():
+    said: list[str] = []
+    with serve(host="0.0.0.0", entry=Entry(public=PUBLIC), say=said.append):
+        assert "Let nobody but its proxy reach port" in said[0] and said[1].startswith(f"Review: {PUBLIC}/?token=")
+        assert len(said) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"public": "fits.example.org"}, "--public fits.example.org: expected an address such as https"),
+        ({"public": "https://a.b/c"}, "without a path"),
+        ({"password_file": "short"}, "has 5 characters; expected 12 or more"),
+        ({"password_file": "empty"}, "has 0 characters"),
+        ({"password_file": "missing"}, "cannot be read"),
+    ],
+)
+def test_an_entry_that_cannot_be(options: dict, message: str, tmp_path: Path):
+    (tmp_path / "short").write_text("short\n")
+    (tmp_path / "empty").write_text("")
+    if "password_file" in options:
+        options = {"password_file": tmp_path / options["password_file"]}
+    with pytest.raises(InputError, match=message):
+        entry_of(ServerOptions(**options))
+
+
+def test_a_password_is_the_first_line_of_its_file(tmp_path: Path):
+    (tmp_path / "secret").write_text("correct horse: battery\n# of the lab\n")
+    entry = entry_of(ServerOptions(password_file=tmp_path / "secret", public="https://Fits.example.org/"))
+    assert entry == Entry(password="correct horse: battery", public=PUBLIC)

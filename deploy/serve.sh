@@ -1,0 +1,25 @@
+#!/bin/sh
+# Serves one project behind the gate: what the container runs.
+#
+# TCFIT_PROJECT   folder of the project, below TCFIT_PROJECTS
+# TCFIT_PROJECTS  folder of all projects; pages may name its files, and no others (default: /projects)
+# TCFIT_PUBLIC    address under which the proxy offers it, such as https://fits.example.org (default: none)
+# TCFIT_PASSWORD_FILE  file with the password (default: none; each browser then needs a link, which is in the log)
+# TCFIT_PORT      (default: 8080)
+set -eu
+
+projects=${TCFIT_PROJECTS:-/projects}
+if [ -z "${TCFIT_PROJECT:-}" ]; then
+    echo "TCFIT_PROJECT is not set: name the folder of a project in $projects" >&2
+    exit 2
+fi
+project=$projects/$TCFIT_PROJECT
+if [ ! -f "$project/project.sqlite" ]; then
+    echo "There is no project at $project: make one with tcfit new VIDEO --keypoints KEYPOINTS --out $project" >&2
+    exit 2
+fi
+
+set -- review "$project" --host 0.0.0.0 --port "${TCFIT_PORT:-8080}" --no-browser --files "$projects"
+[ -z "${TCFIT_PUBLIC:-}" ] || set -- "$@" --public "$TCFIT_PUBLIC"
+[ -z "${TCFIT_PASSWORD_FILE:-}" ] || set -- "$@" --password-file "$TCFIT_PASSWORD_FILE"
+exec tcfit "$@"

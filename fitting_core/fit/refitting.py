@@ -1,0 +1,77 @@
+"""Fitting frames of a finished fit again, as after a correction of their keypoints; all others stay as they are."""
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, drained, mapped
+from fitting_core.fit.fitting import Refit, rerun_events
+from fitting_core.fit.grounded import grounded
+from fitting_core.fit.phase_figures import patched
+from fitting_core.fit.provenance import Provenance
+from fitting_core.fit.result import FitResult, PhaseResult
+
+
+def refit(clip: Clip, body: BodyModel, fit: FitResult, *windows: range, config: FitConfig | None = None) -> FitResult:
+    """A fit with some of its frames fitted again, under the shape that it has; every other frame stays bit for bit.
+
+    Args:
+        clip: What was fitted, with keypoints as they stand now: see `Clip.corrected`.
+        body: The body that it was fitted with.
+        fit: The fit, all of its phases.
+        windows: Frames, counted from the clip's first as 0; neighbours of a correction are worth fitting again with it.
+        config: Other settings than the fit's; None: the same.
+
+    Raises:
+        InputError: No windows are given, or the clip has not all of these frames, or the fit is of another clip.
+    """
+    if not windows:
+        raise InputError("No frames to fit again are given; expected ranges such as range(20, 40).")
+    if len(fit.last.params) != len(clip):
+        raise InputError(
+            f"The fit has {len(fit.last.params)} frames and the clip {len(clip)}: give the clip that was fitted."
+        )
+    return drained(refit_events(clip, body, fit, windows, config=config or fit.config))
+
+
+def refit_events(
+    clip: Clip, body: BodyModel, fit: FitResult, windows: Sequence[range], *, config: FitConfig, title: str = "Re-run"
+) -> Generator[FitEvent, None, FitResult]:
+    """As `refit`, with its events; each window is told when it is finished.
+
+    Args:
+        clip: As for `refit`, like all others.
+        title: Of what is done, for the note in the result.
+    """
+    begin, params = time.perf_counter(), fit.last.params
+    provenance = Provenance.unknown(len(clip))
+    for i, window in enumerate(windows):
+        events = rerun_events(clip, body, config, params, window)
+        found = yield from _as_part(events, i, len(windows))
+        inside = slice(window.start, window.stop)
+        params, provenance = found.params, provenance.with_frames(window, found.provenance[inside])
+        yield FramesFitted(phase=3, frames=window, params=params[inside])
+    note = f"{title}: window of phase 3, the rest as in the run before"
+    before = replace(fit.last, phase=3)
+    phase = patched(before, clip, body, config, params, windows, provenance=provenance, note=note)
+    phase = replace(phase, seconds=time.perf_counter() - begin)
+    return grounded(with_phases(fit, (phase,), config), clip, body)
+
+
+def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:
+    """A fit with its later phases in place of what it had from the first of them on."""
+    kept = tuple(p for p in fit.phases if p.phase < phases[0].phase)
+    return replace(fit, phases=(*kept, *phases), config=config)
+
+
+def _as_part(events: Generator[FitEvent, None, Refit], part: int, parts: int) -> Generator[FitEvent, None, Refit]:
+    """The same events, as one of equal parts of a phase."""
+
+    def of_part(event: FitEvent) -> FitEvent:
+        return replace(event, share=(part + event.share) / parts) if isinstance(event, Iteration) else event
+
+    return (yield from mapped(events, of_part))

@@ -1,0 +1,139 @@
+"""Plugins: what other installed packages add to tcfit's tables, by the entry points that Python packages declare.
+
+A table asks for its group when it is used, so nothing of a plugin is imported before. What is wrong with one is told
+once, kept in `faults`, and never stops tcfit: it goes on without that plugin.
+"""
+
+import logging
+import re
+from collections.abc import Container
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from typing import Generic, Literal, TypeVar, get_args
+
+Group = Literal["tcfit.readers", "tcfit.exports", "tcfit.findings", "tcfit.metrics"]
+GROUPS: tuple[Group, ...] = get_args(Group)
+
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_log = logging.getLogger(__name__)
+Thing = TypeVar("Thing")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plugin(Generic[Thing]):
+    """Something that a package adds."""
+
+    group: Group
+    name: str
+    """In its table: what a user types or reads."""
+    package: str
+    """Name and version of the package that adds it."""
+    thing: Thing
+
+    def reports(self, reason: object) -> str:
+        """Say, and remember, that it does not work. The same is told once.
+
+        Returns:
+            What was said: what, of which package, and what to do.
+        """
+        return _report(Fault(group=self.group, name=self.name, package=self.package, reason=_in_words(reason)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """What is wrong with a plugin."""
+
+    group: Group
+    name: str
+    package: str
+    reason: str
+
+    @property
+    def advice(self) -> str:
+        """What to do."""
+        return f"update the package {self.package}, tell its authors, or uninstall it; all else works"
+
+    @property
+    def text(self) -> str:
+        """For the user."""
+        return f"The plugin {self.name!r} ({self.group}) does not work: {self.reason}. What to do: {self.advice}."
+
+    def of(self, plugin: Plugin) -> bool:
+        """Whether it is that plugin's."""
+        return (self.group, self.name, self.package) == (plugin.group, plugin.name, plugin.package)
+
+
+_faults: dict[Fault, None] = {}
+
+
+def faults() -> tuple[Fault, ...]:
+    """What was found to be wrong with plugins so far. A plugin that nobody asked for was not looked at."""
+    return tuple(_faults)
+
+
+def _report(fault: Fault) -> str:
+    if fault not in _faults:
+        _faults[fault] = None
+        _log.warning("%s", fault.text)
+    return fault.text
+
+
+def added(
+    group: Group, kind: type[Thing], *others: type, taken: Container[str] = (), report_others: bool = True
+) -> dict[str, Plugin[Thing]]:
+    """The plugins of a group that are of one kind, by name; what cannot be used is reported and left out.
+
+    Args:
+        group: One of GROUPS.
+        kind: What they are to be.
+        others: Kinds that the group has beside it, which are somebody else's to take.
+        taken: Names of tcfit's own, which nobody may have.
+        report_others: Whether a thing of no kind that is named here is a fault.
+    """
+    found: dict[str, Plugin] = {}
+    for plugin in loaded(group):
+        if not isinstance(plugin.thing, kind):
+            if isinstance(plugin.thing, others) or not report_others:
+                continue
+            expected = " or ".join(wanted.__name__ for wanted in (kind, *others))
+            plugin.reports(f"it is of the type {type(plugin.thing).__name__}; expected {expected}")
+        elif plugin.name in taken:
+            plugin.reports(f"tcfit itself has {plugin.name!r}; another name is needed")
+        elif plugin.name in found:
+            plugin.reports(f"{found[plugin.name].package} has taken that name; one of the two must go")
+        else:
+            found[plugin.name] = plugin
+    return found
+
+
+@cache
+def loaded(group: Group) -> tuple[Plugin[object], ...]:
+    """All that a group has and that can be imported, by name and package, so that the order is the same everywhere."""
+    points = metadata.entry_points(group=group)
+    found = []
+    for point in sorted(points, key=lambda point: (point.name, point.dist.name if point.dist else "")):
+        package = f"{point.dist.name} {point.dist.version}" if point.dist else "of unknown name"
+        plugin = Plugin(group=group, name=point.name, package=package, thing=None)
+        if not _NAME.fullmatch(point.name):
+            plugin.reports("its name is not of small letters, digits, hyphens and underscores")
+            continue
+        try:
+            thing = point.load()
+        except (Exception, SystemExit) as error:  # whatever a stranger's module does when it is imported
+            plugin.reports(f"{point.value} cannot be imported ({_in_words(error)})")
+            continue
+        found.append(Plugin(group=group, name=point.name, package=package, thing=thing))
+    return tuple(found)
+
+
+def forget() -> None:
+    """Look for plugins anew when they are asked for next, as after a package was installed."""
+    loaded.cache_clear()
+    _faults.clear()
+
+
+def _in_words(reason: object) -> str:
+    if not isinstance(reason, BaseException):
+        return str(reason)
+    return f"{type(reason).__name__}: {next(iter(str(reason).splitlines()), '')}".rstrip(": .")

@@ -1,0 +1,286 @@
+"""Plugins: the package that docs/plugins.md shows, installed and used; and broken ones, which never take tcfit down."""
+
+import ast
+import importlib
+import logging
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import viser
+
+from fitting_core import plugins
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.result_files import write_result
+from fitting_core.keypoints import INDEX
+from fitting_core.measure.comparison import compare, figures
+from fitting_core.measure.pairing import Estimate
+from tcfit_app import plugin_api
+from tcfit_app.analysis.run_metrics import MeasuredRun, run_metrics
+from tcfit_app.analysis.suspicion import review_queue
+from tcfit_app.cli import doctor
+from tcfit_app.cli.main import main
+from tcfit_app.exports.table import exports
+from tcfit_app.review.panels.export_panel import ExportPanel
+from tcfit_app.review.panels.review_panel import ReviewPanel
+from tests.drivers.lone_page import tiny_page
+from tests.samples.posed import fit_of, still_params
+from tests.samples.project_samples import sample_clip
+from tests.samples.waving import waving_fit
+from tests.tcfit_app.analysis.test_run_metrics import phase_of
+
+PAGE = Path(__file__).parents[2] / "docs" / "plugins.md"
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pip has put the package of the page."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("packages")
+    blocks = dict(BLOCK.findall(PAGE.read_text()))
+    (source / "pyproject.toml").write_text(blocks["toml"])
+    (source / "tcfit_lab.py").write_text(blocks["python"])
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation"]
+    subprocess.run([*pip, "--target", target, source], check=True, capture_output=True, text=True)
+    return target
+
+
+@pytest.fixture
+def on_path(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+    """For packages that a test adds: they are forgotten when it ends."""
+    plugins.forget()
+    yield monkeypatch
+    monkeypatch.undo()
+    for name in ("tcfit_lab", "odd"):
+        sys.modules.pop(name, None)
+    plugins.forget()
+
+
+@pytest.fixture
+def lab(installed: Path, on_path: pytest.MonkeyPatch) -> None:
+    """The package of the page can be imported."""
+    on_path.syspath_prepend(installed)
+
+
+@pytest.fixture
+def odd(tmp_path: Path, on_path: pytest.MonkeyPatch):
+    """Makes a package "odd" of some code and entry points, as pip leaves it."""
+
+    def make(code: str, **groups: str) -> None:
+        folder = tmp_path / "packages"
+        about = folder / "odd-0.1.dist-info"
+        about.mkdir(parents=True)
+        (folder / "odd.py").write_text(code)
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 0.1\n")
+        points = "".join(f"[tcfit.{group}]\n{line}\n" for group, line in groups.items())
+        (about / "entry_points.txt").write_text(points)
+        on_path.syspath_prepend(folder)
+
+    return make
+
+
+# --- the package of the page ---
+
+
+def test_its_reader_reads(lab: None, tmp_path: Path):
+    path = tmp_path / "walk.points.csv"
+    path.write_text("frame,keypoint,x,y,confidence\n0,nose,10,20,0.5\n2,left_wrist,30,40,1\n")
+    found = read_detections(path)
+    assert len(found) == 3 and found.frames[2][0, INDEX["left_wrist"]].tolist() == [30, 40, 1]
+    path.write_text("frame,keypoint,x,y,confidence\n")
+    with pytest.raises(InputError, match="has no rows; expected frame,keypoint"):
+        read_detections(path)
+    path.write_text("frame,keypoint,x,y,confidence\n0,knee,10,20,0.5\n")
+    with pytest.raises(InputError, match=r"as points as CSV.*does not work: KeyError: 'knee'.*tcfit-lab 1\.0"):
+        read_detections(path)
+
+
+def test_its_export_is_written_from_the_command_line(
+    lab: None, tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture
+):
+    write_result(tmp_path / "fit", waving_fit(2.0), sample_clip(), free_body)
+    assert main(["export", "--formats", "list"]) == 0
+    assert re.search(r"^pelvis +Pelvis \(CSV\): Where it is$", capsys.readouterr().out, re.MULTILINE)
+    assert main(["export", str(tmp_path / "fit"), "--formats", "pelvis", "--out", str(tmp_path)]) == 0
+    rows = (tmp_path / "walk.pelvis.csv").read_text().splitlines()
+    assert len(rows) == 7 and rows[1].startswith("7,")
+
+
+def test_the_panel_export_has_it_and_hands_it_out(
+    lab: None, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer
+):
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, ExportPanel) as tested:
+        assert "Pelvis (CSV)" in tested.html()
+        tested.fit()
+        tested.press("export.begin", "pelvis")
+        tested.settle()
+        ((name, content),) = tested.downloads.items()
+        assert name.endswith(".pelvis.csv") and content.startswith(b"frame,x,y,z\n")
+
+
+def test_its_finding_is_in_the_queue(lab: None, tiny_body: BodyModel):
+    params = still_params(6)
+    params.camera_translation[3, 2] = 0.4 * params.camera_translation[0, 2]
+    found = [entry for entry in review_queue(fit_of(tiny_body, params)).left if "near-camera" in (entry.kind,)]
+    also = [text for entry in review_queue(fit_of(tiny_body, params)).left for text in (entry.reason, *entry.also)]
+    assert (found and found[0].frame == 3) or any(text.startswith("pelvis only") for text in also)
+
+
+def test_its_metrics_are_measured(lab: None, tiny_body: BodyModel):
+    fit = fit_of(tiny_body, still_params(4))
+    metrics = {m.name: m for m in run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))}
+    assert metrics["pelvis-depth"].value == pytest.approx(float(fit.joints[:, 0, 2].mean()))
+    assert "pelvis-way" not in metrics
+    estimate = Estimate(body=tiny_body, params=fit.params, camera=fit.clip.camera, frame_rate=25.0)
+    found = compare(estimate, None, meshes=False).figures
+    assert found["pelvis-way"] == pytest.approx(0.0, abs=1e-9) and "pelvis-depth" not in found
+
+
+def test_the_doctor_lists_it(lab: None):
+    said = {check.found for check in doctor.check_plugins()}
+    assert {"tcfit.readers: points-csv, of tcfit-lab 1.0", "tcfit.metrics: pelvis-depth, of tcfit-lab 1.0"} <= said
+    assert len(said) == 5
+
+
+def test_without_plugins_the_doctor_says_so(on_path: pytest.MonkeyPatch):
+    assert [check.found for check in doctor.check_plugins()] == ["none"]
+
+
+# --- broken ones ---
+
+API = "from tcfit_app.plugin_api import *\n"
+EXPORT = API + "E = Export(title='T', group='Motion', suffix='.t', hint='', write={})\n"
+
+
+@pytest.mark.parametrize(
+    ("code", "line", "reason"),
+    [
+        ("import nowhere_at_all", "mine = odd:E", "odd:E cannot be imported.*No module named 'nowhere_at_all'"),
+        ("1 / 0", "mine = odd:E", "cannot be imported.*ZeroDivisionError"),
+        ("raise SystemExit('no')", "mine = odd:E", "cannot be imported.*SystemExit: no"),
+        ("", "mine = odd:E", "cannot be imported.*has no attribute 'E'"),
+        ("E = 3", "mine = odd:E", "of the type int; expected Export"),
+        (EXPORT.format("print"), "glb = odd:E", "tcfit itself has 'glb'; another name is needed"),
+        (EXPORT.format("print"), "My Own = odd:E", "its name is not of small letters"),
+        (EXPORT.format("print").replace("Motion", "Music"), "mine = odd:E", "its group is 'Music'; expected one of"),
+        (EXPORT.format("print").replace("'.t'", "'../t'"), "mine = odd:E", "its suffix is '../t'"),
+    ],
+)
+def test_an_export_that_cannot_be_used_is_left_out(
+    odd, code: str, line: str, reason: str, caplog: pytest.LogCaptureFixture
+):
+    own = set(exports())
+    plugins.forget()
+    odd(code, exports=line)
+    with caplog.at_level(logging.WARNING):
+        assert set(exports()) == own == set(exports())
+    (said,) = [record.message for record in caplog.records]
+    assert re.search(reason, said) and "odd 0.1" in said and "update the package" in said
+    assert [check.status for check in doctor.check_plugins()] == ["warning"]
+
+
+def test_an_export_that_fails_while_it_writes(odd, tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    odd(EXPORT.format("lambda source, path, progress: path.write_text('half') / 0"), exports="mine = odd:E")
+    write_result(tmp_path / "fit", waving_fit(2.0), sample_clip(), free_body)
+    assert main(["export", str(tmp_path / "fit"), "--formats", "mine", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "T cannot be written" in said and "ZeroDivisionError" in said and "odd 0.1" in said
+    assert not list(tmp_path.glob("*.t"))
+
+
+def test_what_ends_an_export_passes_through_a_plugin(odd, tmp_path: Path):
+    odd(EXPORT.format("lambda source, path, progress: progress(0.5)"), exports="mine = odd:E")
+
+    class Cancelled(Exception):
+        pass
+
+    def stop(share: float) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        exports()["mine"].write(None, tmp_path / "x", stop)  # pyright: ignore[reportArgumentType]
+    assert not plugins.faults()
+
+
+FINDING = API + "def f(fit):\n    yield Finding({})\n"
+SOUND = "frame=1, score=9.0, reason='r', joints=()"
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        (FINDING.format(SOUND) + "    1 / 0\n", "ZeroDivisionError"),
+        (FINDING.format(SOUND) + "    yield 3\n", "it found int; expected Finding"),
+        (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('1,', '99,')})\n", "something in frame 99"),
+        (
+            FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('9.0', '1e999')})\n",
+            "its score is inf",
+        ),
+        (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('()', '(137,)')})\n", "its joints are"),
+    ],
+)
+def test_a_finding_that_fails_finds_no_more(odd, code: str, reason: str, tiny_body: BodyModel):
+    odd(code, findings="mine = odd:f")
+    fit = fit_of(tiny_body, still_params(4))
+    assert [entry.frame for entry in review_queue(fit).left if entry.kind == "mine"] == [1]
+    review_queue(fit)
+    (fault,) = plugins.faults()
+    assert reason in fault.text
+
+
+def test_metrics_that_fail_have_no_value(odd, tiny_body: BodyModel):
+    code = API + "F = FigureKind(title='', unit='', value=lambda pair: 1 / 0)\n"
+    odd(code + "M = MetricKind(title='', unit='', value=lambda run: 'many')\n", metrics="a = odd:F\nb = odd:M")
+    fit = fit_of(tiny_body, still_params(4))
+    found = {m.name: m.value for m in run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))}
+    assert found["b"] is None and figures()["a"].value(None) is None  # pyright: ignore[reportArgumentType]
+    assert [fault.name for fault in plugins.faults()] == ["b", "a"]
+
+
+def test_a_reader_that_fails_leaves_the_formats_of_tcfit(odd, tmp_path: Path):
+    code = API + "R = KeypointReader(title='R', recognises=lambda path, start: 1 / 0, read=print)\n"
+    code += "S = KeypointReader(title='S', recognises=lambda path, start: path.suffix == '.s', read=print)\n"
+    odd(code, readers="r = odd:R\ns = odd:S")
+    with pytest.raises(InputError, match="is no keypoint format"):
+        (tmp_path / "a.txt").write_text("?")
+        read_detections(tmp_path / "a.txt")
+    (tmp_path / "a.s").write_text("?")
+    with pytest.raises(InputError, match=r"cannot be read as S.*it returned NoneType; expected Detections"):
+        read_detections(tmp_path / "a.s")
+
+
+def test_the_panel_review_tells_of_them(odd, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer):
+    odd("1 / 0", exports="mine = odd:E")
+    exports()
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, ReviewPanel) as tested:
+        assert "odd 0.1" in tested.html() and "ZeroDivisionError" in tested.html()
+
+
+# --- what stays ---
+
+
+def test_type_checkers_see_the_same_names():
+    tree = ast.parse(Path(plugin_api.__file__).read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {
+        alias.asname: line.module for line in block.body if isinstance(line, ast.ImportFrom) for alias in line.names
+    }
+    assert seen == plugin_api.HOMES
+    for name, home in plugin_api.HOMES.items():
+        assert getattr(plugin_api, name) is getattr(importlib.import_module(home), name)
+
+
+def test_the_page_names_them_all():
+    text = PAGE.read_text()
+    assert not [name for name in plugin_api.__all__ if name not in text]
+    assert all(f"`{group}`" in text for group in plugins.GROUPS)
+
+
+def test_nothing_of_a_plugin_is_imported_before_it_is_asked_for(lab: None):
+    assert "tcfit_lab" not in sys.modules
+    assert "pelvis" in exports() and "tcfit_lab" in sys.modules
