@@ -311,13 +311,14 @@ _WRITERS: dict[Form, Callable[[Work], Figures]] = {
 def _run_fit(work: Work, clip: Clip) -> FitResult:
     task, body = work.task, work.body
     shape = None if task.fit.shape is None else read_betas(task.fit.shape, body_hash=body.hash)
+    shape_from = "" if task.fit.shape is None else task.fit.shape.name
     start = start_of(task.fit.begin, clip, body, Bodies(task.fit.body.models))
     # Corrected keypoints, as a project may have them, have another first phase.
     if task.start is not None and clip is work.clip:
-        first = read_run(task.start / FIRST_NAME, task.config)
-        events = shape_events(clip, body, task.config, first, given=start, shape=shape)
+        first = dataclasses.replace(read_run(task.start / FIRST_NAME, task.config), start=start)
+        events = shape_events(clip, body, task.config, first, shape=shape, shape_from=shape_from)
     else:
-        events = fit_events(clip, body, task.config, start=start, shape=shape)
+        events = fit_events(clip, body, task.config, start=start, shape=shape, shape_from=shape_from)
     return drained(mapped(events, work.report))
 
 

@@ -5,11 +5,15 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+from jaxtyping import Float
+
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, mapped
 from fitting_core.fit.fitting import Refit, fit_events, rerun_events, shape_events
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.grounded import grounded
 from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
@@ -45,6 +49,12 @@ class FitEverything:
     clip: Clip
     body: BodyModel
     config: FitConfig
+    begun_with: GivenStart | None = None
+    """What another system found."""
+    shape: Float[np.ndarray, "10"] | None = None
+    """Betas that are known."""
+    shape_from: str = ""
+    """Where they come from, for the user."""
 
     @property
     def title(self) -> str:
@@ -58,7 +68,14 @@ class FitEverything:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.fit_events`."""
-        return fit_events(self.clip, self.body, self.config)
+        return fit_events(
+            self.clip,
+            self.body,
+            self.config,
+            start=self.begun_with,
+            shape=self.shape,
+            shape_from=self.shape_from,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +104,7 @@ class RerunFrames:
         begin, params = time.perf_counter(), self.start.last.params
         provenance = Provenance.unknown(len(self.clip))
         for i, window in enumerate(self.windows):
-            events = rerun_events(self.clip, self.body, self.config, params, window)
+            events = rerun_events(self.clip, self.body, self.config, params, window, start=self.start.start)
             refit = yield from _as_part(events, i, len(self.windows))
             inside = slice(window.start, window.stop)
             params, provenance = refit.params, provenance.with_frames(window, refit.provenance[inside])
@@ -99,6 +116,7 @@ class RerunFrames:
             self.config,
             params,
             self.windows,
+            start=self.start.start,
             provenance=provenance,
             note=f"{self.title}: window of phase 3, the rest as in the run before",
         )
@@ -114,6 +132,10 @@ class FitShape:
     body: BodyModel
     config: FitConfig
     start: FitResult
+    shape: Float[np.ndarray, "10"] | None = None
+    """Betas that are known."""
+    shape_from: str = ""
+    """Where they come from, for the user."""
 
     @property
     def title(self) -> str:
@@ -127,7 +149,7 @@ class FitShape:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.shape_events`; starts from the first phase's poses."""
-        return shape_events(self.clip, self.body, self.config, self.start)
+        return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape, shape_from=self.shape_from)
 
 
 def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:

@@ -208,7 +208,7 @@ def test_a_fit_tells_its_start(free_body: BodyModel):
     config = replace(QUICK, start_deviation=0.08)
     start = start_of(free_body, truth, keypoints, there=[True, False])
     result = fit_clip(clip_of(keypoints), free_body, config, start=start)
-    assert result.start is not None and result.start.frames == 1
+    assert result.start is not None and result.start.about.frames == 1
     told = [warning for warning in result.warnings if "result.pt" in warning]
     assert (
         len(told) == 1 and "in 1 of 2 frames" in told[0] and told[0].endswith("held near it (start_deviation 0.08 m).")
