@@ -98,9 +98,8 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     tested.enter("Start from", first.option)
     tested.enter("Held near", "0.05")
     tested.enter("Same person as", first.option)
-    assert (
-        f"It begins with {first.name}, held within some 5 cm of it and has the shape of {first.name}." in tested.html()
-    )
+    said = f"It begins with {first.name}, held within some 5 cm of it and has the shape of {first.name}."
+    assert said in tested.html()
     tested.click("Fit everything")
     tested.until(lambda: len(session.fits.runs) == 2 and not session.jobs)
     run = session.fits.runs[-1]
