@@ -74,7 +74,7 @@ def _start(source: Source, project: Project, clip: Clip, body: BodyModel, bodies
         body,
         name=run.name,
         format=fit.pose_prior if imported else "a fit of tcfit",
-        there=fit.observed.any(1) if imported else None,
+        there=np.asarray(fit.observed.any(1)) if imported else None,
         placed=run.summary.get("placed", True),
     )
 

@@ -54,17 +54,17 @@ def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewin
     field(opened, "Path of the shape").fill(str(path))
     until(lambda: state().given.shape == Source(path=str(path)) and not state().problems)
     opened.tab.reload()
-    opened.tab.wait_for_selector(".tcfit-panel button", timeout=60_000)
+    opened.tab.get_by_role("tab", name="Fit", exact=True).wait_for(timeout=60_000)
     panel(opened, "Fit")
     opened.tab.get_by_text("and has the shape of her.json").wait_for()
     assert state().given.start == Source(run=2)
 
 
 def test_why_a_run_cannot_be_refined_is_told(opened: Reviewing):
-    """Poses at chance follow no keypoints; nothing is begun."""
+    """Its body is not here; nothing is begun."""
     panel(opened, "Runs")
     opened.tab.get_by_role("button", name="Refine").click()
-    opened.tab.get_by_text("expected the result of this clip and of this person").wait_for()
+    opened.tab.get_by_text("of this run is no longer there").wait_for()
     assert len(opened.session.fits.runs) == 2 and not opened.session.jobs
 
 
