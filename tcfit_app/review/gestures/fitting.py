@@ -58,7 +58,14 @@ class Fitting:
         if settings.given == Given():
             begin(NOTHING)
         else:
+            self._check_paths(settings.given)
             self._read(session.reading(settings.given, **body, camera=camera), begin)
+
+    def _check_paths(self, given: Given) -> None:
+        """Raise InputError for a file that this page may not name: a run's settings name those that it was made with."""
+        for source in (given.start, given.shape):
+            if source is not None and source.run is None:
+                self._tab.files.path(source.path)
 
     def _read(self, read: Callable[[], Known], then: Callable[[Known], None]) -> None:
         """Read what a fit is told, beside the drawing thread, and begin it then."""
@@ -96,6 +103,7 @@ class Fitting:
         if settings.given.shape is None:
             begin(NOTHING)
         else:
+            self._check_paths(settings.given)
             self._read(session.reading_shape(settings.given, before), begin)
 
     def edited_windows(self, shown: Shown) -> tuple[range, ...]:
