@@ -62,7 +62,7 @@ class Fitting:
             self._read(session.reading(settings.given, **body, camera=camera), begin)
 
     def _check_paths(self, given: Given) -> None:
-        """Raise InputError for a file that this page may not name: a run's settings name those that it was made with."""
+        """Raise InputError for a file that this page may not name: settings of a run name any."""
         for source in (given.start, given.shape):
             if source is not None and source.run is None:
                 self._tab.files.path(source.path)
