@@ -22,6 +22,7 @@ from fitting_core.keypoints import INDEX, Keypoints
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.imports.keypoint_jobs import ImportFiles
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels import PANELS
 from tests.drivers.browser import chromium
 from tests.drivers.review_page import Reviewing, reviewing, until
@@ -233,6 +234,33 @@ def panels(review: Reviewing) -> Iterator[str]:
         yield f"panel-{panel.title.lower()}"
 
 
+def given(review: Reviewing) -> Iterator[str]:
+    """What a fit starts from, whose shape it has, the camera file; and a run that began so."""
+    shown, tab = fitted(review).run, review.page.tab
+    told = Given(start=Source(run=shown.id), shape=Source(run=shown.id))
+    open_panel(review, "Fit")
+    review.tab.get_by_text("Start, person").click()
+    show(review, settings=replace(tab.state.settings, given=told))
+    review.tab.get_by_text("Start, person").scroll_into_view_if_needed()
+    settle(review)
+    yield "start"
+    wrong = (("start", "Path of the result is empty; expected where the file or folder is."),)
+    show(review, settings=replace(tab.state.settings, given=Given(start=Source()), problems=wrong))
+    yield "start-file"
+    show(review, settings=replace(tab.state.settings, given=Given(), problems=()))
+    use = review.tab.get_by_role("button", name="Use this camera")
+    if not use.is_visible():
+        review.tab.get_by_text("How it was filmed").click()
+    use.scroll_into_view_if_needed()
+    settle(review)
+    yield "camera"
+    open_panel(review, "Runs")
+    review.app.post(lambda: review.page.gestures.fitting.refine(shown))
+    until(lambda: len(review.session.fits.runs) > 1 and not review.session.jobs, "the refined fit")
+    settle(review)
+    yield "refined"
+
+
 def fitting(review: Reviewing) -> Iterator[str]:
     """A whole fit, frames that are fitted again by a sliding window, and one that fails."""
     session, app = review.session, review.app
@@ -389,6 +417,7 @@ SCENES = {
     "timeline": Scene(shots=timeline),
     "correcting": Scene(shots=correcting),
     "panels": Scene(shots=panels),
+    "given": Scene(shots=given),
     "fitting": Scene(shots=fitting),
     "docs": Scene(shots=documentation),
     "read-only": Scene(shots=first_look, read_only=True),

@@ -33,14 +33,14 @@ def common_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, confi
     """Phase 2 over frames of several clips of one person: as many as `config.shape_sample` asks for of each on average.
 
     Args:
-        clips: each with a fit of it by this configuration, of which the first phase counts.
+        clips: each with a fit of it by this configuration, of which the first phase counts, and what that began with.
         body: the body model.
         config: everything else.
 
     Raises:
         InputError: A fit has no first phase, or no frame of a clip shows a person.
     """
-    sights = [Sight.after_first_phase(clip_stages(clip, body, config), fit) for clip, fit in clips]
+    sights = [Sight.after_first_phase(clip_stages(clip, body, config, start=fit.start), fit) for clip, fit in clips]
     sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))
     state, frames = drained(fit_common_shape(sights, make_solver(config.solver, config.settings), sample))
     betas = state.vector[0, sights[0].stages.parametrisation.columns.betas].double().cpu().numpy()

@@ -86,6 +86,7 @@ def fit_events(
     *,
     start: GivenStart | None = None,
     shape: Float[np.ndarray, "10"] | None = None,
+    shape_from: str = "",
 ) -> Generator[FitEvent, None, FitResult]:
     """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
 
@@ -96,16 +97,25 @@ def fit_events(
         start: what another system found in this clip, with which phase 1 begins (`io.start_reader.read_start`); frames
             that it lacks are fitted as without it.
         shape: betas that are known, which phase 2 takes instead of looking for them.
+        shape_from: where they come from, for the user.
 
     Raises:
         InputError: no frame of the clip shows enough of a person.
     """
-    return (yield from _Fit(clip, body, config, start=start, shape=shape).run())
+    return (yield from _Fit(clip, body, config, start=start, shape=shape, shape_from=shape_from).run())
 
 
-def fit_clip(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> FitResult:
+def fit_clip(
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    *,
+    start: GivenStart | None = None,
+    shape: Float[np.ndarray, "10"] | None = None,
+    shape_from: str = "",
+) -> FitResult:
     """The result of `fit_events`, without the events."""
-    return drained(fit_events(clip, body, config, start=start))
+    return drained(fit_events(clip, body, config, start=start, shape=shape, shape_from=shape_from))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +130,13 @@ class Refit:
 
 @_on_one_thread
 def rerun_events(
-    clip: Clip, body: BodyModel, config: FitConfig, params: BodyParams, frames: range
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    frames: range,
+    *,
+    start: GivenStart | None = None,
 ) -> Generator[FitEvent, None, Refit]:
     """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit.
 
@@ -130,6 +146,7 @@ def rerun_events(
         config: everything else.
         params: a result for this clip, all frames.
         frames: which of them are fitted again, counted from the first of the clip as 0.
+        start: what the fit that the result is of began with, `FitResult.start`: these frames have the same evidence.
     """
     first = clip.first_frame
     asked = f"{first + frames.start} to {first + frames.stop - 1}"
@@ -138,7 +155,7 @@ def rerun_events(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
     near = coupled(frames, len(clip))
-    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
     stages = whole.within(near)
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
@@ -167,8 +184,8 @@ def shape_events(
     config: FitConfig,
     start: FitResult,
     *,
-    given: GivenStart | None = None,
     shape: Float[np.ndarray, "10"] | None = None,
+    shape_from: str = "",
 ) -> Generator[FitEvent, None, FitResult]:
     """Phase 2 again from a fit's first phase on, and phase 3 under the new shape if `config.last_phase` has one.
 
@@ -176,14 +193,15 @@ def shape_events(
         clip: keypoints and camera.
         body: the body model.
         config: everything else.
-        start: its first phase is kept.
-        given: what that began with, `start` of `fit_events`.
+        start: its first phase is kept, and what that began with.
         shape: as in `fit_events`.
+        shape_from: as in `fit_events`.
 
     Raises:
         InputError: It has no first phase, or no frame of the clip shows a person.
     """
-    return (yield from _Fit(clip, body, config, start=given, shape=shape).run_again(start))
+    again = _Fit(clip, body, config, start=start.start, shape=shape, shape_from=shape_from)
+    return (yield from again.run_again(start))
 
 
 def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> Stages:
@@ -218,8 +236,10 @@ class _Fit:
         *,
         start: GivenStart | None = None,
         shape: Float[np.ndarray, "10"] | None = None,
+        shape_from: str = "",
     ) -> None:
-        self.clip, self.body, self.config, self.start, self.shape = clip, body, config, start, shape
+        self.clip, self.body, self.config, self.start = clip, body, config, start
+        self.shape, self.shape_from = shape, shape_from
         self.stages = clip_stages(clip, body, config, start=start)
         self.solver = make_solver(config.solver, config.settings)
         self.phases: list[PhaseResult] = []
@@ -266,7 +286,8 @@ class _Fit:
         betas = self.stages.parametrisation.columns.betas
         if self.shape is not None:
             state = state.with_columns(betas, torch.as_tensor(self.shape).to(state.vector).expand(len(state), -1))
-            yield self._finish(2, state, start, ("shape as given",), poses=poses)
+            note = f"shape as given from {self.shape_from}" if self.shape_from else "shape as given"
+            yield self._finish(2, state, start, (note,), poses=poses)
             return state
         sampled, frames = yield from _events(fit_shape(sight, self.solver), 2)
         state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
@@ -315,7 +336,7 @@ class _Fit:
             config=self.config,
             observed=self.stages.observed,
             pose_prior=self.stages.parametrisation.prior.title,
-            start=None if self.start is None else self.start.about,
+            start=self.start,
             warnings=(
                 *self.clip.notes,
                 *self._start_notes(),

@@ -79,6 +79,23 @@ class GivenStart:
             self, params=self.params[frames], there=self.there[frames], points=self.points[frames], off=self.off[frames]
         )
 
+    def beside(self, keypoints: Keypoints, camera: Camera) -> "GivenStart":
+        """The same beside keypoints as they stand now: where a person has placed some, what is off is off by that.
+
+        A start that is held must give way to a hand. All other frames stay as they were measured when the fit began.
+
+        Args:
+            keypoints: the clip's.
+            camera: which the fit sees them with.
+        """
+        edited = np.flatnonzero(keypoints.placed[:, kp.BODY].any(1) & self.there)
+        if not len(edited):
+            return self
+        found = placed(self.points[edited], keypoints[edited], camera).off
+        off = self.off.copy()
+        off[edited] = np.where(np.isfinite(found), found, off[edited])
+        return replace(self, off=off)
+
     @property
     def tells_hands(self) -> bool:
         """Whether it has hands at all: most systems leave them as the body's mean."""
@@ -178,7 +195,7 @@ def given_start(
         about: what is to be remembered; frames and distance are filled in.
         points: BODY_25 relative to the pelvis on the motion's own body, metres; None: as the fitted body has them.
     """
-    params = _with_whole_hands(body, params.to(dtype=torch.float64))
+    params = with_whole_hands(body, params.to(dtype=torch.float64))
     points = from_pelvis(body, params) if points is None else points
     found = placed(points, keypoints, camera)
     follows = np.asarray(there & (found.median_off < FOLLOWS))
@@ -210,7 +227,8 @@ def _between(values: Float[np.ndarray, "T n"], known: Bool[np.ndarray, "T"]) -> 
     return np.stack([np.interp(np.arange(len(values)), at, column) for column in values[known].T], 1)
 
 
-def _with_whole_hands(body: BodyModel, params: BodyParams) -> BodyParams:
+def with_whole_hands(body: BodyModel, params: BodyParams) -> BodyParams:
+    """Hands of any number of components as axis-angle over the mean, 45 numbers each."""
     basis, _ = hand_basis(body, params.left_hand_pose.shape[1], params.body_pose)
     left, right = params.left_hand_pose @ basis[0].T, params.right_hand_pose @ basis[1].T
     return replace(params, left_hand_pose=left, right_hand_pose=right)

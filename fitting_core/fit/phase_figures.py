@@ -12,6 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import PhaseResult
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -25,6 +26,7 @@ def evaluated(
     params: BodyParams,
     *,
     phase: int = 3,
+    start: GivenStart | None = None,
 ) -> PhaseResult:
     """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
 
@@ -34,8 +36,9 @@ def evaluated(
         config: its weights are those of the costs.
         params: all frames; they are kept as they are.
         phase: 3 counts E_T too.
+        start: what the fit began with, `FitResult.start`.
     """
-    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
     result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
@@ -48,6 +51,7 @@ def patched(
     params: BodyParams,
     windows: Iterable[range],
     *,
+    start: GivenStart | None = None,
     provenance: Provenance | None = None,
     note: str,
 ) -> PhaseResult:
@@ -63,10 +67,11 @@ def patched(
         config: as for `evaluated`.
         params: all frames.
         windows: where they are others than those of `phase`.
+        start: as for `evaluated`.
         provenance: of all frames; None: it is not known where those of the windows came from.
         note: for the user.
     """
-    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
     cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
     for window in windows:
         stages, inside = whole.within(window), slice(window.start, window.stop)

@@ -50,14 +50,14 @@ def refit_events(
     begin, params = time.perf_counter(), fit.last.params
     provenance = Provenance.unknown(len(clip))
     for i, window in enumerate(windows):
-        events = rerun_events(clip, body, config, params, window)
+        events = rerun_events(clip, body, config, params, window, start=fit.start)
         found = yield from _as_part(events, i, len(windows))
         inside = slice(window.start, window.stop)
         params, provenance = found.params, provenance.with_frames(window, found.provenance[inside])
         yield FramesFitted(phase=3, frames=window, params=params[inside])
     note = f"{title}: window of phase 3, the rest as in the run before"
     before = replace(fit.last, phase=3)
-    phase = patched(before, clip, body, config, params, windows, provenance=provenance, note=note)
+    phase = patched(before, clip, body, config, params, windows, start=fit.start, provenance=provenance, note=note)
     phase = replace(phase, seconds=time.perf_counter() - begin)
     return grounded(with_phases(fit, (phase,), config), clip, body)
 

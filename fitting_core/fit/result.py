@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.given_start import StartRecord
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.provenance import Provenance
 from fitting_core.ground.grounding import Grounding
 
@@ -44,8 +44,8 @@ class FitResult:
     """Its title; of a latent one with the hash of its weights."""
     grounding: Grounding | None = None
     """Gravity, contacts of the feet and the floor; None where it is not known, as for files of earlier versions."""
-    start: StartRecord | None = None
-    """The result of another system that phase 1 began with, if there was one."""
+    start: GivenStart | None = None
+    """What another system found, with which phase 1 began; whatever goes on from this fit has the same evidence."""
 
     @property
     def last(self) -> PhaseResult:

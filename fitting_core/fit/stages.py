@@ -159,6 +159,7 @@ class Stages:
         if any(config.weights.relative_position):
             observations = observations.lifted(camera, frame_rate)
         if start is not None and config.start_deviation is not None:
+            start = start.beside(keypoints, camera)
             observations = observations.near(start.points, start.deviation(config.start_deviation))
         return Stages(
             observations=observations,

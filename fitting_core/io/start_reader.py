@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
@@ -17,7 +17,16 @@ from fitting_core.body.points.positions import body_keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.given_start import FOLLOWS, GivenStart, Placed, StartRecord, from_pelvis, given_start, placed
+from fitting_core.fit.given_start import (
+    FOLLOWS,
+    GivenStart,
+    Placed,
+    StartRecord,
+    from_pelvis,
+    given_start,
+    placed,
+    with_whole_hands,
+)
 from fitting_core.fit.observations import seen_confidence
 from fitting_core.fit.sides import SEEN
 from fitting_core.io import read_motion
@@ -85,6 +94,60 @@ def read_start(
         raise refused[0]
     chosen = max(found, key=lambda number: found[number].follows(clip, body))
     return found[chosen].start(clip, body, chosen, find_body)
+
+
+def start_from_fit(
+    params: BodyParams,
+    own: BodyModel,
+    camera: Camera,
+    clip: Clip,
+    body: BodyModel,
+    *,
+    name: str,
+    format: str,
+    there: Bool[np.ndarray, "T"] | None = None,
+    placed: bool = True,
+) -> GivenStart:
+    """A fit of this clip, or a motion that was brought into it, as a start.
+
+    Args:
+        params: All frames of the clip, in the space of `camera`.
+        own: The body that they are of.
+        camera: That they were found with.
+        clip: What is fitted.
+        body: The fitted body.
+        name: What the user calls it.
+        format: What it is, in words.
+        there: Frames that it has; None: all.
+        placed: Whether a camera saw it; else it may be turned about the vertical.
+
+    Raises:
+        InputError: It has no frame, or does not follow the keypoints.
+    """
+    frames = np.arange(len(clip)) if there is None else np.flatnonzero(there)
+    if not len(frames):
+        raise InputError(f"{name}: has no frame of this clip. Choose another start.")
+    whole = with_whole_hands(own, params.to(dtype=torch.float64))[torch.as_tensor(frames)]
+    left, right = (torch.as_tensor(mean).to(whole.body_pose) for mean in own.hand_mean)
+    motion = ImportedMotion(
+        source=Path(name.replace("/", " ")),
+        format=format,
+        kind=own.kind,
+        gender=own.gender,
+        body_hash=own.hash,
+        params=replace(
+            whole, left_hand_pose=whole.left_hand_pose + left, right_hand_pose=whole.right_hand_pose + right
+        ),
+        whole_hands=True,
+        turn=torch.eye(3, dtype=torch.float64).expand(len(frames), 3, 3),
+        placed=placed,
+        numbers=tuple((clip.first_frame + frames).tolist()),
+        numbered=True,
+        camera=camera,
+    )
+    # The clip's images are not asked for: frames are counted as the clip counts them.
+    counted = replace(clip, source=None)
+    return _Candidate.of(motion, counted, body, None).start(counted, body, None, lambda kind, gender: own)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,6 +277,5 @@ def _follows_nobody(source: Path, off: Float[np.ndarray, "n"], person: int | Non
     how = f"lie {100 * np.median(seen):.0f} cm off the detected ones (median)" if len(seen) else "cannot be compared"
     return (
         f"{source}: the keypoints{which} {how}; expected the result of this clip and of this person, less than "
-        f"{100 * FOLLOWS:.0f} cm off. Choose another with --start-person, or say with --start-first-frame which frame "
-        "of the video its first one is."
+        f"{100 * FOLLOWS:.0f} cm off. Choose another of its people, or say which frame of the video its first one is."
     )

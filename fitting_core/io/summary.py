@@ -64,7 +64,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "hash": body.hash,
         },
         "ground": None if fit.grounding is None else _ground(fit.grounding),
-        "start": None if fit.start is None else asdict(fit.start),
+        "start": None if fit.start is None else asdict(fit.start.about),
         "pose_prior": legible(fit.pose_prior),
         "warnings": [legible(warning) for warning in fit.warnings],
         "config": as_plain(replace(fit.config, pose_prior=legible(fit.config.pose_prior))),

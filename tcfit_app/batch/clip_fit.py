@@ -51,12 +51,14 @@ from tcfit_app.batch.records import (
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.imports.starts import start_of
+from tcfit_app.options.fit import FitOptions
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import same_detections
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.run_files import read_run, write_run
+from tcfit_app.project.storage.run_record import Given, Source
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""
@@ -295,9 +297,21 @@ def _run_name(work: Work) -> str:
 def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
     content = summary(fit, clip, work.body, complete=True, command=work.task.command)
     body = record_of(work.body)
-    run = project.runs.start(work.task.config, body=body, edits_seen=project.last_edit, name=_run_name(work))
+    run = project.runs.start(
+        work.task.config, body=body, edits_seen=project.last_edit, given=_given(work.task.fit), name=_run_name(work)
+    )
     project.runs.finish(run.id, fit, summary=content)
     return _figures(work, content, fit, clip, list(fit.warnings))
+
+
+def _given(options: FitOptions) -> Given:
+    """What the fit was told, as the app remembers it with a run."""
+    begin = options.begin
+    start = Source(path=str(begin.start), person=begin.start_person, first_frame=begin.start_first_frame)
+    return Given(
+        start=None if begin.start is None else start,
+        shape=None if options.shape is None else Source(path=str(options.shape)),
+    )
 
 
 _WRITERS: dict[Form, Callable[[Work], Figures]] = {
@@ -311,13 +325,14 @@ _WRITERS: dict[Form, Callable[[Work], Figures]] = {
 def _run_fit(work: Work, clip: Clip) -> FitResult:
     task, body = work.task, work.body
     shape = None if task.fit.shape is None else read_betas(task.fit.shape, body_hash=body.hash)
+    shape_from = "" if task.fit.shape is None else task.fit.shape.name
     start = start_of(task.fit.begin, clip, body, Bodies(task.fit.body.models))
     # Corrected keypoints, as a project may have them, have another first phase.
     if task.start is not None and clip is work.clip:
-        first = read_run(task.start / FIRST_NAME, task.config)
-        events = shape_events(clip, body, task.config, first, given=start, shape=shape)
+        first = dataclasses.replace(read_run(task.start / FIRST_NAME, task.config), start=start)
+        events = shape_events(clip, body, task.config, first, shape=shape, shape_from=shape_from)
     else:
-        events = fit_events(clip, body, task.config, start=start, shape=shape)
+        events = fit_events(clip, body, task.config, start=start, shape=shape, shape_from=shape_from)
     return drained(mapped(events, work.report))
 
 

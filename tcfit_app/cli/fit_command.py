@@ -17,11 +17,11 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
-from fitting_core.io.known_shape import read_betas
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.given import read_shape
 from tcfit_app.imports.starts import start_of
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
@@ -52,14 +52,16 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     check_out(options.out, overwrite=options.overwrite)
     prepare_solver(config, options.threads)
     body = load_body(body_file(options.body))
-    shape = None if options.shape is None else read_betas(options.shape, body_hash=body.hash)
+    shape = None if options.shape is None else read_shape(options.shape, body)
     clip = clip_of(options)
     start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
     _tell(_inputs(clip, body))
     if start is not None:
         _tell([start.about.sentence()])
-    events = fit_events(clip, body, config, start=start, shape=shape)
+    events = fit_events(
+        clip, body, config, start=start, shape=shape, shape_from="" if options.shape is None else options.shape.name
+    )
     fit, summary = _fit_and_write(events, clip, body, options.out, last_phase=config.last_phase, command=command)
     _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]

@@ -9,6 +9,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.fit.given_start import GivenStart
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
@@ -106,13 +107,14 @@ class EditFollower:
         except InputError:
             return None  # the picture says so
 
-        def of(camera: Camera, params: BodyParams) -> Correction:
+        def of(camera: Camera, params: BodyParams, given: GivenStart | None) -> Correction:
             seen = self._project.last_edit
             return Correction(
                 clip=self._clip(camera),
                 body=body,
                 config=shown.run.config,
                 params=params,
+                start=given,
                 frame=frame,
                 keypoints=joints,
                 in_depth=in_depth,
@@ -123,10 +125,10 @@ class EditFollower:
 
         def renewed() -> Correction:
             start = self._fits.fit(self._fits.corrections_of(shown.run.id))
-            return of(start.camera, start.last.params)
+            return of(start.camera, start.last.params, start.start)
 
         # The worker renews it before it begins: corrections that are not in memory are read on its thread.
-        drag = self._worker.drag(of(shown.camera, shown.params), target)
+        drag = self._worker.drag(of(shown.camera, shown.params, None), target)
         self._drags[drag.number] = (drag, shown.run)
         return drag
 

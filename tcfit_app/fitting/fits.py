@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Container
 from dataclasses import dataclass, replace
 from itertools import count
+from pathlib import Path
 from queue import SimpleQueue
 
 import numpy as np
@@ -28,7 +29,7 @@ from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
 from tcfit_app.fitting.live import Correction, Target
 from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.run_record import Ended, Run, newest
+from tcfit_app.project.storage.run_record import Ended, Run, Source, newest
 
 KEPT_FITS = 8
 """Results held in memory: those of the runs that were shown last."""
@@ -165,6 +166,13 @@ class Fits:
     def run(self, number: int) -> Run | None:
         """A run that is not deleted."""
         return next((run for run in self.runs if run.id == number), None)
+
+    def named(self, source: Source) -> str:
+        """A run or a file that somebody named, in a word."""
+        if source.run is None:
+            return Path(source.path).name or "a file"
+        run = self.run(source.run)
+        return f"run {source.run}, which was deleted" if run is None else run.name
 
     def changed(self) -> None:
         """Rows of runs are others than they were."""
@@ -378,7 +386,17 @@ class Fits:
         for window in windows:
             whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
         note = "keypoints were corrected, and the frames around them fitted again"
-        phase = patched(fit.last, clip, body, fit.config, whole, windows, provenance=refit.provenance, note=note)
+        phase = patched(
+            fit.last,
+            clip,
+            body,
+            fit.config,
+            whole,
+            windows,
+            start=fit.start,
+            provenance=refit.provenance,
+            note=note,
+        )
         config = self._project.runs.get(run).config
         found = grounded(with_phases(fit, (phase,), config), clip, body)
         self._store_corrections(base, found, self.edits_seen(base, windows, seen))
@@ -412,7 +430,15 @@ class Fits:
             run = runs.amend(base.id, fit, edits_seen=seen)
         else:
             name = f"{base.name} corrected"
-            run = runs.start(fit.config, body=base.body, edits_seen=seen, kind="corrections", parent=base.id, name=name)
+            run = runs.start(
+                fit.config,
+                body=base.body,
+                edits_seen=seen,
+                kind="corrections",
+                parent=base.id,
+                given=base.given,
+                name=name,
+            )
             runs.finish(run.id, fit)
         self._publish(run.id, fit)
         self.changed()

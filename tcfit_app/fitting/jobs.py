@@ -4,11 +4,15 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+from jaxtyping import Float
+
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent
 from fitting_core.fit.fitting import fit_events, shape_events
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.refitting import refit_events
 from fitting_core.fit.result import FitResult
 from tcfit_app.project.frame_words import in_words
@@ -42,6 +46,12 @@ class FitEverything:
     clip: Clip
     body: BodyModel
     config: FitConfig
+    begun_with: GivenStart | None = None
+    """What another system found."""
+    shape: Float[np.ndarray, "10"] | None = None
+    """Betas that are known."""
+    shape_from: str = ""
+    """Where they come from, for the user."""
 
     @property
     def title(self) -> str:
@@ -55,7 +65,14 @@ class FitEverything:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.fit_events`."""
-        return fit_events(self.clip, self.body, self.config)
+        return fit_events(
+            self.clip,
+            self.body,
+            self.config,
+            start=self.begun_with,
+            shape=self.shape,
+            shape_from=self.shape_from,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +109,10 @@ class FitShape:
     body: BodyModel
     config: FitConfig
     start: FitResult
+    shape: Float[np.ndarray, "10"] | None = None
+    """Betas that are known."""
+    shape_from: str = ""
+    """Where they come from, for the user."""
 
     @property
     def title(self) -> str:
@@ -105,7 +126,7 @@ class FitShape:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.shape_events`; starts from the first phase's poses."""
-        return shape_events(self.clip, self.body, self.config, self.start)
+        return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape, shape_from=self.shape_from)
 
 
 @dataclass(kw_only=True)

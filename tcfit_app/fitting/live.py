@@ -30,6 +30,7 @@ from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
 from fitting_core.fit.fitting import Refit, rerun_events
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.observations import cut_off
 from fitting_core.fit.phases.consistency import coupled
@@ -65,6 +66,8 @@ class Correction:
     frame: int
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
+    start: GivenStart | None = None
+    """What the result's fit began with, which counts for the window as well."""
     in_depth: bool = False
     """Whether they are dragged away from the camera and towards it, and not in the image."""
     reach: int = REACH
@@ -108,6 +111,16 @@ class Correction:
         return without_collisions(self.converging)
 
     @property
+    def yielding(self) -> GivenStart | None:
+        """The start while the pointer moves: it says nothing of what is dragged in the image. How far it is off there
+        is known once that is released."""
+        if self.start is None or self.in_depth:
+            return self.start
+        points = self.start.points.copy()
+        points[self.frame, [k for k in self.keypoints if k < kp.BODY.stop]] = np.nan
+        return replace(self.start, points=points)
+
+    @property
     def now(self) -> "Correction":
         """The same, renewed."""
         return self if self.renewed is None else self.renewed()
@@ -135,7 +148,9 @@ class LiveCorrection:
     def __init__(self, correction: Correction, target: Target) -> None:
         self.correction = correction
         clip, config = correction.edited(target), correction.following
-        stages = Stages.of(clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate)
+        stages = Stages.of(
+            clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate, start=correction.yielding
+        )
         window, near = correction.frames, coupled(correction.frames, len(clip))
         self._stages = stages.within(near)
         self._frame = correction.frame - near.start
@@ -233,7 +248,7 @@ class LiveCorrection:
         """
         self.correction = c = self.correction.now
         clip = c.edited(self.target)
-        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames))
+        return (yield from rerun_events(clip, c.body, c.converging, self.params, c.frames, start=c.start))
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:

@@ -83,12 +83,12 @@ def import_run(
         InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be written.
     """
     source = name_of_file(source) if source else str(path)
-    fit, body = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
+    fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
     goes_on()
     name, seen = name or name_of_file(_name(path.resolve())), project.last_edit
     run = project.runs.start(fit.config, body=record_of(body), edits_seen=seen, kind="imported", name=name)
     try:
-        return project.runs.finish(run.id, fit, summary={"source": source, "format": fit.pose_prior})
+        return project.runs.finish(run.id, fit, summary={"source": source, "format": fit.pose_prior, "placed": placed})
     except InputError as error:
         project.runs.end(run.id, "failed", str(error))
         raise
@@ -96,8 +96,8 @@ def import_run(
 
 def imported_fit(
     path: Path, clip: Clip, bodies: Bodies, choices: ImportChoices, *, source: str
-) -> tuple[FitResult, BodyModel]:
-    """A result as a fit of the clip, and the body that it is posed with.
+) -> tuple[FitResult, BodyModel, bool]:
+    """A result as a fit of the clip, the body that it is posed with, and whether a camera saw it.
 
     Raises:
         InputError: It cannot be read or does not fit the clip, or its body is not there.
@@ -128,7 +128,7 @@ def imported_fit(
         observed=np.repeat(covered.there[:, None], N_JOINTS, axis=1),
         pose_prior=motion.format,
     )
-    return fit, body
+    return fit, body, motion.placed
 
 
 def _name(path: Path) -> str:

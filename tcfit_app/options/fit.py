@@ -172,7 +172,7 @@ class FitOptions:
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. A result that lies there is replaced."""
     shape: Annotated[Path | None, shown("PATH", "found from the clip")] = None
-    """The person's shape, where it is known: the folder of a result, or an npz or JSON file with betas."""
+    """The person's shape, where it is known: the folder of a result, a project, or an npz or JSON file with betas."""
     overwrite: bool = False
     """Write into a folder that holds other files too."""
     overlay: bool = True

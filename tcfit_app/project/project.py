@@ -25,16 +25,19 @@ from types import TracebackType
 import msgspec
 import numpy as np
 
+from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
+from fitting_core.io.cameras.reading import tells_of_camera_file
 from fitting_core.keypoints import Keypoints
+from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Note, Redo, Undo, decode, encode
+from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Note, Redo, Remark, Undo, decode, encode
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
-from tcfit_app.project.storage.clip import read_clip, replace_detections, write_clip
+from tcfit_app.project.storage.clip import read_clip, replace_camera, replace_detections, write_clip
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import Lock
@@ -195,10 +198,51 @@ class Project:
                 raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
             stored = replace(self._stored, keypoints=_fixed(keypoints), notes=(*self._stored.notes, *notes))
             EditHistory(stored.keypoints, self.log)  # what could not be opened again must not get onto the disk
-            replace_detections(self.folder, self._database, stored.keypoints, stored.notes)
+            replace_detections(self.folder, self._database, stored.keypoints, stored.notes, stored.camera)
             with self._guard:
                 self._stored, self._detected = stored, True
                 self._history = EditHistory(stored.keypoints, self._log)
+
+    def set_camera(self, camera: Camera, notes: tuple[str, ...] = ()) -> None:
+        """Say what the clip was filmed with; when this returns, it is on the disk. Runs keep the camera that they have.
+
+        Args:
+            camera: Of the clip's images. With another lens, detections are straightened by that.
+            notes: For the user, in place of those on the camera before.
+
+        Raises:
+            InputError: It is of images of another size, or has another lens while there are edits or runs, which stand
+                where the lens before has put them; or the project cannot be written. Nothing has changed.
+        """
+        self.refuse_read_only()
+        with self._changing_files:
+            before = self._stored
+            if camera.size != before.camera.size:
+                raise InputError(f"The camera is of images of {camera.size}; expected {before.camera.size} pixels.")
+            kept = tuple(note for note in before.notes if not tells_of_camera_file(note, before.camera))
+            stored = replace(before, camera=camera, notes=(*kept, *notes))
+            if camera.lens == before.camera.lens:
+                replace_camera(self._database, camera, stored.notes)
+            else:
+                self._refuse_another_lens()
+                filmed = filmed_keypoints(before.keypoints, before.camera.lens)
+                straight, lens_notes = straightened_keypoints(filmed, camera.lens)
+                stored = replace(stored, keypoints=_fixed(straight), notes=(*stored.notes, *lens_notes))
+                replace_detections(self.folder, self._database, stored.keypoints, stored.notes, camera)
+            with self._guard:
+                self._stored, self._clip = stored, None
+                if stored.keypoints is not before.keypoints:
+                    self._history = EditHistory(stored.keypoints, self._log)
+
+    def _refuse_another_lens(self) -> None:
+        edits = [entry for entry in self.log if not isinstance(entry.action, Remark)]
+        runs = [*self.runs.all(), *self.runs.all(deleted=True)]
+        if edits or runs:
+            there = " and ".join(["edits"] * bool(edits) + ["runs"] * bool(runs))
+            raise InputError(
+                f"This camera has another lens than the project's, and {there} stand where that one has put them. Make "
+                "a new project with it (tcfit new --camera), or leave the distortion out of the file."
+            )
 
     def relink(self, source: Path) -> None:
         """Say where the video or the images are now.

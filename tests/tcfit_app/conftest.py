@@ -87,7 +87,14 @@ class FinishedRun:
     """What the fit told, up to `Finished`."""
 
     def replay(
-        self, clip: object, body: object, config: FitConfig, *, start: object = None, shape: object = None
+        self,
+        clip: object,
+        body: object,
+        config: FitConfig,
+        *,
+        start: object = None,
+        shape: object = None,
+        shape_from: str = "",
     ) -> Iterator[FitEvent]:
         """In place of `fit_events`, for what a command does with a fit of these options: the same again, at once."""
         for event in self.events:

@@ -29,6 +29,8 @@ _MOST_NOWHERE = 0.25
 _FAR = 100.0
 """Metres from the origin from which a world is hardly one of metres."""
 _LISTED = 12
+_SOURCE = "camera file"
+"""How `Camera.source` begins."""
 _FORMS: dict[str, Callable[[Path], list[Calibration]]] = {".npz": read_camera_npz, **TABLES}
 """By the file's suffix; COLMAP's texts are known by their names."""
 EXPECTED = (
@@ -76,12 +78,17 @@ def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[
         focal=sized.focal,
         center=sized.center,
         size=size,
-        source=legible(f"camera file {file.path.name}{name}, as given"),
+        source=legible(f"{_SOURCE} {file.path.name}{name}, as given"),
         lens=lens,
         world=world,
     )
     notes = (*size_notes, *lens_notes, *world_notes)
     return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
+
+
+def tells_of_camera_file(note: str, camera: Camera) -> bool:
+    """Whether a note is one of those that `read_camera` gave with a camera."""
+    return camera.source.startswith(f"{_SOURCE} {note.partition(': ')[0]}, ")
 
 
 def camera_files(path: Path) -> list[Path]:

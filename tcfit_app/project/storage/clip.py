@@ -146,8 +146,19 @@ def creation_time(folder: Path) -> str:
         return Columns(rows[0], "the clip", store.damage).read("created", text, "", "it is left out") if rows else ""
 
 
-def replace_detections(folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...]) -> None:
-    """Give a project other detections, with the notes of its clip; when this returns they are on the disk.
+def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> None:
+    """Give a project another camera with the same lens, and the notes of its clip. Raises InputError as `Database`."""
+    with store.transaction() as connection:
+        connection.execute(
+            "UPDATE clip SET camera = ?, notes = ?",
+            (msgspec.json.encode(camera).decode(), msgspec.json.encode(notes).decode()),
+        )
+
+
+def replace_detections(
+    folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...], camera: Camera
+) -> None:
+    """Give a project other detections, with notes and camera of its clip; when this returns they are on the disk.
 
     Wherever it ends in between, the project opens with the old ones or the new ones: the new file lies beside the old
     one, the database's transaction decides, and then the new one takes the old one's place.
@@ -160,7 +171,8 @@ def replace_detections(folder: Path, store: Database, keypoints: Keypoints, note
         new = _sha256(folder / _COMING)
         with store.transaction() as connection:
             connection.execute(
-                "UPDATE clip SET detections_sha256 = ?, notes = ?", (new, msgspec.json.encode(notes).decode())
+                "UPDATE clip SET detections_sha256 = ?, camera = ?, notes = ?",
+                (new, msgspec.json.encode(camera).decode(), msgspec.json.encode(notes).decode()),
             )
     _settle_detections(folder, new)
 

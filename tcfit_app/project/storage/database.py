@@ -67,11 +67,17 @@ def _order_of_marks(connection: sqlite3.Connection) -> None:
             last_moment = (SELECT count(*) FROM runs WHERE coalesce(ended, started) <= marks.time)""")
 
 
+def _given_starts(connection: sqlite3.Connection) -> None:
+    """With which start and shape a run was begun; NULL: with none, as in all older projects."""
+    connection.execute("ALTER TABLE runs ADD COLUMN given TEXT")
+
+
 MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
     _first_tables,
     _review_marks,
     _kinds_of_runs,
     _order_of_marks,
+    _given_starts,
 )
 """MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
 

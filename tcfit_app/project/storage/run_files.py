@@ -8,6 +8,8 @@
 | phase1_start, phase1_stopped | (T,) | where each frame's fit came from: numbers of `provenance.Start` and `Stopped`; \
 runs of earlier versions and imported motions have none |
 | observed | (T, 55) | as in FitResult |
+| start_there, start_points, start_off, start_betas, ... | (T, ...) | the `GivenStart` that phase 1 began with, where \
+there was one |
 | gravity, ground, contacts, ... | | see fitting_core/ground/arrays.py; runs of earlier versions have none |
 | about | () | JSON: camera, phases, warnings, pose prior, the given start, format |
 
@@ -28,7 +30,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
-from fitting_core.fit.given_start import StartRecord
+from fitting_core.fit.given_start import GivenStart, StartRecord
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
@@ -38,6 +40,9 @@ FORMAT = "tcfit run 1"
 _NAMES = tuple(f.name for f in fields(BodyParams))
 _WIDTHS = {name: tensor.shape[1] for name, tensor in vars(BodyParams.neutral(0)).items()}
 _HANDS = ("left_hand_pose", "right_hand_pose")
+_START = "start_"
+_START_WIDTHS: dict[str, tuple[int, ...]] = {"there": (), "points": (25, 3), "off": (25,)}
+"""Arrays of a given start by their shape behind the number of frames."""
 
 
 class _Phase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -73,10 +78,13 @@ def write_run(path: Path, fit: FitResult) -> None:
         phases=phases,
         warnings=fit.warnings,
         pose_prior=fit.pose_prior,
-        start=fit.start,
+        start=None if fit.start is None else fit.start.about,
     )
     arrays: dict[str, Any] = {"observed": fit.observed, "about": msgspec.json.encode(about).decode()}
     arrays |= grounding_arrays(fit.grounding)
+    if (start := fit.start) is not None:
+        arrays |= {_START + name: getattr(start, name) for name in _START_WIDTHS}
+        arrays |= {_START + name: getattr(start.params, name).detach().cpu().numpy() for name in _NAMES}
     for p in fit.phases:
         prefix = f"phase{p.phase}_"
         arrays |= {prefix + name: getattr(p.params, name).detach().cpu().numpy() for name in _NAMES}
@@ -106,6 +114,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         frames = len(phases[0].params)
         observed = _shaped(arrays, "observed", (frames, 55)).astype(bool)
         grounding = grounding_from(arrays, frames)
+        start = _start(arrays, about.start, frames)
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; expected the result of a run. Fit again.") from error
     except (OSError, KeyError, IndexError, ValueError, TypeError) as error:
@@ -118,19 +127,36 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         warnings=about.warnings,
         pose_prior=about.pose_prior,
         grounding=grounding,
-        start=about.start,
+        start=start,
+    )
+
+
+def _params(arrays: dict[str, np.ndarray], prefix: str) -> BodyParams:
+    frames, components = map(int, arrays[f"{prefix}{_HANDS[0]}"].shape)
+    widths = _WIDTHS | dict.fromkeys(_HANDS, components)
+    return BodyParams(**{n: torch.from_numpy(_shaped(arrays, prefix + n, (frames, widths[n]))) for n in _NAMES})
+
+
+def _start(arrays: dict[str, np.ndarray], about: StartRecord | None, frames: int) -> GivenStart | None:
+    if about is None or f"{_START}there" not in arrays:
+        return None
+    known = {name: _shaped(arrays, _START + name, (frames, *width)) for name, width in _START_WIDTHS.items()}
+    params = _params(arrays, _START)
+    if len(params) != frames:
+        raise ValueError(f"its start has {len(params)} frames, expected {frames}")
+    return GivenStart(
+        params=params, there=known["there"].astype(bool), points=known["points"], off=known["off"], about=about
     )
 
 
 def _phase(arrays: dict[str, np.ndarray], about: _Phase) -> PhaseResult:
     prefix = f"phase{about.phase}_"
-    frames, components = map(int, arrays[f"{prefix}{_HANDS[0]}"].shape)
-    widths = _WIDTHS | dict.fromkeys(_HANDS, components)
-    params = {n: torch.from_numpy(_shaped(arrays, prefix + n, (frames, widths[n]))) for n in _NAMES}
+    params = _params(arrays, prefix)
+    frames = len(params)
     costs = _shaped(arrays, f"{prefix}objective", (len(about.terms),))
     return PhaseResult(
         phase=about.phase,
-        params=BodyParams(**params),
+        params=params,
         objective=dict(zip(about.terms, costs.tolist(), strict=True)),
         frame_cost=_shaped(arrays, f"{prefix}frame_cost", (frames,)),
         seconds=about.seconds,

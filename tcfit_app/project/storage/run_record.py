@@ -29,6 +29,27 @@ class BodyRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """The file's path, or empty."""
 
 
+class Source(msgspec.Struct, frozen=True, kw_only=True):
+    """A run of the project, or a file, that a user names."""
+
+    run: int | None = None
+    path: str = ""
+    """Without a run."""
+    person: int | None = None
+    """Of several people in a file, the number; None: who follows the keypoints."""
+    first_frame: int | None = None
+    """Number in the video of the file's first frame; None: as it says."""
+
+
+class Given(msgspec.Struct, frozen=True, kw_only=True):
+    """What a fit was told that the clip does not say: what was chosen. What was read from it is in the result."""
+
+    start: Source | None = None
+    """With what phase 1 begins."""
+    shape: Source | None = None
+    """Whose shape the person has."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Run:
     """A fit, without what it found."""
@@ -41,6 +62,7 @@ class Run:
     body: BodyRecord
     parent: int | None
     """The run from which this one started."""
+    given: Given
     frames: range | None
     """The frames that were fitted again, counted from the clip's first; None: all."""
     edits_seen: int
@@ -57,6 +79,11 @@ class Run:
     """Can be brought back until `purge`."""
     stored: bool
     """Whether there is a file with at least one phase."""
+
+    @property
+    def option(self) -> str:
+        """The run in a choice; names may be alike, numbers are not."""
+        return f"{self.id} · {self.name}"
 
 
 def newest(runs: Sequence[Run]) -> Run:

@@ -22,7 +22,7 @@ from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
-from tcfit_app.project.storage.run_record import BodyRecord, Ended, Run, RunKind, RunState
+from tcfit_app.project.storage.run_record import BodyRecord, Ended, Given, Run, RunKind, RunState
 
 ENTRY = r"runs/\d{6,}\.npz"
 """What the paths of results in a project's folder look like, as a regular expression."""
@@ -85,6 +85,7 @@ class Runs:
         edits_seen: int,
         kind: RunKind = "fit",
         parent: int | None = None,
+        given: Given = Given(),  # noqa: B008 - it is frozen
         frames: range | None = None,
         name: str = "",
     ) -> Run:
@@ -96,6 +97,7 @@ class Runs:
             edits_seen: `Project.last_edit` when its keypoints were taken.
             kind: What is fitted.
             parent: The run from which it starts.
+            given: What it is told that the clip does not say.
             frames: Which frames are fitted again; None for all.
             name: By default its number.
 
@@ -106,14 +108,15 @@ class Runs:
             self.get(parent)
         with self._database.transaction() as connection:
             cursor = connection.execute(
-                "INSERT INTO runs (name, kind, state, config, body, parent, first_frame, last_frame, edits_seen,"
-                f" started, moment) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
+                "INSERT INTO runs (name, kind, state, config, body, parent, given, first_frame, last_frame,"
+                f" edits_seen, started, moment) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
                 (
                     checked_name(name) if name else "",
                     kind,
                     msgspec.json.encode(as_plain(config)).decode(),
                     msgspec.json.encode(body).decode(),
                     parent,
+                    msgspec.json.encode(given).decode() if given != Given() else None,
                     frames.start if frames else None,
                     frames.stop - 1 if frames else None,
                     edits_seen,
@@ -278,6 +281,7 @@ class Runs:
             config=of_run.read("config", json_of(FitConfig), PRESETS[DEFAULT_PRESET], "the default settings stand in"),
             body=of_run.read("body", json_of(BodyRecord), unknown, "the neutral SMPL-X body stands in for it"),
             parent=of_run.read("parent", or_none(of(_parent(number))), None, "it counts as started from nothing"),
+            given=of_run.read("given", or_none(json_of(Given)), None, "it counts as started from nothing") or Given(),
             frames=self._frames_of(of_run),
             edits_seen=of_run.read("edits_seen", of(Count), 0, "it counts as older than all edits"),
             started=of_run.read("started", time, UNKNOWN_TIME, "it counts as started long ago"),
@@ -308,11 +312,12 @@ def _parent(run: int) -> Any:
 
 
 class _Figures(msgspec.Struct):
-    """Those of a run's summary that are shown."""
+    """Those of a run's summary that are shown or used."""
 
     seconds: dict[str, float] = {}
     source: str = ""
     format: str = ""
+    placed: bool = True
 
 
 def _figures(value: Any) -> dict[str, Any]:

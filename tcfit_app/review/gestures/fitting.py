@@ -1,13 +1,19 @@
 """What one browser's fit settings are for: whole fits, re-runs of frames, of what was edited, and of the shape."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+
+from msgspec import structs
 
 from fitting_core.camera import Camera
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import around
+from tcfit_app.imports.given import NOTHING, Known
+from tcfit_app.project.storage.run_record import Given, Run, Source
+from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
@@ -20,16 +26,53 @@ class Fitting:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
+        self._reading: Task[Known] | None = None
+        """Of what the next fit is told."""
 
     def everything(self) -> None:
         """Fit all phases. Raises InputError if a setting is wrong, or it cannot be begun."""
+        self._begin(self._checked())
+
+    def refine(self, run: Run) -> None:
+        """Fit all phases, beginning with what a run has found. Raises InputError as `everything`."""
         settings = self._checked()
-        session = self._tab.session
-        camera = camera_of(settings, session.project.clip.camera)
-        before = self._tab.look().b
-        session.fit_everything(settings.config, kind=settings.kind, gender=settings.gender, camera=camera)
-        self._show_beside(before, FitChoice())  # the newest of which there is something to see
-        self._tab.say("Fit everything: started")
+        self._begin(replace(settings, given=structs.replace(settings.given, start=Source(run=run.id))))
+
+    def _begin(self, settings: FitSettings) -> None:
+        tab, session = self._tab, self._tab.session
+        body, camera = (
+            {"kind": settings.kind, "gender": settings.gender},
+            camera_of(settings, session.project.clip.camera),
+        )
+
+        def begin(known: Known) -> None:
+            before = tab.look().b
+            session.fit_everything(settings.config, **body, camera=camera, known=known)
+            start = known.given.start
+            if start is not None and start.run is not None:
+                tab.set(a=FitChoice(run=start.run), b=FitChoice())
+            else:
+                self._show_beside(before, FitChoice())  # the newest of which there is something to see
+            tab.say("Fit everything: started")
+
+        if settings.given == Given():
+            begin(NOTHING)
+        else:
+            self._check_paths(settings.given)
+            self._read(session.reading(settings.given, **body, camera=camera), begin)
+
+    def _check_paths(self, given: Given) -> None:
+        """Raise InputError for a file that this page may not name: settings of a run name any."""
+        for source in (given.start, given.shape):
+            if source is not None and source.run is None:
+                self._tab.files.path(source.path)
+
+    def _read(self, read: Callable[[], Known], then: Callable[[Known], None]) -> None:
+        """Read what a fit is told, beside the drawing thread, and begin it then."""
+        if self._reading is not None and self._reading.state == "running":
+            raise InputError("What the fit before is told is still being read: wait for it.")
+        self._reading = self._tab.begin("Reading what the fit is told", lambda report: read(), then)
+        self._tab.say("Reading what the fit is told …")
 
     def frames(self) -> None:
         """Fit the selected frames of B again. Raises InputError as `everything`, and if none are selected."""
@@ -50,10 +93,18 @@ class Fitting:
 
     def shape(self) -> None:
         """Find B's shape again, and fit consistency under it. Raises InputError as `everything`."""
-        before = self._base()
-        run = self._tab.session.rerun_shape(before, self._checked().config)
-        self._show_beside(before, FitChoice(run=run.id))
-        self._tab.say("Re-run shape: started")
+        before, settings, session = self._base(), self._checked(), self._tab.session
+
+        def begin(known: Known) -> None:
+            run = session.rerun_shape(before, settings.config, known=known)
+            self._show_beside(before, FitChoice(run=run.id))
+            self._tab.say("Re-run shape: started")
+
+        if settings.given.shape is None:
+            begin(NOTHING)
+        else:
+            self._check_paths(settings.given)
+            self._read(session.reading_shape(settings.given, before), begin)
 
     def edited_windows(self, shown: Shown) -> tuple[range, ...]:
         """The frames that `edited` fits again."""

@@ -7,6 +7,7 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_jobs import Download, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, take_uploads
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -47,6 +48,9 @@ class StartPanel:
         self._folder = gui.add_folder("Import keypoints")
         with self._folder:
             self._add_import()
+        self._camera_folder = gui.add_folder("How it was filmed", expand_by_default=False)
+        with self._camera_folder:
+            self._camera = CameraInput(tab, "start.camera")
         self._detection = gui.add_folder("Detect keypoints")
         with self._detection:
             self._pose, self._pose_file = self._add_model("points", "Model", "Finds 133 points of the whole body")
@@ -90,6 +94,7 @@ class StartPanel:
     def draw(self) -> None:
         """See `Panel.draw`."""
         tab, session = self._tab, self._tab.session
+        self._camera.draw()
         going, done = session.source.going, session.project.has_detections
         if tab.sent.differs("start", going, session.source.busy, done, self._pose.chosen, self._boxes.chosen):
             self._draw_choices(done)
@@ -103,7 +108,7 @@ class StartPanel:
         tab = self._tab
         self._intro.show(*(_finished(tab) if done else _introduction(tab)))
         open_for_it = not (done or tab.session.project.read_only or tab.session.source.busy)
-        for folder in (self._folder, self._detection):
+        for folder in (self._folder, self._camera_folder, self._detection):
             folder.visible = open_for_it
         self._import.show(*([_IMPORT] if open_for_it else []))
         for choice, file in ((self._pose, self._pose_file), (self._boxes, self._boxes_file)):

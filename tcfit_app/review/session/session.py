@@ -13,6 +13,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseStarted
 from fitting_core.fit.result import FitResult
+from fitting_core.io.cameras.reading import CameraFile, read_camera
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
@@ -22,12 +23,13 @@ from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, Ru
 from tcfit_app.fitting.reports import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
+from tcfit_app.imports.given import NOTHING, Known, read_given
 from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
 from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes, edits_since
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
-from tcfit_app.project.storage.run_record import Run, RunKind
+from tcfit_app.project.storage.run_record import Given, Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
@@ -164,7 +166,9 @@ class Session:
         """The clip with its keypoints as they stand, and the camera of a run."""
         return replace(self.project.clip, camera=camera)
 
-    def fit_everything(self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None) -> Run:
+    def fit_everything(
+        self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: Known = NOTHING
+    ) -> Run:
         """Submit a whole fit.
 
         Args:
@@ -172,14 +176,57 @@ class Session:
             kind: Of the body model.
             gender: Of the body model.
             camera: None: the clip's. Runs that start from this one keep it.
+            known: A start and a shape, of this body and this camera.
 
         Raises:
             InputError: The body is not there, or the project cannot be written.
         """
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
-        job = FitEverything(clip=self.clip_of(camera or self.project.clip.camera), body=body, config=config)
-        return self._submit(job, kind="fit", start=None)
+        job = FitEverything(
+            clip=self.clip_of(camera or self.project.clip.camera),
+            body=body,
+            config=config,
+            begun_with=known.start,
+            shape=known.shape,
+            shape_from=known.shape_from,
+        )
+        return self._submit(job, kind="fit", start=None, given=known.given)
+
+    def reading(self, given: Given, *, kind: str, gender: str, camera: Camera | None = None) -> Callable[[], Known]:
+        """What reads a start and a shape for a whole fit of that body and camera, in a thread of its own.
+
+        Raises:
+            InputError: The body is not there, or nothing can be fitted. The function as `read_given`.
+        """
+        self.refuse_without_keypoints()
+        body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.clip.camera)
+        return lambda: read_given(given, self.project, clip, body, self.bodies)
+
+    def reading_shape(self, given: Given, shown: Shown) -> Callable[[], Known]:
+        """The same for a shape with which a run is fitted again."""
+        body, clip, only = self.bodies.of(shown.run.body), self.clip_of(shown.camera), Given(shape=given.shape)
+        return lambda: read_given(only, self.project, clip, body, self.bodies)
+
+    def set_camera(self, file: CameraFile, *, sent_as: str = "") -> Camera:
+        """Take a calibration as the project's camera. Slow: for `tasks`.
+
+        Args:
+            file: On this computer.
+            sent_as: What a browser calls it, if it has sent it.
+
+        Raises:
+            InputError: It cannot be read, is of no use for this clip, or the project cannot be written.
+        """
+        self.project.refuse_read_only()
+        if self.source.busy:
+            raise InputError("Keypoints are being read or found with the camera as it is: wait for them, or cancel.")
+        camera, notes = read_camera(file, self.project.clip.camera.size)
+        if sent_as:
+            camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
+            notes = tuple(note.replace(file.path.name, sent_as) for note in notes)
+        self.project.set_camera(camera, notes)
+        return camera
 
     def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
         """Keep another program's result as a run to compare with. Slow: for `tasks`.
@@ -218,18 +265,26 @@ class Session:
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         return self._submit(job, kind="frames", start=shown, windows=windows)
 
-    def rerun_shape(self, shown: Shown, config: FitConfig) -> Run:
-        """Submit phases 2 and 3 again, as a new run. Raises InputError as `fit_everything`."""
+    def rerun_shape(self, shown: Shown, config: FitConfig, *, known: Known = NOTHING) -> Run:
+        """Submit phases 2 and 3 again, as a new run, by a known shape if there is one. Raises InputError as
+        `fit_everything`."""
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
-        job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start)
-        return self._submit(job, kind="shape", start=shown)
+        job = FitShape(
+            clip=self.clip_of(start.camera),
+            body=body,
+            config=config,
+            start=start,
+            shape=known.shape,
+            shape_from=known.shape_from,
+        )
+        return self._submit(job, kind="shape", start=shown, given=known.given)
 
     def _start_of(self, shown: Shown) -> FitResult:
         if shown.run.kind == "imported":
             raise InputError(
-                f"{shown.run.name} was imported, to compare with: nothing can be fitted on from it. Show another run "
-                "as B, or fit everything."
+                f"{shown.run.name} was imported: its frames and its shape cannot be fitted again. Refine it in the "
+                "panel Runs, or show another run as B."
             )
         return self.fits.fit(shown.run)
 
@@ -240,9 +295,13 @@ class Session:
         kind: RunKind,
         start: Shown | None,
         windows: tuple[range, ...] = (),
+        given: Given = NOTHING.given,
     ) -> Run:
         self.project.refuse_read_only()
-        seen = self.project.last_edit
+        seen, parent = self.project.last_edit, None if given.start is None else given.start.run
+        if start is not None:  # It has the same evidence; a shape that is found again is told anew.
+            before, parent = start.run.given, start.run.id
+            given = Given(start=before.start, shape=before.shape if windows else given.shape)
         if start is not None and windows:
             seen = self.fits.edits_seen(start.run, windows, range(seen + 1))
         run = self.project.runs.start(
@@ -250,12 +309,13 @@ class Session:
             body=record_of(job.body),
             edits_seen=seen,
             kind=kind,
-            parent=start.run.id if start else None,
+            parent=parent,
+            given=given,
             frames=range(min(w.start for w in windows), max(w.stop for w in windows)) if windows else None,
         )
         self.fits.begin(run, start)
-        parent = start.run.id if start and windows and start.run.state == "running" else None
-        latest = None if parent is None else lambda: self._finished(parent)
+        waits_for = start.run.id if start and windows and start.run.state == "running" else None
+        latest = None if waits_for is None else lambda: self._finished(waits_for)
         self._enqueue(RunJob(run_id=run.id, job=job, start=latest), run.id)
         return run
 

@@ -6,6 +6,7 @@ from typing import Literal
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.keypoints import GROUPS
 from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.scene.layers import OPACITY
 from tcfit_app.review.scene.side_view import Direction, Named
 from tcfit_app.review.scene.windows import Arrangement
@@ -35,6 +36,8 @@ class FitSettings:
     gender: str = "neutral"
     focal: float | None = None
     """Focal length along x for a whole fit, in pixels; None: the clip's."""
+    given: Given = field(default_factory=Given)
+    """The start and the shape of a whole fit; the shape counts for a shape that is re-run as well."""
     reach: int = 10
     """Frames before and after an edited or flagged one that are fitted again with it."""
     problems: tuple[tuple[str, str], ...] = ()

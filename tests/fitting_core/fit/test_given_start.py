@@ -11,8 +11,11 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
-from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.common_shape import common_shape
+from fitting_core.fit.events import drained
+from fitting_core.fit.fitting import fit_clip, rerun_events, shape_events
 from fitting_core.fit.given_start import FOLLOWS, GivenStart, StartRecord, from_pelvis, given_start, placed
+from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.fit.provenance import Start
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
@@ -183,10 +186,7 @@ def test_phase_1_begins_with_the_start_and_searches_where_there_is_none(free_bod
 
 def test_a_start_on_the_other_side_in_depth_is_kept_if_it_is_held(free_body: BodyModel):
     """An arm that reaches back looks the same as one that reaches forward: the start says which."""
-    truth = arms_in_motion(4)
-    pose = truth.body_pose.clone()
-    pose[:, 3 * (JOINT["left_shoulder"] - 1) : 3 * JOINT["left_shoulder"]] = torch.tensor([0.0, 0.9, -0.3])
-    truth = replace(truth, body_pose=pose)
+    truth = reaching_back()
     keypoints = body_seen(free_body, truth)
     config = replace(QUICK, start_deviation=0.05, last_phase=3)
     fits = [
@@ -208,9 +208,67 @@ def test_a_fit_tells_its_start(free_body: BodyModel):
     config = replace(QUICK, start_deviation=0.08)
     start = start_of(free_body, truth, keypoints, there=[True, False])
     result = fit_clip(clip_of(keypoints), free_body, config, start=start)
-    assert result.start is not None and result.start.frames == 1
+    assert result.start is not None and result.start.about.frames == 1
     told = [warning for warning in result.warnings if "result.pt" in warning]
     assert (
         len(told) == 1 and "in 1 of 2 frames" in told[0] and told[0].endswith("held near it (start_deviation 0.08 m).")
     )
     assert fit_clip(clip_of(keypoints), free_body, config).start is None
+
+
+def reaching_back() -> BodyParams:
+    truth = arms_in_motion(4)
+    pose = truth.body_pose.clone()
+    pose[:, 3 * (JOINT["left_shoulder"] - 1) : 3 * JOINT["left_shoulder"]] = torch.tensor([0.0, 0.9, -0.3])
+    return replace(truth, body_pose=pose)
+
+
+def test_what_is_fitted_again_has_the_same_evidence(free_body: BodyModel):
+    """Frames of a fit that was held near its start, their figures, and the shape of several clips."""
+    truth = reaching_back()
+    keypoints = body_seen(free_body, truth)
+    clip, start = clip_of(keypoints), start_of(free_body, truth, keypoints)
+    config = replace(QUICK, start_deviation=0.05, last_phase=3)
+    fit = fit_clip(clip, free_body, config, start=start)
+    away, window = fit_clip(clip, free_body, config).last.params, range(1, 3)
+    wrist, pelvis = JOINT["left_wrist"], JOINT["pelvis"]
+    true = joints_in_space(free_body, truth)
+    off, held = [], fit.start
+    for given in (held, None):
+        found = drained(rerun_events(clip, free_body, config, away, window, start=given)).params
+        joints = joints_in_space(free_body, found)
+        off.append(point_error(joints[1:3, [wrist]] - joints[1:3, [pelvis]], true[1:3, [wrist]] - true[1:3, [pelvis]]))
+    assert off[0].max() < 0.7 * off[1].min(), "it is drawn to the start from the wrong side in depth"
+    costs = evaluated(clip, free_body, config, away, start=held).frame_cost
+    assert (costs > evaluated(clip, free_body, config, away).frame_cost + 1).all()
+    before = replace(fit.last, frame_cost=np.zeros(4))
+    again = patched(before, clip, free_body, config, away, [window], start=held, note="")
+    np.testing.assert_allclose(again.frame_cost, [0, *costs[1:3], 0])
+    shapes = [common_shape([(clip, one)], free_body, config).betas for one in (fit, replace(fit, start=None))]
+    assert np.abs(shapes[0] - shapes[1]).max() > 1e-3
+
+
+def test_a_start_gives_way_where_a_person_has_put_a_keypoint_elsewhere(free_body: BodyModel):
+    truth = arms_in_motion(3)
+    keypoints = body_seen(free_body, truth)
+    start = start_of(free_body, truth, keypoints)
+    assert start.beside(keypoints, CAMERA) is start
+    depth = joints_in_space(free_body, truth)[1, JOINT["left_elbow"], 2]
+    xy, by_hand = keypoints.xy.copy(), keypoints.placed.copy()
+    xy[1, ELBOW, 0] += 0.3 / depth * CAMERA.focal[0]
+    by_hand[1, ELBOW] = True
+    config = replace(QUICK, start_deviation=0.05)
+    stages = Stages.of(replace(keypoints, xy=xy, by_hand=by_hand), CAMERA, free_body, config, start=start)
+    spread = stages.observations.relative_position_deviation[:, ELBOW, 2]
+    assert float(spread[1]) == pytest.approx(np.hypot(0.05, 0.3 / np.sqrt(2)), rel=0.05)
+    assert float(spread[0]) == pytest.approx(0.05, rel=0.05)
+
+
+def test_a_known_shape_is_taken(free_body: BodyModel):
+    keypoints = body_seen(free_body, arms_in_motion(2))
+    betas = np.linspace(-1, 1, 10)
+    config = replace(QUICK, last_phase=2)
+    fit = fit_clip(clip_of(keypoints), free_body, config, shape=betas, shape_from="her.npz")
+    assert np.allclose(fit.last.params.betas.numpy(), betas) and "shape as given from her.npz" in fit.warnings
+    again = drained(shape_events(clip_of(keypoints), free_body, config, fit, shape=-betas))
+    assert np.allclose(again.last.params.betas.numpy(), -betas) and "shape as given" in again.warnings

@@ -173,7 +173,7 @@ def test_the_one_who_follows_the_keypoints_is_taken(free_body: BodyModel, tmp_pa
     assert start.about.person == 9 and torch.allclose(start.params.body_pose, mine.body_pose, atol=1e-5)
     assert any("Number 9 was taken" in note for note in start.about.notes)
     assert read_start(path, clip_of(free_body, other[slice(FRAMES)]), free_body).about.person == 4
-    with pytest.raises(InputError, match=r"keypoints of person 4 .* cm off .*--start-person"):
+    with pytest.raises(InputError, match=r"keypoints of person 4 .* cm off .*another of its people"):
         read_start(path, clip_of(free_body, mine), free_body, person=4)
 
 

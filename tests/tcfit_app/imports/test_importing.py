@@ -57,7 +57,7 @@ def test_smplifyx_results_become_a_run(project: Project, tmp_path: Path, tiny_bo
     folder = results(tmp_path / "smplifyx", tiny_body)
     run = import_run(project, OneBody(tiny_body), folder, name="SMPLify-X")
     assert (run.name, run.kind, run.state, run.parent) == ("SMPLify-X", "imported", "finished", None)
-    assert run.summary == {"source": str(folder), "format": "SMPLify-X results"}
+    assert run.summary == {"source": str(folder), "format": "SMPLify-X results", "placed": True}
     with Project.open(project.folder, read_only=True) as again:
         fit = again.runs.load(run.id)
     expected = joints_in_space(tiny_body, sample_params(3, FRAMES, 12))
@@ -176,7 +176,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     imported = tab.look().a
     assert imported is not None and imported.title == "theirs" and imported.run.id == run.id
     tested.click("Show as B")
-    with pytest.raises(InputError, match="theirs was imported, to compare with: nothing can be fitted on from it"):
+    with pytest.raises(InputError, match="theirs was imported: its frames and its shape cannot be fitted again"):
         session.rerun_shape(imported, own.config)
     assert session.edit_follower.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
 

@@ -12,7 +12,7 @@ import torch
 
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
-from fitting_core.fit.given_start import StartRecord
+from fitting_core.fit.given_start import GivenStart, StartRecord
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_record import Run
@@ -84,8 +84,26 @@ def test_what_a_fit_began_with_comes_back(tmp_path: Path):
         off=0.04,
         notes=("It has 2 people.",),
     )
-    write_run(tmp_path / "1.npz", replace(sample_fit(1), start=about))
-    assert read_run(tmp_path / "1.npz", CONFIG).start == about
+    params = replace(
+        sample_fit(4).last.params, left_hand_pose=torch.ones(FRAMES, 45), right_hand_pose=torch.zeros(FRAMES, 45)
+    )
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(FRAMES, 25, 3))
+    points[0, 3] = np.nan
+    start = GivenStart(
+        params=params, there=rng.random(FRAMES) > 0.5, points=points, off=rng.random((FRAMES, 25)), about=about
+    )
+    write_run(tmp_path / "1.npz", replace(sample_fit(1), start=start))
+    found = read_run(tmp_path / "1.npz", CONFIG).start
+    assert found is not None and found.about == about
+    for name in ("there", "points", "off"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(start, name))
+    for name, value in vars(start.params).items():
+        assert torch.equal(getattr(found.params, name), value)
+    arrays = dict(np.load(tmp_path / "1.npz", allow_pickle=False))
+    np.savez(tmp_path / "3.npz", allow_pickle=False, **(arrays | {"start_points": points[1:]}))
+    with pytest.raises(InputError, match="start_points has the shape"):
+        read_run(tmp_path / "3.npz", CONFIG)
     write_run(tmp_path / "2.npz", sample_fit(1))
     assert read_run(tmp_path / "2.npz", CONFIG).start is None
 

@@ -2,9 +2,10 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +17,12 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
+from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.grounded import grounded
 from fitting_core.fit.phase_figures import evaluated
 from fitting_core.fit.phases import independent
 from fitting_core.fit.result import FitResult
+from fitting_core.fit.stages import Stages
 from tcfit_app.fitting import edit_follower, live, worker
 from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting.fits import FitChoice, Shown
@@ -28,6 +31,7 @@ from tcfit_app.fitting.jobs import Job, RerunFrames, around
 from tcfit_app.fitting.reports import DragEnded, DragMoved, JobEnded
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session.session import Session
 from tests.samples.scenes import finished
@@ -779,3 +783,43 @@ def test_a_closing_session_does_not_hang(session: Session):
     start = time.monotonic()
     session.close()
     assert time.monotonic() - start < 20
+
+
+def test_what_goes_on_from_a_fit_with_a_start_has_the_same_evidence(
+    session: Session, folder: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    """Frames that are fitted again, the shape, a drag, and all of that after tcfit was started again."""
+    given = Given(start=Source(run=1))
+    known = session.reading(given, kind="smplx", gender="neutral")()
+    config = replace(QUICK, start_deviation=0.05)
+    run = session.fit_everything(config, kind="smplx", gender="neutral", known=known)
+    idle(session)
+    seen: list[GivenStart | None] = []
+    of = Stages.of
+
+    def noted(*arguments: Any, **options: Any) -> Stages:
+        seen.append(options.get("start"))
+        return of(*arguments, **options)
+
+    monkeypatch.setattr(Stages, "of", noted)
+
+    def all_have_it(opened: Session, do: Callable[[], object]) -> Shown:
+        seen.clear()
+        do()
+        idle(opened)
+        assert seen and all(start is not None and len(start) == FRAMES for start in seen)
+        after = newest(opened)
+        assert opened.fits.fit(after.run).start is not None and after.run.given.start == given.start
+        return after
+
+    after = all_have_it(session, lambda: session.rerun_frames(newest(session), config, (range(2, 4),)))
+    assert (after.run.kind, after.run.parent) == ("frames", run.id)
+    assert all_have_it(session, lambda: session.rerun_shape(after, config)).run.kind == "shape"
+    session.close()
+    session.project.close()
+    with session_of(folder, tiny_body) as again:
+        after = all_have_it(again, lambda: drag(again, newest(again), 25.0))
+        assert after.run.kind == "corrections"
+        stored = again.project.runs.load(after.run.id).start
+        assert stored is not None and known.start is not None and stored.about == known.start.about
+        np.testing.assert_array_equal(stored.points, known.start.points)

@@ -11,6 +11,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import TITLES, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import numbers
+from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.field import Number, NumberField
@@ -49,6 +50,8 @@ class FitPanel:
         reach = gui.add_text(REACH.label, REACH.shown(tab.state.settings.reach), hint=hint)
         self._reach = NumberField(tab, reach, self._take_reach)
         self._progress = FitProgress(tab)  # below all buttons, which stay where they are when a fit begins
+        with gui.add_folder("Start, person", expand_by_default=False):
+            self._inputs.add_given()
         with gui.add_folder("Shape, solver, prior"):
             self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
         begins = not tab.session.fits.runs and not tab.session.project.clip.camera.calibrated
@@ -76,15 +79,31 @@ class FitPanel:
         if not tab.sent.differs("fit buttons", known):
             return
         fit, ready = tab.shown.b, not state.settings.problems and not session.project.read_only
-        self._everything.show(row(action("fit", "Fit everything", disabled=not ready, kind="main")))
+        told = paragraph(self._told(state.settings), "dim") if state.settings.given != Given() else Html()
+        self._everything.show(row(action("fit", "Fit everything", disabled=not ready, kind="main")), told)
         windows = self._gestures.fitting.edited_windows(fit) if fit is not None else ()
         frames = state.frames if fit is not None else None
         self._again.show(
             heading("Refit B", "" if fit is not None else "there is no fit yet"),
             row(action("rerun", self._frames_label(fit), disabled=not ready or frames is None)),
-            row(action("rerun_shape", "Re-run shape", disabled=not ready or fit is None)),
+            row(action("rerun_shape", self._shape_label(state.settings), disabled=not ready or fit is None)),
             row(action("rerun_edited", self._edited_label(windows), disabled=not ready or not windows)),
         )
+
+    def _told(self, now: FitSettings) -> str:
+        """What the next whole fit is told beside the clip."""
+        runs, parts = self._tab.session.fits, []
+        if now.given.start is not None:
+            held = now.config.start_deviation
+            near = "" if held is None else f", held within some {100 * held:g} cm of it"
+            parts.append(f"begins with {runs.named(now.given.start)}{near}")
+        if now.given.shape is not None:
+            parts.append(f"has the shape of {runs.named(now.given.shape)}")
+        return f"It {' and '.join(parts)}."
+
+    def _shape_label(self, now: FitSettings) -> str:
+        shape = now.given.shape
+        return "Re-run shape" if shape is None else f"Re-run shape as {self._tab.session.fits.named(shape)}"
 
     def _frames_label(self, fit: Shown | None) -> str:
         frames = self._tab.state.frames

@@ -16,10 +16,12 @@ from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.priors.files.registry import list_priors
 from tcfit_app.review.gestures.fitting import camera_of
+from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, text
 from tcfit_app.review.panels.elements.html import words as marked
 from tcfit_app.review.panels.fit.focal_picture import LENSES, Perspective, focal_of_lens, focal_picture, metre_in_pixels
+from tcfit_app.review.panels.fit.given_inputs import GivenInputs
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
@@ -131,6 +133,11 @@ class FitInputs:
         self._focal = Board(self._tab)
         self._tab.buttons.on("fit.lens", self._take_lens, one_of(LENSES))
         self._tab.buttons.on("fit.clip_focal", lambda _: self._set(focal=None))
+        self._calibration = CameraInput(self._tab, "fit.camera")
+
+    def add_given(self) -> None:
+        """A start and a shape that are known."""
+        self._given = GivenInputs(self._tab, self.attempt)
 
     def add_source(self) -> None:
         """All settings as a text that can be changed."""
@@ -171,12 +178,12 @@ class FitInputs:
             kind: type[Field[Any]] = Dropdown
         else:
             kind = NumberField
-        self._fields[name] = kind(self._tab, handle, lambda value: self._attempt(name, lambda: take(value)))
+        self._fields[name] = kind(self._tab, handle, lambda value: self.attempt(name, lambda: take(value)))
         self._reads[name] = read
 
     # --- what is entered ---
 
-    def _attempt(self, name: str, take: Callable[[], None]) -> None:
+    def attempt(self, name: str, take: Callable[[], None]) -> None:
         """Take a value over; if it is wrong, remember why."""
         problems = dict(self._tab.state.settings.problems)
         problems.pop(name, None)
@@ -227,7 +234,7 @@ class FitInputs:
         self._set(focal=now.focal)
 
     def _take_lens(self, name: str) -> None:
-        self._attempt("focal", lambda: self._take_focal(round(focal_of_lens(name, self._camera.size), 2)))
+        self.attempt("focal", lambda: self._take_focal(round(focal_of_lens(name, self._camera.size), 2)))
 
     def _take_source(self) -> None:
         prior = None
@@ -251,8 +258,10 @@ class FitInputs:
 
     def draw(self) -> None:
         """Send what changed."""
+        self._calibration.draw()
         now = self._tab.state.settings
-        if not self._tab.sent.differs("fit settings", now) and not self._waiting:
+        runs, camera = self._tab.session.fits.changes, self._camera
+        if not self._tab.sent.differs("fit settings", now, runs, camera) and not self._waiting:
             return
         wrong = dict(now.problems)
         pair = {"kind", "gender"}
@@ -266,6 +275,7 @@ class FitInputs:
         back = row(button("Back to the preset", "fit.preset", hint="Sets all settings as the preset has them"))
         self._changed.show(*([paragraph(joined(text("Changed: "), marked(said, "strong"))), back] if names else []))
         self._draw_focal(now)
+        self._given.draw()
         self._problems.show(*(paragraph(problem, "bad") for problem in wrong.values()))
         self._draw_source(now)
 

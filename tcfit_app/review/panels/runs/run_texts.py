@@ -52,11 +52,6 @@ class Listed:
     job: RunningJob | None
 
 
-def option(run: Run) -> str:
-    """A run in a choice; names may be alike, numbers are not."""
-    return f"{run.id} · {run.name}"
-
-
 def seconds_of(run: Run) -> float | None:
     """Of the phases that it did itself, or from its start to its end; None while it runs, or if there are none."""
     if run.kind in ("imported", "corrections"):
@@ -84,7 +79,8 @@ def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
     """
     run = listed.run
     badges = joined(*(_BADGES[name] for name in listed.shown_as))
-    said = [_kind(run, first_frame), *_since(listed.edits), *_settings(run)]
+    begun = ["begun with another result"] if run.kind == "fit" and run.given.start else []
+    said = [_kind(run, first_frame), *begun, *_since(listed.edits), *_settings(run)]
     taken = seconds_of(run)
     time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
     return line(
@@ -148,6 +144,7 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Htm
         "Edits": f"{listed.edits} made since" if listed.edits else "none made since",
         "Body": f"{run.body.kind}, {run.body.gender}",
         "Imported" if run.kind == "imported" else "Started": f"{run.started.astimezone():%Y-%m-%d %H:%M:%S}",
+        **_told(run, session, fit),
         "Took": "" if (taken := seconds_of(run)) is None else duration(taken),
         **({} if fit is None else _found(run, fit, clip.camera)),
     }
@@ -164,6 +161,16 @@ def _origin(run: Run, session: Session) -> str:
     if parent is None:
         return "a run that was removed"
     return f"{parent.name}{' (deleted)' if parent.deleted else ''}"
+
+
+def _told(run: Run, session: Session, fit: FitResult | None) -> dict[str, str]:
+    """What the run was told that the clip does not say."""
+    given = (run.given.start, run.given.shape)
+    start, shape = ("" if source is None else session.fits.named(source) for source in given)
+    if fit is not None and fit.start is not None:
+        about = fit.start.about
+        start = f"{about.source}, read as {about.format}, in {about.frames} of {about.clip_frames} frames"
+    return {"Begun with": start, "Shape": f"as given from {shape}" if shape else ""}
 
 
 def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:

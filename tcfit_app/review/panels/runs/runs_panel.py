@@ -16,7 +16,7 @@ from tcfit_app.review.panels.elements.html import Board, button, heading, paragr
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.import_run import ImportRun
 from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
-from tcfit_app.review.panels.runs.run_texts import Listed, details, option, result_of, run_line
+from tcfit_app.review.panels.runs.run_texts import Listed, details, result_of, run_line
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SIDES
 from tcfit_app.review.tab.tab import Tab
@@ -24,6 +24,7 @@ from tcfit_app.review.tab.tab import Tab
 LISTED = 30
 """Runs in the table, the newest; the choice has them all."""
 _NONE = "no runs yet"
+_REFINE = "Fit everything, beginning with what this run has found, with the settings of the panel Fit"
 _RENAME = "To what stands in the field Name (Enter there)"
 
 
@@ -34,7 +35,8 @@ class RunsPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.LIST_DETAILS
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab = tab = gestures.tab
+        self._gestures, self._tab = gestures, gestures.tab
+        tab = gestures.tab
         self._chosen: int | None = None
         """The run whose details are shown; None: the newest."""
         self._drawn: int | None = None
@@ -60,6 +62,7 @@ class RunsPanel:
         tab.buttons.on("runs.show", self._show_as, _side_and_run)
         tab.buttons.on("runs.parent", lambda number: show_beside_parent(tab, self._pressed(number)), int)
         tab.buttons.on("runs.settings", lambda number: self._use_settings(self._pressed(number)), int)
+        tab.buttons.on("runs.refine", lambda number: self._gestures.fitting.refine(self._pressed(number)), int)
         tab.buttons.on("runs.cancel", tab.session.cancel, int)
         tab.buttons.on("runs.rename", lambda number: self._rename(self._pressed(number)), int)
         tab.buttons.on("runs.delete", lambda number: self._delete(self._pressed(number)), int)
@@ -83,7 +86,7 @@ class RunsPanel:
 
     def _choose(self, name: str) -> None:
         runs = self._tab.session.fits.runs
-        self._chosen = next((run.id for run in runs if name == option(run)), None)
+        self._chosen = next((run.id for run in runs if name == run.option), None)
 
     def _show_as(self, what: tuple[str, int]) -> None:
         side, number = what
@@ -116,6 +119,7 @@ class RunsPanel:
             kind=run.body.kind,
             gender=run.body.gender,
             focal=focal,
+            given=run.given,
             problems=(),
         )
         tab.set(settings=settings)
@@ -152,8 +156,8 @@ class RunsPanel:
         self._draw_chosen(listed)
 
     def _draw_choice(self, runs: tuple[Run, ...]) -> None:
-        options = tuple(option(run) for run in reversed(runs)) or (_NONE,)
-        self._choice.offer(options, option(self._run) if runs else _NONE)
+        options = tuple(run.option for run in reversed(runs)) or (_NONE,)
+        self._choice.offer(options, self._run.option if runs else _NONE)
 
     def _draw_table(self, listed: list[Listed]) -> None:
         if not listed:
@@ -209,6 +213,7 @@ class RunsPanel:
                     hint=f"A: {parent.name}" if parent else "It did not start from another run",
                 )
             ),
+            row(button("Refine", "runs.refine", number, disabled=off or not chosen.run.stored, hint=_REFINE)),
             row(
                 button("Rename", "runs.rename", number, disabled=off, hint=_RENAME, enter=True),
                 button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
@@ -251,7 +256,7 @@ class DeletedRuns:
         tab.buttons.on("deleted.keep", lambda _: self._close())
 
     def _restore(self) -> None:
-        run = next((run for run in self._runs if option(run) == self._choice.value), None)
+        run = next((run for run in self._runs if run.option == self._choice.value), None)
         if run is not None:
             self._tab.session.restore(run.id)
             self._tab.say(f"Restored: {run.name}")
@@ -289,6 +294,6 @@ class DeletedRuns:
         if self._folder.visible != bool(self._runs):
             self._folder.visible = bool(self._runs)
         self._buttons.show(*([_BUTTONS] if self._runs else []))
-        options = tuple(option(run) for run in reversed(self._runs)) or ("",)
+        options = tuple(run.option for run in reversed(self._runs)) or ("",)
         if options != self._choice.options:
             self._choice.options = options

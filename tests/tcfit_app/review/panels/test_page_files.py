@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import viser
 
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.server.page_files import PageFiles
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_video
@@ -18,6 +20,7 @@ PRESSED = {
     "video": ("New place", "review.relink"),
     "result": ("Path", "import.path"),
     "reference": ("File", "compare.reference"),
+    "camera": ("Camera file", "fit.camera"),
     "keypoints": ("Path", "start.import"),
     "points model": ("Model file", "start.detect"),
     "people model": ("People file", "start.detect"),
@@ -118,6 +121,32 @@ def test_no_camera_of_a_reference_either(page: LonePage, tmp_path: Path):
     page.field("Camera")._impl.value = "/etc/passwd"
     (told,) = name(page, "reference", "detections.npz")
     assert "does not lie in" in told
+
+
+@pytest.mark.parametrize("named", ["video"], indirect=True)
+@pytest.mark.parametrize("part", ["start", "shape"])
+def test_no_start_and_no_shape_by_their_paths(page: LonePage, part: str, tmp_path: Path):
+    """Nor by the settings of a run that has been made with them."""
+    file = tmp_path / "result.npz"
+    file.write_bytes(b"")
+    tab, label = page.page.tab, {"start": "Path of the result", "shape": "Path of the shape"}[part]
+    for files in (PageFiles(here=False), PageFiles(here=True, root=tmp_path / "new.tcfit")):
+        tab.files = files
+        for path in (file, tmp_path / "nowhere"):
+            page.enter(label, str(path))
+            (problem,) = [why for name, why in tab.state.settings.problems if name == part]
+            assert "does not lie in" in problem or "Upload the file" in problem
+            assert tab.state.settings.given == Given()
+        given = Given(**{part: Source(path=str(file))})
+        tab.set(settings=replace(tab.state.settings, given=given, problems=()))
+        page.notices.clear()
+        tab.do(page.page.gestures.fitting.everything)
+        (notice,) = page.notices
+        assert "does not lie in" in notice.text or "Upload the file" in notice.text
+        tab.set(settings=replace(tab.state.settings, given=Given()))
+    tab.files = PageFiles(here=True)
+    page.enter(label, str(file))
+    assert getattr(tab.state.settings.given, part) == Source(path=str(file))
 
 
 @pytest.mark.parametrize("named", ["video"], indirect=True)

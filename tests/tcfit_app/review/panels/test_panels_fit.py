@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import viser
 
 from fitting_core.body.model import BodyModel
@@ -14,6 +15,7 @@ from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
+from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.fit.fit_panel import POINTS, FitPanel, charted, curves
 from tcfit_app.review.panels.fit.fit_settings import LABELS, differences, nearest_preset
 from tcfit_app.review.tab.state import FitSettings
@@ -88,6 +90,89 @@ def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, va
     if label != "Gender":
         assert tested.field(label).value != value
     assert not tested.page.tab.state.settings.problems
+
+
+def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
+    tab, session, first = tested.page.tab, tested.page.tab.session, tested.fit()
+    tested.draw()
+    tested.enter("Start from", first.option)
+    tested.enter("Held near", "0.05")
+    tested.enter("Same person as", first.option)
+    said = f"It begins with {first.name}, held within some 5 cm of it and has the shape of {first.name}."
+    assert said in tested.html()
+    tested.click("Fit everything")
+    tested.until(lambda: len(session.fits.runs) == 2 and not session.jobs)
+    run = session.fits.runs[-1]
+    fit, before = session.fits.fit(run), session.fits.fit(first)
+    assert run.given == tab.state.settings.given and run.config.start_deviation == 0.05
+    assert fit.start is not None and fit.start.about.source == first.name
+    assert torch.equal(fit.last.params.betas, before.last.params.betas)
+    assert f"shape as given from {first.name}" in fit.warnings
+    tested.enter("Start from", "nothing: the clip alone")
+    tested.enter("Held near", "")
+    assert tab.state.settings.config.start_deviation is None
+    tab.set(b=FitChoice(run=first.id))
+    tested.click(f"Re-run shape as {first.name}")
+    tested.until(lambda: len(session.fits.runs) == 3 and not session.jobs)
+    again = session.fits.runs[-1]
+    assert (again.kind, again.given) == ("shape", Given(shape=Source(run=first.id)))
+    assert torch.equal(session.fits.fit(again).last.params.betas, before.last.params.betas)
+
+
+def test_a_start_from_a_file_is_told_and_its_problems(tested: LonePage, tmp_path: Path):
+    tab, session = tested.page.tab, tested.page.tab.session
+    tested.enter("Start from", "a file …")
+    assert "Path of the result is empty; expected" in tested.html() and tested.button("Fit everything").disabled
+    assert tested.field("Path of the result").visible and tested.field("Its person").visible
+    tested.enter("Path of the result", str(tmp_path / "nothing.npz"))
+    assert "does not exist" in tested.html()
+    wrong = tmp_path / "wrong.npz"
+    np.savez(wrong, numbers=np.zeros(3))
+    tested.enter("Path of the result", str(wrong))
+    assert not tested.button("Fit everything").disabled
+    tested.enter("Its person", "-1")
+    assert "Its person is &#x27;-1&#x27;; expected a whole number" in tested.html()
+    tested.enter("Its person", "2")
+    tested.enter("Its first frame", "7")
+    assert tab.state.settings.given == Given(start=Source(path=str(wrong), person=2, first_frame=7))
+    tested.click("Fit everything")
+    tested.settle()
+    assert not session.fits.runs and "wrong.npz" in tested.notices[-1].text and tested.notices[-1].kind == "error"
+
+
+def test_a_calibration_becomes_the_projects_camera(tested: LonePage, tmp_path: Path):
+    session, before = tested.page.tab.session, tested.page.tab.session.project.clip
+    path = tmp_path / "scene.toml"
+    matrix = [[1111.0, 0.0, before.camera.size[0] / 2], [0.0, 1112.0, before.camera.size[1] / 2], [0.0, 0.0, 1.0]]
+    sections = [
+        f'[{name}]\nname = "{name}"\nsize = {[float(side) for side in before.camera.size]}\nmatrix = {matrix}\n'
+        f"distortions = [{bent}, 0.0, 0.0, 0.0]\nrotation = [1.2, 0.0, 0.0]\ntranslation = [0.0, 500.0, 3000.0]\n"
+        "fisheye = false\n"
+        for name, bent in (("straight", 0.0), ("bent", -0.1))
+    ]
+    path.write_text("\n".join(sections))
+
+    def use(**fields: str) -> str:
+        for label, value in fields.items():
+            tested.enter(label.replace("_", " "), value)
+        tested.click("Use this camera")
+        tested.settle()
+        return tested.notices[-1].text
+
+    assert "Type where the camera file is" in use()
+    assert "has 2 cameras (straight, bent)" in use(Camera_file=str(path))
+    assert "Unit is ten" in use(Unit="ten")
+    assert "camera file scene.toml, camera straight" in use(Camera_name="straight", Unit="0.001")
+    camera = session.project.clip.camera
+    assert camera.focal == (1111.0, 1112.0) and camera.world is not None and camera.world.translation == (0.0, 0.5, 3.0)
+    html = tested.html()
+    assert "1111.0 px, camera file scene.toml, camera straight" in html and "z is up" in html
+    use(Camera_name="bent")
+    bent = session.project.clip
+    assert bent.camera.lens is not None and not np.array_equal(bent.keypoints.xy, before.keypoints.xy)
+    tested.fit()
+    assert "This camera has another lens than the project" in use(Camera_name="straight")
+    assert session.project.clip.camera == bent.camera
 
 
 def test_a_preset_sets_everything_and_changes_are_named(tested: LonePage):
@@ -194,7 +279,7 @@ def test_cancel_is_left_alone_while_the_progress_goes_on(tested: LonePage):
 
 
 def test_a_failure_is_shown_until_the_next_job(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise MemoryError("no <b>memory</b>")
 
     with monkeypatch.context() as broken:

@@ -18,9 +18,10 @@ import viser
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.camera import World
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.motion.fitted_motion import OWN_WORLD, Progress
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import Metric
 from tcfit_app.exports.source import ExportSource
@@ -29,6 +30,7 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.project.edits.kinds import MoveKeypoint
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.browser.page_events import Press
 from tcfit_app.review.panels import compare_panel as compare
 from tcfit_app.review.panels.compare_panel import ComparePanel
@@ -150,6 +152,27 @@ def test_settings_of_a_run_are_taken_for_the_next(panel_of: Opener):
     tested.click("Use its settings")
     settings = tested.page.tab.state.settings
     assert (settings.config, settings.preset, settings.focal) == (QUICK, "paper", None)
+
+
+def test_a_run_is_refined_beside_what_it_began_with(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tab, session, first = tested.page.tab, tested.page.tab.session, tested.fit()
+    tested.click("Refine")
+    tested.until(lambda: len(session.fits.runs) == 2 and not session.jobs)
+    run = session.fits.runs[-1]
+    assert (run.kind, run.state, run.parent) == ("fit", "finished", first.id)
+    assert run.given == Given(start=Source(run=first.id))
+    assert tab.state.a == FitChoice(run=first.id), "what it began with stands beside it"
+    tested.press("runs.choose", str(run.id))
+    html = tested.html()
+    assert "begun with another result" in html and f"{first.name}, read as a fit of tcfit, in {FRAMES} of" in html
+    assert f"Phase 1 begins with {first.name}" in html, "the sentence is among its notes"
+    tested.click("Use its settings")
+    assert tab.state.settings.given == run.given
+    session.delete(first.id)
+    tested.click("Refine")
+    tested.until(lambda: len(session.fits.runs) == 2 and not session.jobs)
+    assert session.fits.runs[-1].parent == run.id
 
 
 def test_choices_of_a_setting_read_as_in_its_field():
@@ -346,6 +369,24 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
     tested.draw()
     with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
         assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
+
+
+def test_the_axes_of_the_calibration_are_offered_where_a_camera_stands_in_a_world(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    project = tested.page.tab.session.project
+    assert "calibration" not in tested.html()
+    turned = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
+    world = World(rotation=turned, translation=(0.3, 1.2, 4.0), up="z")
+    project.set_camera(replace(project.clip.camera, world=world))
+    run = tested.fit()
+    tested.page.tab.set(a=FitChoice())  # the button is drawn anew
+    tested.click("calibration's")
+    with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
+        axes, place, to_world = str(read["axes"]), read["camera_place"], read["camera_to_world"]
+    assert axes.startswith(OWN_WORLD)
+    np.testing.assert_allclose(to_world, np.array(turned).T)
+    np.testing.assert_allclose(place, world.place)
+    assert tested.page.tab.session.fits.fit(run).camera.world == world
 
 
 def test_files_name_run_phase_and_frames_unless_they_are_the_usual_ones(panel_of: Opener):

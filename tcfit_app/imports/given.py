@@ -1,0 +1,129 @@
+"""What a fit is told that its clip does not say, read from what a user named: a start, a shape."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.fit.given_start import GivenStart
+from fitting_core.fit.result import FitResult
+from fitting_core.io.known_shape import read_betas
+from fitting_core.io.start_reader import start_from_fit
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.starts import start_of
+from tcfit_app.options.fit import StartOptions
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.database import is_project
+from tcfit_app.project.storage.run_record import Given, Run, Source, newest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """What was read."""
+
+    given: Given = field(default_factory=Given)
+    """What was chosen."""
+    start: GivenStart | None = None
+    shape: Float[np.ndarray, "10"] | None = None
+    """Betas."""
+    shape_from: str = ""
+    """Where they come from, for the user."""
+
+
+NOTHING = Known()
+"""What a fit is told that only its clip speaks for."""
+
+
+def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> Known:
+    """Read what a user has chosen. Slow.
+
+    Args:
+        given: The choice.
+        project: Its runs can be chosen.
+        clip: What is fitted.
+        body: The fitted body.
+        bodies: Where the bodies of other results are.
+
+    Raises:
+        InputError: Something is gone, cannot be read, or is of no use for this clip and body.
+    """
+    start = None if given.start is None else _start(given.start, project, clip, body, bodies)
+    shape, shape_from = (None, "") if given.shape is None else _shape(given.shape, project, body)
+    return Known(given=given, start=start, shape=shape, shape_from=shape_from)
+
+
+def _start(source: Source, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart:
+    if source.run is None:
+        options = StartOptions(
+            start=Path(source.path), start_person=source.person, start_first_frame=source.first_frame
+        )
+        found = start_of(options, clip, body, bodies)
+        assert found is not None
+        return found
+    run, fit = _loaded(project, source.run)
+    imported = run.kind == "imported"
+    return start_from_fit(
+        fit.last.params,
+        bodies.of(run.body),
+        fit.camera,
+        clip,
+        body,
+        name=run.name,
+        format=fit.pose_prior if imported else "a fit of tcfit",
+        there=np.asarray(fit.observed.any(1)) if imported else None,
+        placed=run.summary.get("placed", True),
+    )
+
+
+def _shape(source: Source, project: Project, body: BodyModel) -> tuple[Float[np.ndarray, "10"], str]:
+    """Betas, and where they come from."""
+    if source.run is None:
+        path = Path(source.path)
+        return read_shape(path, body), path.name
+    run, fit = _loaded(project, source.run)
+    return _betas(run, fit, body), run.name
+
+
+def read_shape(path: Path, body: BodyModel) -> Float[np.ndarray, "10"]:
+    """The betas of a person from a project, of which the newest fit counts, or from what `read_betas` reads.
+
+    Raises:
+        InputError: There is nothing, it has no shape, or that of another body.
+    """
+    if not is_project(path):
+        return read_betas(path, body_hash=body.hash)
+    with Project.open(path, read_only=True) as project:
+        runs = [run for run in project.runs.all() if run.stored]
+        if not runs:
+            raise InputError(f"{path}: has no fit yet, so it tells no shape. Fit it first, or choose another.")
+        run = newest(runs)
+        try:
+            return _betas(run, project.runs.load(run.id), body)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+def _loaded(project: Project, number: int) -> tuple[Run, FitResult]:
+    run = project.runs.get(number)
+    if not run.stored:
+        raise InputError(f"{run.name} has found nothing yet: wait for it, or choose another run.")
+    return run, project.runs.load(number)
+
+
+def _betas(run: Run, fit: FitResult, body: BodyModel) -> Float[np.ndarray, "10"]:
+    if run.body.hash != body.hash:
+        raise InputError(
+            f"{run.name} is on another body model ({run.body.kind}, {run.body.gender}), where its betas mean another "
+            "shape. Choose that body for this fit too, or another run."
+        )
+    if run.kind != "imported" and fit.last.phase < 2:
+        raise InputError(f"{run.name} has no shape of the whole clip yet: wait for its second phase.")
+    known = fit.observed.any(1) if run.kind == "imported" else np.ones(len(fit.observed), bool)
+    betas = np.median(fit.last.params.betas.double().numpy()[known], axis=0) if known.any() else np.zeros(1)
+    if not betas.any():
+        raise InputError(f"{run.name} tells no shape: its betas are those of the mean person. Choose another.")
+    return betas

@@ -1,0 +1,116 @@
+"""Where a user says with what the clip was filmed: a calibration file, and which of its cameras."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import viser
+
+from fitting_core.camera import Camera, Up
+from fitting_core.errors import InputError
+from fitting_core.io.cameras.reading import CameraFile
+from tcfit_app.fitting.reports import Notice
+from tcfit_app.imports.results import kept_as
+from tcfit_app.project.storage.names import name_of_file
+from tcfit_app.review.panels.elements.field import Number, take_uploads
+from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
+from tcfit_app.review.session.tasks import Step, Task
+from tcfit_app.review.tab.tab import Tab
+
+_AS_FILE = "as the file has it"
+_UNIT = Number(label="Unit", low=1e-6, high=1e6, of="metres")
+_FORMS = "npz, TOML of Pose2Sim or caliscope, OpenCV's YAML, XML or JSON"
+_HINT = "For the whole project: fits from now on are seen by it, those before keep theirs"
+_SUFFIXES = (".npz", ".toml", ".yaml", ".yml", ".xml", ".json")
+
+
+class CameraInput:
+    """A part of a panel: the project's camera, and a calibration that becomes it.
+
+    Args:
+        tab: whose panel it is.
+        command: of its button, which no other one has.
+    """
+
+    def __init__(self, tab: Tab, command: str) -> None:
+        self._tab, self._command, gui = tab, command, tab.client.gui
+        self._reading: Task[Camera] | None = None
+        """The file that was asked for last."""
+        self._known = Board(tab)
+        hint = f"On the computer that runs tcfit: {_FORMS}, or a folder with COLMAP's cameras.txt and images.txt"
+        self._path = gui.add_text("Camera file", "", hint=hint)
+        self._name = gui.add_text("Camera name", "", hint="Which camera of the file; empty: the only one")
+        hint = f"Metres of one unit of the file's world: 0.001 for millimetres; empty: 1. {_UNIT.range.capitalize()}."
+        self._unit = gui.add_text(_UNIT.label, "", hint=hint)
+        hint = "The axis of the file's world that points up"
+        self._up: Any = gui.add_dropdown("Up", (_AS_FILE, *get_args(Up)), hint=hint)
+        self._buttons = Board(tab)
+        hint = f"From this browser's computer: {_FORMS}"
+        self._upload: Any = gui.add_upload_button("Upload a camera file", color="gray", hint=hint)
+        take_uploads(tab, self._upload, self._take_upload)
+        tab.buttons.on(command, lambda _: self._take_path())
+
+    def _file(self, path: Path) -> CameraFile:
+        unit = self._unit.value.strip()
+        return CameraFile(
+            path=path,
+            name=self._name.value.strip() or None,
+            unit=_UNIT.read(unit) if unit else None,
+            up=None if self._up.value == _AS_FILE else self._up.value,
+        )
+
+    def _take_path(self) -> None:
+        if not self._path.value.strip():
+            raise InputError(f"Type where the camera file is; expected {_FORMS}, or a folder of COLMAP.")
+        self._read(self._file(self._tab.files.path(self._path.value)))
+
+    def _take_upload(self, sent: viser.UploadedFile) -> None:
+        shown = name_of_file(sent.name)
+        if (suffix := Path(shown).suffix.lower()) not in _SUFFIXES:
+            raise InputError(f"{shown}: is no camera file by its name; expected {_FORMS}.")
+        self._read(self._file(Path(f"camera{suffix}")), sent.content, shown)
+
+    def _read(self, file: CameraFile, content: bytes | None = None, shown: str = "") -> None:
+        """Beside the drawing thread: keypoints of a long clip are straightened and written."""
+        tab = self._tab
+        tab.refuse_read_only()
+        if self._busy:
+            raise InputError("Another camera file is still being read: wait for it.")
+
+        def work(report: Step) -> Camera:
+            if content is None:
+                return tab.session.set_camera(file)
+            with kept_as(file.path.name, content, shown) as path:
+                return tab.session.set_camera(replace(file, path=path), sent_as=shown)
+
+        self._reading = tab.begin("Reading the camera file", work, self._taken)
+
+    @property
+    def _busy(self) -> bool:
+        return self._reading is not None and self._reading.state == "running"
+
+    def _taken(self, camera: Camera) -> None:
+        self._tab.session.edits += 1  # With another lens keypoints lie elsewhere.
+        self._tab.data.reopen_video()
+        self._tab.notify(Notice(title="The project has another camera", text=camera.source, kind="done"))
+
+    def draw(self) -> None:
+        """Send what changed."""
+        project = self._tab.session.project
+        camera, off = project.clip.camera, project.read_only or self._busy
+        if self._tab.sent.differs(self._command, camera, off):
+            self._known.show(paragraph(described(camera), "dim"))
+            label = "Reading …" if self._busy else "Use this camera"
+            self._buttons.show(row(button(label, self._command, disabled=off, hint=_HINT)))
+            self._upload.disabled = off
+
+
+def described(camera: Camera) -> str:
+    """The project's camera in words: where it is from, what bends, where it stands."""
+    focal = f"The project's camera: {camera.focal[0]:.1f} px, {camera.source}"
+    lens = "no distortion is known" if camera.lens is None else "the lens's distortion is taken away"
+    if camera.world is None:
+        return f"{focal}; {lens}."
+    up = "which way is up is not known" if camera.world.up is None else f"{camera.world.up} is up"
+    place = ", ".join(f"{at:.2f}" for at in camera.world.place)
+    return f"{focal}; {lens}; it stands at ({place}) m, {up}."

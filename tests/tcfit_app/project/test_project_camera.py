@@ -1,0 +1,82 @@
+"""Another camera for a project: what changes with it, what stays, and when another lens comes too late."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core.camera import Camera, Lens
+from fitting_core.errors import InputError
+from fitting_core.lens import filmed_keypoints
+from tcfit_app.project.edits.kinds import SwapSides
+from tcfit_app.project.project import Project
+from tests.samples.project_samples import BODY, CONFIG, random_edit, sample_clip, sample_fit
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Iterator[Project]:
+    with Project.create(tmp_path / "walk.tcfit", sample_clip()) as made:
+        yield made
+
+
+def bent(camera: Camera, strength: float = -0.05) -> Camera:
+    lens = Lens(focal=camera.focal, center=camera.center, distortion=(strength, 0.0, 0.0, 0.0))
+    return replace(camera, lens=lens, source="camera file a.toml, as given")
+
+
+def test_another_focal_length_is_kept_and_runs_have_theirs(project: Project):
+    before = project.clip
+    run = project.runs.start(CONFIG, body=BODY, edits_seen=0)
+    project.runs.finish(run.id, sample_fit(0))
+    project.append(random_edit(0))
+    corrected, fitted = project.clip.keypoints, project.runs.load(run.id).camera
+    for name, focal in (("a.toml", 800.0), ("b.toml", 900.0)):
+        camera = replace(before.camera, focal=(focal, focal), source=f"camera file {name}, camera 1, as given")
+        project.set_camera(camera, (f"{name}: camera 1 stands somewhere.",))
+    for one in (project, Project.open(project.folder, read_only=True)):
+        assert one.clip.camera == camera and one.runs.load(run.id).camera == fitted
+        assert one.clip.notes == (*before.notes, "b.toml: camera 1 stands somewhere."), "the other file's have gone"
+        np.testing.assert_array_equal(one.clip.keypoints.xy, corrected.xy)
+    one.close()
+
+
+def test_another_lens_straightens_what_was_detected(project: Project):
+    before = project.clip
+    camera = bent(before.camera)
+    project.set_camera(camera)
+    straight = project.clip.keypoints
+    assert np.abs(straight.xy - before.keypoints.xy).max() > 0.1
+    with Project.open(project.folder, read_only=True) as again:
+        assert again.clip.camera == camera
+        np.testing.assert_array_equal(again.detections.xy, straight.xy)
+    seen = straight.confidence > 0
+    filmed = filmed_keypoints(straight, camera.lens)
+    np.testing.assert_allclose(filmed.xy[seen], before.keypoints.xy[seen], atol=0.02)
+    project.set_camera(before.camera)
+    np.testing.assert_allclose(project.clip.keypoints.xy[seen], before.keypoints.xy[seen], atol=0.02)
+
+
+@pytest.mark.parametrize("what", ["edits", "runs"])
+def test_another_lens_comes_too_late_for_edits_and_runs(project: Project, what: str):
+    project.marks.set((1,), "checked", author="me")
+    project.set_camera(bent(project.clip.camera))
+    if what == "edits":
+        project.append(SwapSides(frames=(0,), joints=(2, 3, 4, 5, 6, 7)))
+    else:
+        project.runs.delete(_finished(project))
+    before = project.clip
+    with pytest.raises(InputError, match=f"another lens than the project's, and {what} stand"):
+        project.set_camera(bent(before.camera, -0.1))
+    assert project.clip is before
+
+
+def _finished(project: Project) -> int:
+    run = project.runs.start(CONFIG, body=BODY, edits_seen=0)
+    return project.runs.finish(run.id, sample_fit(0)).id
+
+
+def test_a_camera_of_other_images_is_refused(project: Project):
+    with pytest.raises(InputError, match=r"images of \(2, 2\); expected"):
+        project.set_camera(replace(project.clip.camera, size=(2, 2)))
