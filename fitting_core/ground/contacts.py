@@ -140,7 +140,7 @@ def _contact(
 ) -> Float[np.ndarray, "T 2"]:
     """What the lifter says, which knows still cameras only: asked again without the way of one that moves.
 
-    Of a dancer around whom a camera goes by a quarter in 3 s, 30 % of the contacts were found without that, and 95 % with.
+    Around a dancer, by a quarter of a circle in 3 s, 30 % of the contacts were found without that, 95 % with it.
     """
     if camera.path is None or np.ptp(camera.path.places, axis=0).max() < _STEP:
         return lifted.contact

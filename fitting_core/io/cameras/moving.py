@@ -13,6 +13,8 @@ from fitting_core.video.frame_names import image_numbers, spans, split_number
 _LONGEST_GAP = 0.5
 """Seconds between two poses that others may be put between: every tenth frame of a video is reconstructed often."""
 _LISTED = 3
+_NOWHERE = -(2**31)
+"""The place of an image that is none of the clip's."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,10 +61,11 @@ def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]
         ValueError: They are not of these frames, or too many of these have none.
     """
     places, how = _places(poses, frames)
-    if len(set(places)) < len(places):
+    found = np.array(places)
+    order = np.argsort(found)[(found == _NOWHERE).sum() :]
+    at, count = found[order] - frames.part.start, len(frames.numbers)
+    if len(np.unique(at)) < len(at):
         raise ValueError(f"has several poses for one frame of the clip ({how})")
-    order = np.argsort(places)
-    at, count = np.array(places)[order] - frames.part.start, len(frames.numbers)
     inside = (at >= 0) & (at < count)
     if not inside.any():
         raise ValueError(
@@ -90,7 +93,7 @@ def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]
 
 
 def _places(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
-    """Of each pose in the timeline, and how that was found, in words."""
+    """Of each pose in the timeline, those of other images at _NOWHERE; and how that was found, in words."""
     timeline = frames.timeline
     if poses.numbers is not None:
         return [number - timeline.numbers[0] for number in poses.numbers], "by their numbers"
@@ -98,27 +101,28 @@ def _places(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
         return _in_order(poses, frames)
     stems = [_stem(name) for name in poses.names]
     named = {stem: place for place, stem in enumerate(timeline.stems or ())}
-    if set(stems) <= set(named):
-        return [named[stem] for stem in stems], "by the images' names"
-    numbers = [split_number(stem)[1] for stem in stems]
-    if len({split_number(stem)[0] for stem in stems}) > 1 or None in numbers:
+    if set(stems) & set(named):
+        return [named.get(stem, _NOWHERE) for stem in stems], "by the images' names"
+    split = [split_number(stem) for stem in stems]
+    numbers = [number for _, number in split if number is not None]
+    if len({prefix for prefix, _ in split}) > 1 or len(numbers) < len(split):
         listed = ", ".join(poses.names[:_LISTED])
         raise ValueError(
             f"has {len(poses)} cameras ({listed}), whose names do not say which frames of the clip they are; expected "
             "the names of its images, or one name with the frame's number at its end. Say by camera_name which one it "
             "is, if it stands still"
         )
-    known = [number for number in numbers if number is not None]
     of_image = image_numbers(timeline.stems or ())
-    if set(known) <= set(of_image):
-        return [of_image[number] for number in known], "by the numbers in the images' names"
-    places, how = counted(tuple(known), timeline.numbers)
-    if how == IN_ORDER:
+    if set(numbers) & set(of_image):
+        return [of_image.get(number, _NOWHERE) for number in numbers], "by the numbers in the images' names"
+    places, how = counted(tuple(numbers), timeline.numbers)
+    beyond = max(places.values()) >= len(timeline.numbers)
+    if how == IN_ORDER or (beyond and min(numbers) not in (timeline.numbers[0], 1)):
         raise ValueError(
-            f"has poses of images that are numbered from {min(known)} to {max(known)}, and the clip has frames "
+            f"has poses of images that are numbered from {min(numbers)} to {max(numbers)}, and the clip has frames "
             f"{timeline.numbers[0]} to {timeline.numbers[-1]}; expected numbers of its frames"
         )
-    return [places[k] for k in range(len(known))], how
+    return [places[k] for k in range(len(numbers))], how
 
 
 def _in_order(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
