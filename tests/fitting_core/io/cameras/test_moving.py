@@ -13,7 +13,11 @@ from fitting_core.errors import InputError
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
+from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.alignment import Timeline
+from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.keypoints import Keypoints
+from tcfit_app.project.project import Project
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import SIZE, TURNS, WAY
 
@@ -126,3 +130,19 @@ def test_intrinsics_of_a_transforms_file(tmp_path: Path):
     found, _ = read(path, clip())
     assert found.focal == pytest.approx((SIZE[0], SIZE[0])) and found.center == (SIZE[0] / 2, SIZE[1] / 2)
     assert found.lens is None and replace(found, path=None) != found
+
+
+@pytest.mark.parametrize(("first", "last"), [(None, None), (2, 5)])
+def test_a_clip_has_the_path_of_its_frames(tmp_path: Path, first: int | None, last: int | None):
+    keypoints = Keypoints(xy=np.full((COUNT, 137, 2), 300.0), confidence=np.full((COUNT, 137), 0.9))
+    write_openpose(tmp_path / "keypoints", keypoints, name="shot")
+    path = files.transforms(tmp_path / "transforms.json", names=[f"{i:04}.png" for i in range(COUNT)])
+    made = read_clip(None, tmp_path / "keypoints", camera=path, image_size=SIZE, first_frame=first, last_frame=last)
+    part = slice(first or 0, COUNT if last is None else last + 1)
+    np.testing.assert_allclose(in_world(made.camera)[1], WAY[part], atol=1e-9)
+    assert made.camera.path is not None and len(made.camera.path) == len(made)
+    assert any("without a scale" in note and "camera_unit" in note for note in made.notes)
+    with Project.create(tmp_path / "p.tcfit", made):
+        pass
+    with Project.open(tmp_path / "p.tcfit", read_only=True) as project:
+        assert project.clip.camera == made.camera
