@@ -147,7 +147,7 @@ def run(options: MovingCameras) -> None:
     """Fit all, and report."""
     ready.use(threads=options.common.threads)
     rows: list[Row] = []
-    ways = [(name, name, None) for name in options.cameras]
+    ways: list[tuple[str, str, tuple[float, ...] | None]] = [(name, name, None) for name in options.cameras]
     if "hand" in options.cameras:
         ways.append(("hand, action camera", "hand", LENSES["action camera"]))
     for title, name, distortion in ways:
@@ -180,7 +180,7 @@ def _filmed(name: str, moves: Callable[..., Poses], distortion: tuple[float, ...
     keypoints = detected(
         seen,
         exists & in_view(body, params, camera),
-        ((seen >= 0) & (seen < camera.size)).all(-1),
+        np.asarray(((seen >= 0) & (seen < camera.size)).all(-1)),
         camera.focal[0] / np.maximum(np.nan_to_num(points[..., 2], nan=_DISTANCE), 0.1),
         frame_rate=FRAME_RATE,
         rng=np.random.default_rng([sequence.seed, 2]),
@@ -241,7 +241,7 @@ def _figures(shot: _Shot, fit: _Fit) -> dict[str, float]:
 def _aligned(joints: Float[np.ndarray, "T 22 3"], true: Float[np.ndarray, "T 22 3"]) -> Float[np.ndarray, "T 22 3"]:
     """Turned and moved as a whole, all frames alike (WA-MPJPE without a scale)."""
     a, b = joints.reshape(-1, 3), true.reshape(-1, 3)
-    turn, _ = Rotation.align_vectors(b - b.mean(0), a - a.mean(0))
+    turn = Rotation.align_vectors(b - b.mean(0), a - a.mean(0))[0]
     return turn.apply(a - a.mean(0)).reshape(joints.shape) + b.mean(0)
 
 

@@ -40,7 +40,7 @@ def read_camera_npz(path: Path) -> list[Calibration]:
     if "K" not in arrays:
         raise ValueError(f"has no camera matrix K (it has {', '.join(arrays) or 'none of the keys of a camera'})")
     up: Any = str(arrays["up"]) if "up" in arrays else None
-    given = {what: arrays[key] for key, what in _ROWS.items() if key in arrays}
+    given: dict[str, Any] = {what: arrays[key] for key, what in _ROWS.items() if key in arrays}
     if "names" not in arrays:
         moves = "t" in arrays and arrays["t"].ndim == 2 and arrays["t"].shape[1] == 3 and len(arrays["t"]) > 1
         return [_moving(given, up, arrays.get("frames")) if moves else _standing(given, up)]
@@ -51,13 +51,13 @@ def read_camera_npz(path: Path) -> list[Calibration]:
     return [calibration(str(name), up=up, **row) for name, row in zip(names, rows, strict=True)]
 
 
-def _standing(given: dict[str, np.ndarray], up: Any) -> Calibration:
+def _standing(given: dict[str, Any], up: Any) -> Calibration:
     if given["matrix"].ndim == 3:
         raise ValueError("has several cameras and no names, or one that zooms; expected one K, or names")
     return calibration("", up=up, **given)
 
 
-def _moving(given: dict[str, np.ndarray], up: Any, frames: np.ndarray | None) -> Calibration:
+def _moving(given: dict[str, Any], up: Any, frames: np.ndarray | None) -> Calibration:
     matrix = np.unique(given["matrix"], axis=0) if given["matrix"].ndim == 3 else given["matrix"]
     if matrix.ndim == 3 and len(matrix) > 1:
         raise ValueError(

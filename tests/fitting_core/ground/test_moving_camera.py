@@ -32,9 +32,10 @@ def lifted_before(camera: Camera, made: Walker) -> LiftedClip:
 
 
 def test_still_space_and_back():
-    made, moving = walker(), replace(CAMERA, path=path(108, metres=1.0))
+    made, way = walker(), path(108, metres=1.0)
+    moving = replace(CAMERA, path=way)
     points = moving.from_still(made.points)
-    rotation, translation = (np.array(part) for part in (moving.path.rotation, moving.path.translation))
+    rotation, translation = np.array(way.rotation), np.array(way.translation)
     np.testing.assert_allclose(points[7, 3], rotation[7] @ made.points[7, 3] + translation[7], atol=1e-12)
     np.testing.assert_allclose(moving.to_still(points), made.points, atol=1e-12)
     np.testing.assert_allclose(moving[5:9].to_still(points[5:9]), made.points[5:9], atol=1e-12)

@@ -40,7 +40,9 @@ def test_the_room_stands_still(room: Room, frame: int):
     np.testing.assert_allclose(room.extent, [MAN.min(0), MAN.max(0)], atol=1e-12)
     body = BodyLayer(vertices=seen(frame), faces=np.zeros((1, 3), int), color=(1, 2, 3), camera=CAMERA)
     space = Space(camera=CAMERA, bodies=(body,), turn=here.turn, place=here.place)
-    np.testing.assert_allclose(space.bounds(), [MAN.min(0), MAN.max(0)], atol=1e-12)
+    bounds = space.bounds()
+    assert bounds is not None
+    np.testing.assert_allclose(bounds, [MAN.min(0), MAN.max(0)], atol=1e-12)
     pose = filming_pose(CAMERA, here.turn, room.extent, Window(width=800, height=600), near=0.9, place=here.place)
     np.testing.assert_allclose(pose.position, here.place)
     assert room.before(replace(CAMERA, path=None), frame) is room
