@@ -1,13 +1,15 @@
-"""The pinhole camera: intrinsics, where they come from, and projection; its real lens, and where it stands."""
+"""The pinhole camera: intrinsics, where they come from, and projection; its lens, where it stands, how it moves."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
     from torch import Tensor
@@ -25,6 +27,7 @@ ESTIMATED = "estimated from the clip"
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 """The axis of a world that points against gravity."""
 Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
 COEFFICIENTS = (4, 5, 8, 12)
 """Numbers of coefficients that OpenCV's distortion has without tilted sensors."""
 _ROUNDED = 1e-3
@@ -45,12 +48,12 @@ class Lens:
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """Where a camera that does not move stands in a world of the user's own: x_camera = rotation x_world + translation.
+    """Where a camera stands in a world of the user's own: x_camera = rotation x_world + translation.
 
-    That is OpenCV's convention.
+    That is OpenCV's convention. Of a camera that moves: in still space (see `CameraPath`).
     """
 
-    rotation: tuple[Vector, Vector, Vector]
+    rotation: Matrix
     """By rows."""
     translation: Vector
     """Metres."""
@@ -81,6 +84,40 @@ class World:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraPath:
+    """How a camera moves through T frames: x_camera = rotation x_still + translation.
+
+    Still space is that of a camera which stands still where this one stood in the first frame that was fitted. In it
+    the floor is one plane, and who stands stays where he is; of a camera that does not move it is camera space.
+    """
+
+    rotation: tuple[Matrix, ...]
+    """Of each frame, by rows."""
+    translation: tuple[Vector, ...]
+    """Metres."""
+
+    def __len__(self) -> int:
+        return len(self.rotation)
+
+    def __getitem__(self, frames: slice | Sequence[int]) -> CameraPath:
+        """Of some frames, from the same still space."""
+        chosen = range(len(self))[frames] if isinstance(frames, slice) else frames
+        return CameraPath(
+            rotation=tuple(self.rotation[i] for i in chosen), translation=tuple(self.translation[i] for i in chosen)
+        )
+
+    @cached_property
+    def to_still(self) -> Float[np.ndarray, "T 3 3"]:
+        """Rotations of camera space into still space."""
+        return np.array(self.rotation, float).reshape(-1, 3, 3).swapaxes(1, 2)
+
+    @cached_property
+    def places(self) -> Float[np.ndarray, "T 3"]:
+        """Where the camera is in still space, metres."""
+        return -(self.to_still @ np.array(self.translation, float).reshape(-1, 3, 1))[..., 0]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Camera:
     """Pinhole camera without distortion. Camera space: x right, y down, z away from the camera, metres.
 
@@ -99,6 +136,30 @@ class Camera:
     """What bent the pictures as they were filmed; None for nothing. Keypoints and frames of a clip are straightened."""
     world: World | None = None
     """Where the camera stands, as far as the user says it."""
+    path: CameraPath | None = None
+    """How it moves; None for a camera that stands still. Of as many frames as what it filmed."""
+
+    def __getitem__(self, frames: slice | Sequence[int]) -> Camera:
+        """Of some frames."""
+        return self if self.path is None else replace(self, path=self.path[frames])
+
+    def to_still(self, points: Float[np.ndarray, "T *n 3"]) -> Float[np.ndarray, "T *n 3"]:
+        """Points of camera space, of each frame, in still space (see `CameraPath`), metres."""
+        if self.path is None:
+            return points
+        turned = np.einsum("tij,t...j->t...i", self.path.to_still, points)
+        return turned + self.path.places.reshape(-1, *(1,) * (points.ndim - 2), 3)
+
+    def from_still(self, points: Float[np.ndarray, "T *n 3"]) -> Float[np.ndarray, "T *n 3"]:
+        """Points of still space in the camera space of each frame, metres."""
+        if self.path is None:
+            return points
+        moved = points - self.path.places.reshape(-1, *(1,) * (points.ndim - 2), 3)
+        return np.einsum("tji,t...j->t...i", self.path.to_still, moved)
+
+    def turned_to_still(self, vectors: Float[np.ndarray, "T *n 3"]) -> Float[np.ndarray, "T *n 3"]:
+        """Directions of camera space in still space."""
+        return vectors if self.path is None else np.einsum("tij,t...j->t...i", self.path.to_still, vectors)
 
     @property
     def calibrated(self) -> bool:
@@ -106,26 +167,41 @@ class Camera:
         return self.source != DEFAULT_FOCAL and not self.source.startswith(ESTIMATED)
 
 
+def path_of(rotation: Float[np.ndarray, "T 3 3"], translation: Float[np.ndarray, "T 3"]) -> CameraPath:
+    """A path from arrays: x_camera = rotation x_still + translation, metres."""
+    turns = tuple(((a, b, c), (d, e, f), (g, h, i)) for (a, b, c), (d, e, f), (g, h, i) in rotation.tolist())
+    return CameraPath(rotation=turns, translation=tuple((x, y, z) for x, y, z in translation.tolist()))
+
+
 def is_rotation(matrix: Float[np.ndarray, "3 3"]) -> bool:
     """Whether a matrix of finite numbers turns and does nothing else."""
-    return bool(abs(matrix @ matrix.T - np.eye(3)).max() <= _ROUNDED and np.linalg.det(matrix) > 0)
+    return bool(are_rotations(matrix))
+
+
+def are_rotations(matrices: Float[np.ndarray, "*n 3 3"]) -> Bool[np.ndarray, "*n"]:
+    """Which matrices of finite numbers turn and do nothing else."""
+    off = abs(matrices @ matrices.swapaxes(-1, -2) - np.eye(3)).max((-1, -2))
+    return (off <= _ROUNDED) & (np.linalg.det(matrices) > 0)
 
 
 def is_possible(camera: Camera) -> bool:
     """Whether a camera that was stored can be one."""
-    lens, world = camera.lens, camera.world
+    lens, world, path = camera.lens, camera.world, camera.path
     focals, numbers = list(camera.focal), [*camera.focal, *camera.center, *camera.size]
     if lens is not None:
         focals += lens.focal
         numbers += [*lens.focal, *lens.center, *lens.distortion]
     if world is not None:
         numbers += [*np.ravel(world.rotation), *world.translation]
+    if path is not None:
+        numbers += [*np.ravel(path.rotation), *np.ravel(path.translation)]
     return (
         bool(np.isfinite(numbers).all())
         and min(focals) > 0
         and 0 < min(camera.size) <= max(camera.size) < 1e5
         and (lens is None or len(lens.distortion) in COEFFICIENTS)
         and (world is None or is_rotation(np.array(world.rotation, float)))
+        and (path is None or (len(path.translation) == len(path) and bool(are_rotations(path.to_still).all())))
     )
 
 

@@ -48,9 +48,9 @@ def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unsw
         lifted_keypoints(keypoints, clip.camera, clip.frame_rate),
         clip.camera,
         clip.frame_rate,
-        feet=stance.feet,
+        feet=clip.camera.to_still(stance.feet),
         soles=_soles(body, params),
-        trunk=stance.trunk,
+        trunk=clip.camera.turned_to_still(stance.trunk),
     )
 
 
@@ -69,7 +69,8 @@ def stances_of_params(
         return None
     if not on_floor:
         grounding = replace(grounding, ground=None)
-    return stances(grounding, stance_of(body, params).feet, _soles(body, params))
+    feet = clip.camera.to_still(stance_of(body, params).feet)
+    return stances(grounding, feet, _soles(body, params), clip.camera)
 
 
 def _soles(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "2 4"]:

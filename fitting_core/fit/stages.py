@@ -181,7 +181,7 @@ class Stages:
         """
         inside = slice(frames.start, frames.stop)
         start = None if self.start is None else self.start[inside]
-        return replace(self, observations=self.observations[inside], start=start)
+        return replace(self, observations=self.observations[inside], camera=self.camera[inside], start=start)
 
     def __len__(self) -> int:
         return len(self.observations)
@@ -269,6 +269,7 @@ class Stages:
             turned=self.fitted.turned_by(self.observations.seen | told),
             temporal_weight=self.temporal_weight,
             turn=self.observations.turn,
+            path=self.camera.path,
             colliding=lambda: self.fitted.colliding,
         )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.camera import Camera
 from fitting_core.ground.contacts import FOOT_POINTS, stretches
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.plane import Ground, lowest
@@ -23,7 +24,7 @@ _NEAR = 0.25
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stances:
-    """Keypoints that are held in camera space."""
+    """Keypoints that are held in still space (see `CameraPath`), as the camera has that in each frame."""
 
     position: Float[np.ndarray, "T 137 3"]
     """Metres."""
@@ -31,14 +32,18 @@ class Stances:
     """Metres; infinite where nothing is held."""
 
 
-def stances(grounding: Grounding, feet: Float[np.ndarray, "T 2 4 3"], soles: Float[np.ndarray, "2 4"]) -> Stances:
+def stances(
+    grounding: Grounding, feet: Float[np.ndarray, "T 2 4 3"], soles: Float[np.ndarray, "2 4"], camera: Camera
+) -> Stances:
     """Of every contact of a foot.
 
     Args:
         grounding: contacts, gravity and floor.
-        feet: camera space, metres: ankle, heel, big and small toe of the left and the right foot.
+        feet: still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: how high these are above the sole of a flat foot, metres.
+        camera: of the clip.
     """
+    seen_from = np.zeros((len(feet), 3)) if camera.path is None else camera.path.places
     position = np.zeros((len(feet), COUNT, 3))
     deviation = np.full((len(feet), COUNT), np.inf)
     standing = grounding.contacts.standing
@@ -48,14 +53,18 @@ def stances(grounding: Grounding, feet: Float[np.ndarray, "T 2 4 3"], soles: Flo
             held = np.median(feet[start:stop, foot], axis=0)
             if grounding.ground is not None:
                 tilted = np.radians(grounding.gravity.deviation) * float(np.linalg.norm(held.mean(0) - middle))
-                held += _onto(grounding.ground, held, soles[foot], tilted)
+                held += _onto(grounding.ground, held, soles[foot], tilted, seen_from[start:stop].mean(0))
             position[start:stop, points] = held
             deviation[start:stop, points] = ACCURACY
-    return Stances(position=position, deviation=deviation)
+    return Stances(position=camera.from_still(position), deviation=deviation)
 
 
 def _onto(
-    ground: Ground, held: Float[np.ndarray, "4 3"], soles: Float[np.ndarray, "4"], tilted: float
+    ground: Ground,
+    held: Float[np.ndarray, "4 3"],
+    soles: Float[np.ndarray, "4"],
+    tilted: float,
+    seen_from: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "3"]:
     """How a foot is to be moved onto the floor, which is off by `tilted` metres there: least against what the foot may
     be off itself."""
@@ -63,9 +72,9 @@ def _onto(
     height = float(lowest(held[None, None], soles[None], up)[0, 0] + ground.offset)
     if abs(height) > _NEAR:
         return np.zeros(3)
-    middle = held.mean(0)
-    ahead = middle / np.linalg.norm(middle)
-    along = (_DEPTH_ERROR * np.linalg.norm(middle)) ** 2 - _SIDEWAYS_ERROR**2
+    sight = held.mean(0) - seen_from
+    ahead = sight / np.linalg.norm(sight)
+    along = (_DEPTH_ERROR * np.linalg.norm(sight)) ** 2 - _SIDEWAYS_ERROR**2
     covariance = _SIDEWAYS_ERROR**2 * np.eye(3) + along * np.outer(ahead, ahead)
     variance = up @ covariance @ up + _ON_FLOOR**2 + ground.deviation**2 + tilted**2
     return -covariance @ up * height / variance

@@ -1,1 +1,1 @@
-"""Which way is up, which foot stands, and where the floor lies, of one clip of a camera that does not move."""
+"""Which way is up, which foot stands, and where the floor lies, of one clip."""

@@ -2,7 +2,8 @@
 
 | key | shape | |
 |---|---|---|
-| gravity | (3,) | unit vector in camera axes along which things fall |
+| gravity | (3,) | unit vector in camera axes along which things fall; of a camera that moves, all is in still space, \
+the camera space of the first frame |
 | gravity_deviation | () | standard deviation of its direction, degrees |
 | ground | (4,) | unit normal (up) and offset in metres of the floor: normal · x + offset = 0 in camera space, so that \
 the offset is the camera's height; NaN where nothing stands in view |

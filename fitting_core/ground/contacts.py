@@ -3,7 +3,7 @@
 The functions that a fit's terms call:
 
     lifted = lift(xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
-    gravity = gravity_before_fit(lifted, confidence)                    # fitting_core/ground/gravity.py
+    gravity = gravity_before_fit(lifted, confidence, camera)                  # fitting_core/ground/gravity.py
     contacts = contacts_before_fit(xy, confidence, lifted, gravity, camera, frame_rate)
     contacts.probability    # (T, 2), left and right; 0 where the foot is not in the image
     contacts.standing       # (T, 2), the same as yes or no, without flicker
@@ -25,7 +25,7 @@ from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.placing import SEEN, places, rays_of
-from fitting_core.lifting.clip_lifting import LiftedClip
+from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 SIDES = ("left", "right")
 PARTS = ("ankle", "heel", "big_toe", "small_toe")
@@ -42,6 +42,8 @@ logistic regression on the motion suite's tuning half found the first two. Heigh
 anybody holds a foot up still; a foot that is held so stands on nothing."""
 _ANKLE = 0.09
 """Metres that an ankle is above its sole."""
+_STEP = 0.005
+"""Metres that a camera goes at least for its way to count."""
 _LOW, _HIGH = 0.1, 0.6
 """Metres above the lowest foot from which, and up to which, height counts against a contact."""
 _ENTER, _STAY = 0.6, 0.4
@@ -90,10 +92,10 @@ def contacts_before_fit(
         confidence: 0 for what is not seen or cut off by the image.
         lifted: What the lifter says of them.
         gravity: Of the clip.
-        camera: Of the clip; it stands still.
+        camera: Of the clip.
         frame_rate: Frames per second.
     """
-    placed = lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None]
+    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
     return contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, placed[:, FOOT_POINTS])
 
 
@@ -115,13 +117,13 @@ def contacts_of(
         gravity: As there.
         camera: As there.
         frame_rate: As there.
-        feet: Camera space, metres: points as in FOOT_POINTS.
+        feet: Still space, metres: points as in FOOT_POINTS.
     """
     certain = np.where(confidence[:, FOOT_POINTS] > SEEN, confidence[:, FOOT_POINTS], 0.0)
     seen = (certain[..., 0] > 0) | ((certain > 0).sum(-1) >= 2)
-    speed = _image_speed(rays_of(xy[:, FOOT_POINTS], camera), certain, feet[..., 2], frame_rate)
+    speed = _speed(xy[:, FOOT_POINTS], certain, camera, camera.from_still(feet)[..., 2], frame_rate)
     odds = (
-        _OF_LIFTER * _log_odds(lifted.contact)
+        _OF_LIFTER * _log_odds(_contact(xy, confidence, lifted, camera, frame_rate))
         + _OF_SPEED * np.log(_STILL / (speed + _FLOOR))
         - _OF_HEIGHT * np.clip(_heights(feet, gravity, seen) - _LOW, 0.0, _HIGH - _LOW)
     )
@@ -129,27 +131,60 @@ def contacts_of(
     return Contacts(probability=probability, standing=decided(probability, frame_rate))
 
 
+def _contact(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    lifted: LiftedClip,
+    camera: Camera,
+    frame_rate: float,
+) -> Float[np.ndarray, "T 2"]:
+    """What the lifter says, which knows still cameras only: asked again without the way of one that moves.
+
+    Around a dancer, by a quarter of a circle in 3 s, 30 % of the contacts were found without that, 95 % with it.
+    """
+    if camera.path is None or np.ptp(camera.path.places, axis=0).max() < _STEP:
+        return lifted.contact
+    depth = lifted.points[..., 2] + places(xy, confidence, lifted, camera, frame_rate)[:, 2:]
+    return lift(xy, confidence, camera, frame_rate, calibrated=camera.calibrated, depth=np.maximum(depth, 0.2)).contact
+
+
 def _log_odds(probability: np.ndarray) -> np.ndarray:
     clipped = np.clip(probability, 1e-3, 1 - 1e-3)
     return np.log(clipped / (1 - clipped))
 
 
-def _image_speed(
-    rays: Float[np.ndarray, "T 2 4 2"],
+def _speed(
+    xy: Float[np.ndarray, "T 2 4 2"],
     certain: Float[np.ndarray, "T 2 4"],
+    camera: Camera,
     depth: Float[np.ndarray, "T 2 4"],
     frame_rate: float,
 ) -> Float[np.ndarray, "T 2"]:
-    """Metres per second across the line of sight, mean of what is seen of each foot."""
-    if len(rays) < 2:
-        return np.full(rays.shape[:2], _STILL - _FLOOR)
-    sigma = _SMOOTH * frame_rate
+    """Metres per second across the line of sight in still space, mean of what is seen of each foot."""
+    if len(xy) < 2:
+        return np.full(xy.shape[:2], _STILL - _FLOOR)
     # Smoothed with confidence as weight: what was not seen in a frame is taken from the frames beside it.
     weight = certain + 1e-6
-    level = gaussian_filter1d(weight, sigma, axis=0, mode="nearest")
-    smooth = gaussian_filter1d(rays * weight[..., None], sigma, axis=0, mode="nearest") / level[..., None]
-    speeds = np.linalg.norm(np.gradient(smooth, axis=0), axis=-1) * frame_rate * np.maximum(depth, 0.0)
+    rays, depth = rays_of(xy, camera), np.maximum(depth, 0.0)
+    if camera.path is None:
+        speeds = np.linalg.norm(_velocity(rays, weight, frame_rate), axis=-1) * depth
+    else:
+        there = camera.to_still(np.concatenate([rays, np.ones_like(depth)[..., None]], -1) * depth[..., None])
+        ahead = there - camera.path.places[:, None, None]
+        ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-6)
+        velocity = _velocity(there, weight, frame_rate)
+        speeds = np.linalg.norm(velocity - (velocity * ahead).sum(-1, keepdims=True) * ahead, axis=-1)
     return (speeds * weight).sum(-1) / weight.sum(-1)
+
+
+def _velocity(
+    values: Float[np.ndarray, "T 2 4 n"], weight: Float[np.ndarray, "T 2 4"], frame_rate: float
+) -> Float[np.ndarray, "T 2 4 n"]:
+    """Of smoothed values, per second."""
+    sigma = _SMOOTH * frame_rate
+    level = gaussian_filter1d(weight, sigma, axis=0, mode="nearest")
+    smooth = gaussian_filter1d(values * weight[..., None], sigma, axis=0, mode="nearest") / level[..., None]
+    return np.gradient(smooth, axis=0) * frame_rate
 
 
 def _heights(

@@ -41,15 +41,16 @@ class Gravity:
         return float(np.degrees(np.arcsin(np.clip(-self.up[2], -1, 1))))
 
 
-def gravity_before_fit(lifted: LiftedClip, confidence: Float[np.ndarray, "T K"]) -> Gravity:
+def gravity_before_fit(lifted: LiftedClip, confidence: Float[np.ndarray, "T K"], camera: Camera) -> Gravity:
     """The direction that most frames' `up` agrees on.
 
     Args:
         lifted: What the lifter says.
         confidence: Of the keypoints that it saw, BODY_25 first: without legs it knows less than it says.
+        camera: Of the clip; of one that moves, up is that of still space.
     """
     length = np.linalg.norm(lifted.up, axis=1)
-    up = robust_mean(lifted.up, length)
+    up = robust_mean(camera.turned_to_still(lifted.up), length)
     # A network that learns with squared errors says the mean of what it holds possible, of length |m|: these lie
     # sqrt(1 - |m|²) from it, root mean square.
     possible = np.degrees(np.sqrt(max(0.0, 1 - float(length.mean()) ** 2)))

@@ -22,7 +22,7 @@ USUAL_SOLES = np.tile([0.09, 0.025, 0.015, 0.015], (2, 1))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grounding:
-    """What is known of a clip's world, in camera space."""
+    """What is known of a clip's world, in camera space; of a camera that moves, in still space (see `CameraPath`)."""
 
     gravity: Gravity
     contacts: Contacts
@@ -62,10 +62,10 @@ def grounding_before_fit(
         xy: Pixels, the first 25 of K are BODY_25.
         confidence: 0 for what is not seen or cut off by the image.
         lifted: What the lifter says of them.
-        camera: Of the clip; it stands still.
+        camera: Of the clip.
         frame_rate: Frames per second.
     """
-    placed = lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None]
+    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
     return grounding_of(xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES)
 
 
@@ -88,12 +88,12 @@ def grounding_of(
         lifted: As there.
         camera: As there.
         frame_rate: As there.
-        feet: Camera space, metres: ankle, heel, big and small toe of the left and the right foot.
+        feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
-        trunk: From pelvis to neck, camera space; it has a say where there is no ground.
+        trunk: From pelvis to neck, still space; it has a say where there is no ground.
     """
     told = told_gravity(camera)
-    gravity = told or gravity_before_fit(lifted, confidence)
+    gravity = told or gravity_before_fit(lifted, confidence, camera)
     contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
     found = ground_under(feet, soles, contacts, gravity, frame_rate)
     if isinstance(found, str):

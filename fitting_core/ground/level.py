@@ -19,10 +19,13 @@ _FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Level:
-    """From camera space to that of a camera at the same place that looks at the horizon, or to the user's own world."""
+    """From still space to that of a camera at the same place that looks at the horizon, or to the user's own world.
+
+    Still space is camera space where the camera does not move (see `CameraPath`).
+    """
 
     turn: Float[np.ndarray, "3 3"]
-    """x_level = turn @ x_camera; y along gravity, and but for the user's own world x right, z ahead."""
+    """x_level = turn @ x_still; y along gravity, and but for the user's own world x right, z ahead."""
     height: float | None
     """Metres that the camera is above the floor; None where the floor is not known."""
     text: str

@@ -24,7 +24,7 @@ _OF_STRETCH = 0.03
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """A plane in camera space: points x of the floor have normal · x + offset = 0."""
+    """A plane in still space (see `CameraPath`): points x of the floor have normal · x + offset = 0."""
 
     normal: Float[np.ndarray, "3"]
     """Up, a unit vector in camera axes (x right, y down, z away)."""
@@ -34,7 +34,7 @@ class Ground:
     """Standard deviation of its height where the person stands, metres."""
 
     def height(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Metres of points above it, camera space."""
+        """Metres of points of still space above it."""
         return points @ self.normal + self.offset
 
 
@@ -48,7 +48,7 @@ def ground_under(
     """The floor, or why there is none.
 
     Args:
-        feet: Camera space, metres: ankle, heel, big and small toe of the left and the right foot.
+        feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
         contacts: Which feet stand.
         gravity: Of the clip.

@@ -6,13 +6,16 @@
 | lens_focal, lens_center, lens_distortion | (2,), (2,), (n,) | only of a lens that bends: its calibration |
 | world_rotation, world_translation, world_up | (3, 3), (3,), () | only where it is known where the camera stands: \
 x_camera = world_rotation @ x_world + world_translation, metres; up is an axis such as z, or empty |
+| path_rotation, path_translation | (N, 3, 3), (N, 3) | only of a camera that moves, by frame: \
+x_camera = path_rotation @ x_still + path_translation, metres; world_* is then of still space, in which \
+the camera stands where it stood in the first frame |
 """
 
 from typing import Any, get_args
 
 import numpy as np
 
-from fitting_core.camera import Camera, Lens, Up, World, is_possible
+from fitting_core.camera import Camera, CameraPath, Lens, Up, World, is_possible, path_of
 
 
 def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
@@ -27,6 +30,8 @@ def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
         found |= {"lens_focal": lens.focal, "lens_center": lens.center, "lens_distortion": lens.distortion}
     if (world := camera.world) is not None:
         found |= {"world_rotation": world.rotation, "world_translation": world.translation, "world_up": world.up or ""}
+    if (path := camera.path) is not None:
+        found |= {"path_rotation": path.rotation, "path_translation": path.translation}
     return {name: np.asarray(value) for name, value in found.items()}
 
 
@@ -48,6 +53,7 @@ def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
         source=str(arrays["camera_source"]),
         lens=_lens(arrays) if "lens_focal" in arrays else None,
         world=_world(arrays) if "world_rotation" in arrays else None,
+        path=_path(arrays) if "path_rotation" in arrays else None,
     )
     if not is_possible(camera):
         raise ValueError("its camera is none")
@@ -57,6 +63,13 @@ def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
 def _lens(arrays: dict[str, np.ndarray]) -> Lens:
     (fx, fy), (cx, cy) = (arrays[name].tolist() for name in ("lens_focal", "lens_center"))
     return Lens(focal=(fx, fy), center=(cx, cy), distortion=tuple(arrays["lens_distortion"].tolist()))
+
+
+def _path(arrays: dict[str, np.ndarray]) -> CameraPath:
+    rotation, translation = arrays["path_rotation"], arrays["path_translation"]
+    if rotation.shape[1:] != (3, 3) or translation.shape != (len(rotation), 3):
+        raise ValueError(f"its camera moves by {rotation.shape} and {translation.shape}, expected (N, 3, 3) and (N, 3)")
+    return path_of(rotation, translation)
 
 
 def _world(arrays: dict[str, np.ndarray]) -> World:

@@ -12,6 +12,7 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import camera_of, focal_option
 from fitting_core.io.camera_rule import estimated, told_by_photographs
+from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
 from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io.keypoints.detections import Detections, to_pixels
@@ -106,10 +107,12 @@ def read_clip(
     size = _known_size(footage, image_size) or detections.size
     detections, size, size_notes = _in_pixels(_with_contradictions(detections, footage), size, keypoint_scale)
     timeline = footage.timeline or timeline_of_keypoints(detections)
-    found = _person(detections, timeline, chosen(timeline, first_frame, last_frame), person)
+    part = chosen(timeline, first_frame, last_frame)
+    found = _person(detections, timeline, part, person)
     rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
     inside_notes = _check_inside(found.keypoints, size)
-    seen, camera_notes = _camera(calibrated, size, center, focal)
+    frames = ClipFrames(timeline=timeline, part=part, frame_rate=rate)
+    seen, camera_notes = _camera(calibrated, size, frames, center, focal)
     if focal_length == "auto":
         seen = told_by_photographs(seen, images) or estimated(seen, found.keypoints, rate)
     straight, lens_notes = straightened_keypoints(found.keypoints, seen.lens)
@@ -150,9 +153,11 @@ def read_footage(
     footage = _footage(images)
     size = _known_size(footage, image_size)
     assert size is not None and footage.timeline is not None
-    frames = footage.timeline.numbers[chosen(footage.timeline, first_frame, last_frame)]
+    part = chosen(footage.timeline, first_frame, last_frame)
     rate, rate_notes = _frame_rate(frame_rate, footage, None)
-    seen, camera_notes = _camera(calibrated, size, center, focal)
+    looked_at = ClipFrames(timeline=footage.timeline, part=part, frame_rate=rate)
+    seen, camera_notes = _camera(calibrated, size, looked_at, center, focal)
+    frames = looked_at.numbers
     if focal_length == "auto":
         seen = told_by_photographs(seen, images) or seen
     return Clip(
@@ -219,11 +224,12 @@ def _camera_file(
 def _camera(
     calibrated: CameraFile | None,
     size: tuple[int, int],
+    frames: ClipFrames,
     center: tuple[float, float] | None,
     focal: tuple[str, float] | None,
 ) -> tuple[Camera, tuple[str, ...]]:
     """The camera, by its calibration or by what a user says of it, and notes."""
-    return (camera_of(size, center, focal), ()) if calibrated is None else read_camera(calibrated, size)
+    return (camera_of(size, center, focal), ()) if calibrated is None else read_camera(calibrated, size, frames)
 
 
 def _person(detections: Detections, timeline: Timeline, part: slice, person: int | None) -> _Person:

@@ -19,7 +19,7 @@ there where it is not known, as of an imported motion |
 | start_texts, stopped_texts | (k,) | their meaning in English, the text of number i at i |
 | gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
-| camera_*, image_size, lens_*, world_* | | the camera: see fitting_core/io/camera_arrays.py |
+| camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
 | body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
 
@@ -56,7 +56,8 @@ FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 FORMAT = "tcfit fit 1"
 AXES = (
     "Camera space in metres: x right, y down, z away from the camera. Angles are axis-angle in radians. Vertices are "
-    "the body skinned with poses, betas and expressions, plus trans; the camera stands at the origin, unrotated."
+    "the body skinned with poses, betas and expressions, plus trans; the camera stands at the origin, unrotated; one "
+    "that moves does so in each frame (path_rotation, path_translation)."
 )
 PHASE1 = "phase1_"
 """Before the names of the parameters that phase 1 found, frame by frame."""
@@ -218,7 +219,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         joints=_shaped(arrays, "joints", (frames, N_JOINTS, 3)),
         observed=_shaped(arrays, "observed", (frames, N_JOINTS)).astype(bool),
         provenance=_provenance(arrays, frames),
-        camera=camera_from(arrays),
+        camera=_camera(arrays, frames),
         frame_rate=float(arrays["mocap_frame_rate"]),
         first_frame=int(arrays["first_frame"]),
         **{name: str(arrays[name]) for name in ("gender", "body_kind", "body_hash")},
@@ -226,6 +227,13 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         complete=bool(arrays["complete"]),
         grounding=grounding_from(arrays, frames),
     )
+
+
+def _camera(arrays: dict[str, np.ndarray], frames: int) -> Camera:
+    camera = camera_from(arrays)
+    if camera.path is not None and len(camera.path) != frames:
+        raise ValueError(f"its camera moves through {len(camera.path)} frames, expected {frames}")
+    return camera
 
 
 def _provenance(arrays: dict[str, np.ndarray], frames: int) -> Provenance | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
@@ -31,7 +32,7 @@ from fitting_core.fit.observations import seen_confidence
 from fitting_core.fit.sides import SEEN
 from fitting_core.io import read_motion
 from fitting_core.io.motion.fitted_motion import rest_joints
-from fitting_core.io.motion.imported_motion import CoveredFrames, ImportedMotion, cover
+from fitting_core.io.motion.imported_motion import CoveredFrames, ImportedMotion, cover, from_still
 from fitting_core.metrics import heights_in_image
 from fitting_core.video.frames import image_files
 
@@ -143,7 +144,7 @@ def start_from_fit(
         placed=placed,
         numbers=tuple((clip.first_frame + frames).tolist()),
         numbered=True,
-        camera=camera,
+        camera=replace(camera, path=None),  # they are in camera space already
     )
     # The clip's images are not asked for: frames are counted as the clip counts them.
     counted = replace(clip, source=None)
@@ -177,6 +178,8 @@ class _Candidate:
         )
         posed, camera = motion.for_body(body), motion.camera_for(clip.camera)
         params = posed.on(body, camera)[torch.as_tensor(covered.places)]
+        if not motion.placed:
+            params = from_still(body, params, camera)
         return _Candidate(motion=motion, posed=posed, covered=covered, camera=camera, params=params)
 
     def follows(self, clip: Clip, body: BodyModel) -> float:
@@ -261,10 +264,18 @@ def _turned_as(points: Float[np.ndarray, "T 25 3"], before: BodyParams, after: B
 def _turned_to_follow(body: BodyModel, params: BodyParams, clip: Clip) -> BodyParams:
     """A motion that no camera saw, turned as a whole about the vertical until it looks most like the keypoints."""
     points, like = from_pelvis(body, params), params.global_orient.double()
-    turns = [rotations.yaw(float(degrees), like) for degrees in _TURNS]
-    found = [placed(points @ turn.numpy().T, clip.keypoints, clip.camera) for turn in turns]
+    turns = [_about_one_axis(rotations.yaw(float(degrees), like), clip.camera) for degrees in _TURNS]
+    found = [placed(points @ turn.mT.numpy(), clip.keypoints, clip.camera) for turn in turns]
     best = turns[int(np.argmin([_total_off(one) for one in found]))]
     return replace(params, global_orient=rotations.log(best @ rotations.exp(like)))
+
+
+def _about_one_axis(turn: Float[Tensor, "3 3"], camera: Camera) -> Float[Tensor, "*T 3 3"]:
+    """A turn of still space (see `CameraPath`) as the camera of each frame has it."""
+    if camera.path is None:
+        return turn
+    to_still = torch.as_tensor(camera.path.to_still).to(turn)
+    return to_still.mT @ turn @ to_still
 
 
 def _total_off(found: Placed) -> float:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.camera import project
+from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.toml import as_plain
 from fitting_core.files.regular import legible
@@ -46,7 +46,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
         "frame_rate": clip.frame_rate,
         "seconds": {f"phase{p.phase}": p.seconds for p in fit.phases} | {"total": sum(p.seconds for p in fit.phases)},
         "reprojection_px": {f"phase{p.phase}": reprojection(clip, body, p.params, counted) for p in measured},
-        "jitter": {f"phase{p.phase}": _jitter(body, p.params) for p in measured},
+        "jitter": {f"phase{p.phase}": _jitter(body, p.params, fit.camera) for p in measured},
         "objective": {f"phase{p.phase}": p.objective for p in fit.phases},
         "betas": fit.last.params.betas.mean(0).tolist(),
         "camera": {
@@ -56,6 +56,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "source": fit.camera.source,
             "lens": msgspec.to_builtins(fit.camera.lens),
             "world": msgspec.to_builtins(fit.camera.world),
+            "moves": fit.camera.path is not None,
         },
         "body": {
             "kind": body.kind,
@@ -102,11 +103,11 @@ def reprojection(
     return {"median": median, "p95": p95, "keypoints": len(errors)}
 
 
-def _jitter(body: BodyModel, params: BodyParams) -> dict[str, float]:
-    """Mean second difference of the 55 joints, with the camera translation and without."""
+def _jitter(body: BodyModel, params: BodyParams, camera: Camera) -> dict[str, float]:
+    """Mean second difference of the 55 joints, with the camera translation and without; not the camera's own."""
     joints: Float[np.ndarray, "T 55 3"] = joints_in_space(body, params)
-    in_body = joints - params.camera_translation.numpy()[:, None]
-    return {"camera_space_mm_per_frame2": jitter(joints), "body_space_mm_per_frame2": jitter(in_body)}
+    in_body = camera.turned_to_still(joints - params.camera_translation.numpy()[:, None])
+    return {"camera_space_mm_per_frame2": jitter(camera.to_still(joints)), "body_space_mm_per_frame2": jitter(in_body)}
 
 
 def versions() -> dict[str, str]:

@@ -9,23 +9,27 @@ from threading import Lock
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from scipy.spatial.transform import Rotation, Slerp
 from torch import Tensor
 
 from assets import LIFTER
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, CameraPath
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
 from fitting_core.lifting.rays import POINTS, SEEN, seen
 from fitting_core.lifting.weights import read_lifter
 
 _STRIDE = FRAMES // 2
+_MIDDLE = FRAMES // 2
 _AT_ONCE = 32
 _OTHER_SIDE = [kp.INDEX[other_side(name)] for name in kp.BODY_25]
 _KEPT = 2048
 """Windows whose result is remembered: an edit changes two or three of a clip, and the others are not lifted again."""
 _SMALLEST = 0.005
 """Metres, as in training."""
+_AHEAD = 0.1
+"""Metres, or of a ray: what is not so far ahead of the middle's camera, that camera does not see."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,7 @@ def lift(
     frame_rate: float,
     *,
     calibrated: bool,
+    depth: Float[np.ndarray, "T 25"] | None = None,
     weights: Path = LIFTER,
 ) -> LiftedClip:
     """Lift BODY_25 keypoints, the first 25 of K.
@@ -59,6 +64,8 @@ def lift(
         camera: Of the clip.
         frame_rate: Frames per second.
         calibrated: Whether the camera's focal length is known, and not guessed.
+        depth: Metres of the keypoints before a camera that moves. With them its way is taken out of what the network
+            sees, without them its turns alone.
         weights: The network's file.
 
     Raises:
@@ -67,12 +74,66 @@ def lift(
     factor = read_lifter(weights)[1]
     rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)
     time, starts, given = windows_of(rays, confidence, frame_rate)
-    parts = _windows(weights, given, calibrated=calibrated)
+    moves = None if camera.path is None else _moves_in(camera.path, time, _places_in_clip(starts, len(time)), depth)
+    parts = _windows(weights, given if moves is None else moves.taken_from(given), calibrated=calibrated)
+    if moves is not None:
+        parts = _turned(parts, moves.turns[:, _MIDDLE, None])
     values = _interpolated(_together(parts, starts, len(time)), time, len(xy))
+    if camera.path is not None:
+        values = _turned(values, camera.path.to_still.swapaxes(1, 2))
     points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=1)
     # Of a Laplace distribution the deviation is sqrt(2) times the mean distance.
     deviation = np.sqrt(2) * factor * np.maximum(np.exp(error), _SMALLEST)
     return LiftedClip(points.reshape(-1, POINTS, 3), deviation, up, 1 / (1 + np.exp(-contact)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Moves:
+    """How a camera moves through the samples of W windows."""
+
+    turns: Float[np.ndarray, "W F 3 3"]
+    """Rotations of camera space into still space."""
+    places: Float[np.ndarray, "W F 3"]
+    """Of the camera in still space, metres."""
+    depth: Float[np.ndarray, "W F 25"] | None
+    """Of the keypoints, metres; None: the camera's way does not count."""
+
+    def taken_from(self, given: Float[np.ndarray, "W F 25 3"]) -> Float[np.ndarray, "W F 25 3"]:
+        """Windows as the camera of their middle sees them: the network learned from cameras that stand still."""
+        points = np.concatenate([given[..., :2], np.ones_like(given[..., :1])], -1)
+        back = self.turns[:, _MIDDLE, None]
+        if self.depth is None:
+            points = points @ (back.swapaxes(-1, -2) @ self.turns).swapaxes(-1, -2)
+        else:
+            still = (points * self.depth[..., None]) @ self.turns.swapaxes(-1, -2)
+            points = (still + (self.places - self.places[:, _MIDDLE, None])[..., None, :]) @ back
+        ahead = points[..., 2:] > _AHEAD
+        flat = points[..., :2] / np.where(ahead, points[..., 2:], 1.0)
+        return (np.concatenate([flat, given[..., 2:]], -1) * ahead).astype(np.float32)
+
+
+def _moves_in(
+    path: CameraPath, time: Float[np.ndarray, "S"], samples: Int[np.ndarray, "W F"], depth: np.ndarray | None
+) -> _Moves:
+    """Between frames as on the way from one to the next."""
+    frames = np.arange(len(path))
+    at = np.minimum(time, frames[-1])
+    turns = np.broadcast_to(path.to_still[0], (len(time), 3, 3))
+    if len(path) > 1:
+        turns = Slerp(frames, Rotation.from_matrix(path.to_still))(at).as_matrix()
+
+    def sampled(values: Float[np.ndarray, "T n"]) -> Float[np.ndarray, "W F n"]:
+        return np.stack([np.interp(at, frames, column) for column in values.T], 1)[samples]
+
+    return _Moves(turns[samples], sampled(path.places), None if depth is None else sampled(depth))
+
+
+def _turned(values: Float[np.ndarray, "*n v"], turns: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n v"]:
+    """What the network says, with points and up turned into other axes."""
+    points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=-1)
+    back = turns.swapaxes(-1, -2)
+    around = (points.reshape(*points.shape[:-1], POINTS, 3) @ back).reshape(points.shape)
+    return np.concatenate([around, error, (up[..., None, :] @ back)[..., 0, :], contact], -1)
 
 
 def windows_of(
@@ -86,8 +147,13 @@ def windows_of(
     time = np.arange(max(2, int(np.ceil((len(rays) - 1) / frame_rate * RATE)) + 1)) / RATE * frame_rate
     sampled, there = _sampled(rays, confidence[:, :POINTS], time)
     starts = _starts(len(time))
-    index = _reflected(starts[:, None] + np.arange(FRAMES), len(time))
+    index = _places_in_clip(starts, len(time))
     return time, starts, np.concatenate([sampled, there[..., None]], -1)[index].astype(np.float32)
+
+
+def _places_in_clip(starts: Int[np.ndarray, "W"], length: int) -> Int[np.ndarray, "W F"]:
+    """Of the samples that each window has."""
+    return _reflected(starts[:, None] + np.arange(FRAMES), length)
 
 
 def _sampled(rays: np.ndarray, confidence: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,8 @@ from fitting_core.clip import Clip
 
 def picked(clip: Clip, frames: Sequence[int] | Int[np.ndarray, "n"]) -> Clip:
     """The clip made of these frames alone, in this order."""
-    return replace(clip, keypoints=clip.keypoints[np.asarray(frames)])
+    chosen = np.asarray(frames)
+    return replace(clip, keypoints=clip.keypoints[chosen], camera=clip.camera[chosen.tolist()])
 
 
 def mirrored(clip: Clip, base: int, frames: int) -> Clip:

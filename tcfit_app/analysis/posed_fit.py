@@ -101,7 +101,7 @@ class PosedFit:
     def __getitem__(self, frames: slice) -> "PosedFit":
         """Consecutive frames, to be measured alone: nothing is evaluated outside of them."""
         cost = None if self.frame_cost is None else self.frame_cost[frames]
-        clip = replace(self.clip, keypoints=self.clip.keypoints[frames])
+        clip = replace(self.clip, keypoints=self.clip.keypoints[frames], camera=self.clip.camera[frames])
         return replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames], frame_cost=cost)
 
     @cached_property
@@ -111,13 +111,18 @@ class PosedFit:
 
     @property
     def joints_in_body(self) -> Float[np.ndarray, "T 55 3"]:
-        """The same without the camera's translation."""
-        return self.joints - self.params.camera_translation.numpy()[:, None]
+        """The same without the camera's translation; turned into still space (see `CameraPath`)."""
+        return self.clip.camera.turned_to_still(self.joints - self.params.camera_translation.numpy()[:, None])
+
+    @property
+    def still_joints(self) -> Float[np.ndarray, "T 55 3"]:
+        """The joints in still space, in which a camera that moves does not move them; metres."""
+        return self.clip.camera.to_still(self.joints)
 
     @property
     def compared_joints(self) -> Float[np.ndarray, "T 55 3"]:
         """The joints as the fit's temporal term compares them."""
-        return self.joints if self.space == "camera" else self.joints_in_body
+        return self.still_joints if self.space == "camera" else self.joints_in_body
 
     @cached_property
     def points(self) -> Float[np.ndarray, "T 137 3"]:
@@ -176,8 +181,8 @@ class PosedFit:
 
     @cached_property
     def jumps(self) -> Float[np.ndarray, "T 55"]:
-        """Length of each joint's second difference in time, mm per frame^2, in camera space; NaN at both ends."""
-        return second_differences(self.joints)
+        """Length of each joint's second difference in time, mm per frame^2, in still space; NaN at both ends."""
+        return second_differences(self.still_joints)
 
     @cached_property
     def volumes(self) -> Float[np.ndarray, "T"]:

@@ -150,7 +150,7 @@ def _jitter(points: Callable[[PosedFit], Float[np.ndarray, "T 55 3"]]) -> Callab
 
 
 def _acceleration(run: MeasuredRun) -> float | None:
-    return jitter(run.fit.joints) / 1e3 * run.fit.clip.frame_rate**2 if len(run.fit) > 2 else None
+    return jitter(run.fit.still_joints) / 1e3 * run.fit.clip.frame_rate**2 if len(run.fit) > 2 else None
 
 
 _GROUPS = {"": slice(0, kp.COUNT), **{f"_{name}": group for name, group in GROUPS.items()}}
@@ -162,7 +162,7 @@ METRICS: dict[str, MetricKind] = {
         for name, group in _GROUPS.items()
         for short, words, percent in (("median", "median", 50), ("p95", "95 %", 95))
     },
-    "jitter": MetricKind(title="Jitter", unit="mm/frame²", value=_jitter(lambda fit: fit.joints)),
+    "jitter": MetricKind(title="Jitter", unit="mm/frame²", value=_jitter(lambda fit: fit.still_joints)),
     "jitter_in_body": MetricKind(
         title="Jitter without translation", unit="mm/frame²", value=_jitter(lambda fit: fit.joints_in_body)
     ),

@@ -141,7 +141,7 @@ def check_same_packed(folder: Path, path: Path) -> None:
 def _frames_and_camera(clip: Clip, focal: bool) -> tuple[object, ...]:
     """Without the words that say where the focal length comes from; without itself where nobody asked for one."""
     camera = clip.camera
-    asked = (camera.focal, camera.lens, camera.world) if focal else None
+    asked = (camera.focal, camera.lens, camera.world, camera.path) if focal else None
     return clip.first_frame, len(clip), clip.frame_rate, asked, camera.center, camera.size
 
 

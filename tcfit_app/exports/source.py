@@ -70,8 +70,9 @@ class ExportedFit:
         phases = tuple(_part(phase, frames) for phase in self.fit.phases)
         grounding = None if self.fit.grounding is None else self.fit.grounding[frames]
         warnings = (*self.fit.warnings, note)
-        fit = replace(self.fit, phases=phases, observed=observed, warnings=warnings, grounding=grounding)
-        shown = replace(self.shown, params=self.shown.params[frames])
+        camera = self.fit.camera[frames]
+        fit = replace(self.fit, phases=phases, observed=observed, warnings=warnings, grounding=grounding, camera=camera)
+        shown = replace(self.shown, params=self.shown.params[frames], camera=self.shown.camera[frames])
         return replace(self, fit=fit, shown=shown)
 
 
@@ -137,4 +138,6 @@ class ExportSource:
 def part_of(clip: Clip, frames: slice) -> Clip:
     """Consecutive frames of a clip."""
     start, _, _ = frames.indices(len(clip))
-    return replace(clip, keypoints=clip.keypoints[frames], first_frame=clip.first_frame + start)
+    return replace(
+        clip, keypoints=clip.keypoints[frames], camera=clip.camera[frames], first_frame=clip.first_frame + start
+    )

@@ -17,7 +17,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io import read_motion
-from fitting_core.io.motion.imported_motion import ImportedMotion, cover
+from fitting_core.io.motion.imported_motion import ImportedMotion, cover, from_still
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.priors.files.registry import read_prior, registered_vposer, user_file
 from fitting_core.priors.latent import LatentPrior
@@ -115,6 +115,8 @@ def imported_fit(
     body, motion = _with_body(motion, bodies, choices)
     camera = motion.camera_for(clip.camera, choices.focal_length)
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
+    if not motion.placed:
+        params = from_still(body, params, camera)
     put = () if motion.placed else (f"{path.name} tells no camera: its body was put before the clip's camera.",)
     told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes))
     notes = (f"Imported from {source}, read as {motion.format}.", *told)

@@ -77,15 +77,16 @@ def described(clip: Clip) -> list[str]:
         f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
         f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
         *([] if camera.lens is None else ["Lens distortion is taken away from keypoints and pictures"]),
-        *([] if camera.world is None else [_place(camera.world)]),
+        *([] if camera.world is None else [_place(camera.world, moves=camera.path is not None)]),
         *([] if clip.keypoints.confidence.any() else [none]),
         *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
     ]
 
 
-def _place(world: World) -> str:
+def _place(world: World, *, moves: bool) -> str:
     up = "up is not known" if world.up is None else f"{world.up} is up"
-    return f"The camera stands at ({', '.join(f'{at:.2f}' for at in world.place)}) m in a world where {up}"
+    stands = "moves; it begins" if moves else "stands"
+    return f"The camera {stands} at ({', '.join(f'{at:.2f}' for at in world.place)}) m in a world where {up}"
 
 
 def notes_of(clip: Clip) -> list[str]:

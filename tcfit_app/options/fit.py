@@ -92,8 +92,8 @@ class CameraOptions:
     center: Annotated[tuple[float, float] | None, shown("X Y", "the image's centre")] = None
     """Principal point in pixels."""
     camera: Annotated[Path | None, shown("FILE", "none")] = None
-    """A calibration, with the lens's distortion and the camera's place: npz, TOML of Pose2Sim or caliscope, OpenCV's
-    YAML, XML or JSON, or COLMAP's cameras.txt."""
+    """A calibration, with the lens's distortion, the camera's place and its path: npz, TOML of Pose2Sim or caliscope,
+    OpenCV's YAML, XML or JSON, a transforms.json, or COLMAP's cameras.txt."""
     camera_name: Annotated[str | None, shown("NAME", "the only one")] = None
     """Which camera of that file."""
     camera_unit: Annotated[float | None, shown("METRES", "1")] = None

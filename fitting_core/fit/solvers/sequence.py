@@ -115,6 +115,7 @@ class _OfJoints(_ByStencil):
         self._translation = c if term.joints.in_camera else None
         moving = (objective.index >= c.start) & (objective.index < c.stop)
         self._moving = moving.nonzero()[:, 0] if term.joints.in_camera else moving.nonzero()[:0, 0]
+        self._joints = term.joints
         super().__init__(term, objective, clip, coupling)
 
     @property
@@ -125,16 +126,18 @@ class _OfJoints(_ByStencil):
     def _quantity(self, state: State, frames: range) -> Tensor:
         if state.vector.requires_grad:
             return super()._quantity(state, frames)
-        joints, _ = self._fused.joints(state, torch.arange(frames.start, frames.stop), derivatives=False)
+        index = torch.arange(frames.start, frames.stop)
+        joints, _ = self._fused.joints(state, index, derivatives=False)
         if self._translation is not None:
             joints += state.vector[:, None, self._translation]
-        return joints.flatten(1)
+        return self._joints.still(joints, index).flatten(1)
 
     def _rows(self, state: State, frames: range) -> Tensor:
-        _, rows = self._fused.joints(state, torch.arange(frames.start, frames.stop), derivatives=True)
+        index = torch.arange(frames.start, frames.stop)
+        _, rows = self._fused.joints(state, index, derivatives=True)
         for axis, column in enumerate(self._moving):
             rows[:, axis::3, column] = 1.0
-        return rows
+        return self._joints.still_rows(rows, index)
 
 
 class _Differentiated:

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, N_BETAS, POSE_JOINTS, BodyModel
+from fitting_core.camera import CameraPath
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.terms.collision.term import CollidingBody, Collision
 from fitting_core.fit.terms.limits import Limits
@@ -49,6 +50,8 @@ class Setting:
     """w_T for this clip."""
     turn: Float[Tensor, "T 137 3"]
     """How joints are turned, as far as a person says it (see `Keypoints.turn`)."""
+    path: CameraPath | None
+    """How the camera moves."""
     colliding: Callable[[], CollidingBody]
     """Makes the whole mesh the first time."""
 
@@ -137,7 +140,8 @@ def _temporal(setting: Setting, s: int) -> Term | None:
     if not setting.temporal_weight:
         return None
     in_camera = setting.config.temporal.space == "camera"
-    return Evenness(setting.temporal_weight, JointPositions(setting.body, setting.parametrisation, in_camera=in_camera))
+    joints = JointPositions(setting.body, setting.parametrisation, in_camera=in_camera, path=setting.path)
+    return Evenness(setting.temporal_weight, joints)
 
 
 def _locks(setting: Setting, s: int) -> Term | None:

@@ -5,12 +5,13 @@ from functools import lru_cache
 from typing import ClassVar
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint
+from fitting_core.camera import CameraPath
 from fitting_core.fit.terms.term import Derivative, Rows, Stencil, Term
 from fitting_core.fit.variables.estimate import Estimate, View
 from fitting_core.fit.variables.point_jacobian import PointJacobian
@@ -21,25 +22,50 @@ OFF_MEAN = Stencil(((-1, -1 / 3), (0, 2 / 3), (1, -1 / 3)))
 
 
 class JointPositions:
-    """The 55 joints, in the body's own space or in camera space."""
+    """The 55 joints, in the body's own space or in camera space; of a camera that moves, as they are in still space.
 
-    def __init__(self, body: BodyModel, parametrisation: Parametrisation, *, in_camera: bool) -> None:
+    Args:
+        body: the body model.
+        parametrisation: how a state's numbers become its pose.
+        in_camera: whether the camera's translation counts.
+        path: how the camera moves through the frames that are looked at; only its turns count in the body's own space.
+    """
+
+    def __init__(
+        self, body: BodyModel, parametrisation: Parametrisation, *, in_camera: bool, path: CameraPath | None = None
+    ) -> None:
         points = _joints(body, parametrisation.dtype, parametrisation.device)
         unit = torch.ones(2, dtype=parametrisation.dtype, device=parametrisation.device)
         self.view = View(parametrisation, points, unit, 0 * unit)
-        self.in_camera = in_camera
+        self.in_camera, self.path = in_camera, path
+        if path is not None:
+            self._turn, self._place = torch.as_tensor(path.to_still).to(unit), torch.as_tensor(path.places).to(unit)
 
-    def estimate(self, state: State) -> Estimate:
-        """The state's joints, evaluated when asked for."""
-        return Estimate(self.view, state, torch.arange(len(state), device=state.vector.device))
+    def estimate(self, state: State, frames: Int[Tensor, "B"] | None = None) -> Estimate:
+        """The state's joints, evaluated when asked for; `frames` says which of the clip they are, None: the first."""
+        index = torch.arange(len(state), device=state.vector.device) if frames is None else frames
+        return Estimate(self.view, state, index)
 
     def __call__(self, state: State) -> Float[Tensor, "B 55 3"]:
-        """Metres."""
+        """Metres, of the clip's first frames."""
         return self.of(self.estimate(state))
 
     def of(self, e: Estimate) -> Float[Tensor, "B 55 3"]:
         """Metres, of what `estimate` gave."""
-        return e.in_camera if self.in_camera else e.posed.points
+        return self.still(e.in_camera if self.in_camera else e.posed.points, e.frames)
+
+    def still(self, joints: Float[Tensor, "B 55 3"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 55 3"]:
+        """Joints as the camera has them, in still space."""
+        if self.path is None:
+            return joints
+        turned = joints @ self._turn[frames].mT
+        return turned + self._place[frames, None] if self.in_camera else turned
+
+    def still_rows(self, rows: Float[Tensor, "B 165 d"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
+        """The Jacobian of joints as the camera has them, of those in still space."""
+        if self.path is None:
+            return rows
+        return (self._turn[frames, None] @ rows.unflatten(1, (N_JOINTS, 3))).flatten(1, 2)
 
 
 @lru_cache(maxsize=4)
@@ -65,7 +91,7 @@ class Evenness(Term):
 
     def quantity(self, e: Estimate) -> Float[Tensor, "B 165"]:
         """The joints, metres."""
-        return self.joints(e.state).flatten(1)
+        return self.joints.of(self.joints.estimate(e.state, e.frames)).flatten(1)
 
     def residual(self, e: Estimate) -> Float[Tensor, "c 165"]:
         """Of each frame that has one before it and one after it."""
@@ -73,8 +99,8 @@ class Evenness(Term):
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
         """The joints and their derivative. Pose correctives move no joint."""
-        own = self.joints.estimate(e.state)
+        own = self.joints.estimate(e.state, e.frames)
         identity = torch.eye(3, dtype=e.state.vector.dtype, device=e.state.vector.device)
         left = identity.expand(len(e.state), N_JOINTS, 3, 3)
         by_columns = jacobian.on(self.joints.view.points)(own.posed, left, translation=self.joints.in_camera)
-        return Rows(self.joints.of(own).flatten(1), by_columns)
+        return Rows(self.joints.of(own).flatten(1), self.joints.still_rows(by_columns, e.frames))

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import COEFFICIENTS, Up, is_rotation
+from fitting_core.io.cameras.moving import Poses
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +31,8 @@ class Calibration:
     """Of the world, as the file says it or its program's convention has it."""
     has_unit: bool = True
     """Whether lengths of the world have a unit; a reconstruction from images alone has none."""
+    poses: Poses | None = None
+    """Of a camera that moves, in place of rotation and translation."""
 
 
 def calibration(
@@ -41,6 +44,8 @@ def calibration(
     rotation: Any = None,
     translation: Any = None,
     up: Any = None,
+    poses: Poses | None = None,
+    has_unit: bool = True,
 ) -> Calibration:
     """A camera from what a file has, in any of the usual shapes.
 
@@ -52,11 +57,13 @@ def calibration(
         rotation: 3 x 3, or OpenCV's rotation vector (axis times angle in radians).
         translation: 3 numbers.
         up: One of `Up`.
+        poses: Of a camera that moves, checked, in place of rotation and translation.
+        has_unit: As of `Calibration`.
 
     Raises:
         ValueError: It is no camera, or one that tcfit cannot use; the message says what was found and expected.
     """
-    k = _numbers("the camera matrix", matrix, 9).reshape(3, 3)
+    k = finite_numbers("the camera matrix", matrix, 9).reshape(3, 3)
     if not (min(k[0, 0], k[1, 1]) > 0 and np.allclose(k[2], (0, 0, 1)) and abs(k[1, 0]) < 1e-6):
         raise ValueError(
             f"has the camera matrix {k.tolist()}; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], focal lengths above 0"
@@ -68,23 +75,31 @@ def calibration(
         raise ValueError(f"has a {there} and no {missing}; expected both or none")
     if up is not None and up not in get_args(Up):
         raise ValueError(f"says that up is {up!r}; expected one of {', '.join(get_args(Up))}")
+    pose = None if rotation is None else pose_of(rotation, translation)
     return Calibration(
         name=name,
         focal=(float(k[0, 0]), float(k[1, 1])),
         center=(float(k[0, 2]), float(k[1, 2])),
         distortion=_coefficients(distortion),
         size=None if size is None else _size(size),
-        rotation=None if rotation is None else _rotation(rotation),
-        translation=None if translation is None else _numbers("the translation", translation, 3),
+        rotation=None if pose is None else pose[0],
+        translation=None if pose is None else pose[1],
         up=up,
+        has_unit=has_unit,
+        poses=poses,
     )
+
+
+def pose_of(rotation: Any, translation: Any) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """Rotation and translation of a camera, checked. Raises ValueError."""
+    return _rotation(rotation), finite_numbers("the translation", translation, 3)
 
 
 def _coefficients(values: Any) -> tuple[float, ...]:
     """Without zeros that say nothing; empty for a lens that bends nothing."""
     if values is None:
         return ()
-    found = _numbers("the distortion", values)
+    found = finite_numbers("the distortion", values)
     if not found.any():
         return ()
     if len(found) == 14 and not found[12:].any():
@@ -102,14 +117,14 @@ def _coefficients(values: Any) -> tuple[float, ...]:
 
 
 def _size(value: Any) -> tuple[int, int]:
-    width, height = _numbers("the image size", value, 2).tolist()
+    width, height = finite_numbers("the image size", value, 2).tolist()
     if not all(1 <= side < 100_000 and side == int(side) for side in (width, height)):
         raise ValueError(f"has the image size {width:g} x {height:g}; expected width and height in whole pixels")
     return int(width), int(height)
 
 
 def _rotation(value: Any) -> Float[np.ndarray, "3 3"]:
-    numbers = _numbers("the rotation", value)
+    numbers = finite_numbers("the rotation", value)
     if len(numbers) == 3:
         return Rotation.from_rotvec(numbers).as_matrix()
     if len(numbers) != 9:
@@ -124,8 +139,8 @@ def _rotation(value: Any) -> Float[np.ndarray, "3 3"]:
     return matrix
 
 
-def _numbers(what: str, value: Any, count: int | None = None) -> Float[np.ndarray, "n"]:
-    """Finite numbers in a row, so many of them."""
+def finite_numbers(what: str, value: Any, count: int | None = None) -> Float[np.ndarray, "n"]:
+    """Finite numbers in a row, so many of them. Raises ValueError, with `what` they are."""
     try:
         found = np.asarray(value)
     except ValueError:  # rows of different lengths

@@ -9,6 +9,10 @@
 | t | (3,) | with R: translation, metres |
 | up | () | optional: the world's axis against gravity: x, y, z, -x, -y or -z |
 | names | (N,) | optional: names of N cameras; the arrays above then have N rows, but for up |
+| frames | (N,) | optional, of one camera that moves: numbers of the frames that R and t are of |
+
+A camera that moves has N rows in R, (N, 3, 3) or (N, 3), and in t, and no names. Without `frames` they are those of all
+frames, one after the other.
 """
 
 from pathlib import Path
@@ -17,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from fitting_core.files.npz import read_npz
-from fitting_core.io.cameras.calibration import Calibration, calibration
+from fitting_core.io.cameras.calibration import Calibration, calibration, pose_of
+from fitting_core.io.cameras.moving import Poses
 
 _ROWS = {"K": "matrix", "dist": "distortion", "size": "size", "R": "rotation", "t": "translation"}
 """Arrays with a row for each camera, and what `calibration` calls them."""
@@ -31,19 +36,56 @@ def read_camera_npz(path: Path) -> list[Calibration]:
         ValueError: It is no such npz, or has a camera that cannot be used.
         OSError: It cannot be read.
     """
-    arrays = read_npz(path, (*_ROWS, "up", "names"), most=_MAX_BYTES)
+    arrays = read_npz(path, (*_ROWS, "up", "names", "frames"), most=_MAX_BYTES)
     if "K" not in arrays:
         raise ValueError(f"has no camera matrix K (it has {', '.join(arrays) or 'none of the keys of a camera'})")
     up: Any = str(arrays["up"]) if "up" in arrays else None
-    given = {what: arrays[key] for key, what in _ROWS.items() if key in arrays}
+    given: dict[str, Any] = {what: arrays[key] for key, what in _ROWS.items() if key in arrays}
     if "names" not in arrays:
-        if arrays["K"].ndim == 3 or ("t" in arrays and arrays["t"].ndim == 2 and len(arrays["t"]) > 1):
-            raise ValueError(
-                "has several cameras, or one that moves, and no names; expected one that stands still, or names"
-            )
-        return [calibration("", up=up, **given)]
+        moves = "t" in arrays and arrays["t"].ndim == 2 and arrays["t"].shape[1] == 3 and len(arrays["t"]) > 1
+        return [_moving(given, up, arrays.get("frames")) if moves else _standing(given, up)]
     names = np.atleast_1d(arrays["names"])
     if wrong := [what for what, values in given.items() if values.ndim < 2 or len(values) != len(names)]:
         raise ValueError(f"has {len(names)} names, but not so many rows of {wrong[0]}")
     rows = ({what: values[i] for what, values in given.items()} for i in range(len(names)))
     return [calibration(str(name), up=up, **row) for name, row in zip(names, rows, strict=True)]
+
+
+def _standing(given: dict[str, Any], up: Any) -> Calibration:
+    if given["matrix"].ndim == 3:
+        raise ValueError("has several cameras and no names, or one that zooms; expected one K, or names")
+    return calibration("", up=up, **given)
+
+
+def _moving(given: dict[str, Any], up: Any, frames: np.ndarray | None) -> Calibration:
+    matrix = np.unique(given["matrix"], axis=0) if given["matrix"].ndim == 3 else given["matrix"]
+    if matrix.ndim == 3 and len(matrix) > 1:
+        raise ValueError(
+            "has several cameras and no names, or one that zooms; expected names, or one K for all frames of a camera "
+            "that moves"
+        )
+    if "rotation" not in given or len(given["rotation"]) != len(given["translation"]):
+        found = len(given["rotation"]) if "rotation" in given else 0
+        raise ValueError(f"has {len(given['translation'])} rows of t and {found} of R; expected as many")
+    poses = []
+    for row, (rotation, translation) in enumerate(zip(given["rotation"], given["translation"], strict=True)):
+        try:
+            poses.append(pose_of(rotation, translation))
+        except ValueError as error:
+            raise ValueError(f"row {row} of R and t: {error}") from error
+    rest = {what: given[what] for what in ("distortion", "size") if what in given}
+    rotations, translations = (np.stack(part) for part in zip(*poses, strict=True))
+    numbers = None if frames is None else _numbers_of(frames, len(poses))
+    return calibration(
+        "",
+        matrix=matrix,
+        up=up,
+        poses=Poses(rotation=rotations, translation=translations, numbers=numbers),
+        **rest,
+    )
+
+
+def _numbers_of(frames: np.ndarray, count: int) -> tuple[int, ...]:
+    if frames.dtype.kind not in "iu" or frames.shape != (count,):
+        raise ValueError(f"has 'frames' of the shape {frames.shape} ({frames.dtype}); expected {count} whole numbers")
+    return tuple(frames.tolist())

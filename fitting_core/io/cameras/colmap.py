@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fitting_core.io.cameras.calibration import Calibration, calibration
+from fitting_core.io.cameras.moving import Poses
 from fitting_core.io.cameras.text_file import text_of
 
 CAMERAS, IMAGES, BINARY = "cameras.txt", "images.txt", "cameras.bin"
@@ -46,6 +47,23 @@ def read_colmap(path: Path) -> list[Calibration]:
     if not (folder / IMAGES).exists():
         return list(cameras.values())
     return list(_images(folder / IMAGES, cameras))
+
+
+def one_that_moves(images: Sequence[Calibration]) -> Calibration | None:
+    """The camera that took all of these; None where they were not taken by one.
+
+    Args:
+        images: What `read_colmap` gives, with a pose each.
+    """
+    first = images[0] if images else None
+    lenses = {(image.focal, image.center, image.distortion, image.size) for image in images}
+    rotations = [image.rotation for image in images if image.rotation is not None]
+    translations = [image.translation for image in images if image.translation is not None]
+    if first is None or len(lenses) > 1 or len(rotations) != len(images):
+        return None
+    names = tuple(image.name for image in images)
+    poses = Poses(rotation=np.stack(rotations), translation=np.stack(translations), names=names)
+    return replace(first, name="", rotation=None, translation=None, poses=poses)
 
 
 def _cameras(path: Path) -> Iterator[Calibration]:

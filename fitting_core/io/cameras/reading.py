@@ -1,20 +1,23 @@
-"""A camera from a calibration file: which of the file's, for images of which size, in a world of which unit."""
+"""A camera from a calibration file: which of the file's, for images of which size, in a world of which unit; how it
+moves."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera, Lens, Up, Vector, World
+from fitting_core.camera import Camera, CameraPath, Lens, Up, Vector, World, path_of
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration
 from fitting_core.io.cameras.camera_npz import read_camera_npz
-from fitting_core.io.cameras.colmap import CAMERAS, IMAGES, read_colmap
+from fitting_core.io.cameras.colmap import CAMERAS, IMAGES, one_that_moves, read_colmap
+from fitting_core.io.cameras.moving import ClipFrames, Poses, in_frames
 from fitting_core.io.cameras.tables import TABLES
 from fitting_core.lens import share_straightened
 
@@ -34,8 +37,8 @@ _SOURCE = "camera file"
 _FORMS: dict[str, Callable[[Path], list[Calibration]]] = {".npz": read_camera_npz, **TABLES}
 """By the file's suffix; COLMAP's texts are known by their names."""
 EXPECTED = (
-    "an npz with K, a TOML of Pose2Sim or caliscope, OpenCV's YAML, XML or JSON with a camera_matrix, or COLMAP's "
-    f"{CAMERAS} with {IMAGES} beside it"
+    "an npz with K, a TOML of Pose2Sim or caliscope, OpenCV's YAML, XML or JSON with a camera_matrix, a "
+    f"transforms.json, or COLMAP's {CAMERAS} with {IMAGES} beside it"
 )
 
 
@@ -52,8 +55,15 @@ class CameraFile:
     """The world's axis against gravity; None: what the file or its program's convention says."""
 
 
-def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[str, ...]]:
+def read_camera(
+    file: CameraFile, size: tuple[int, int], frames: ClipFrames | None = None
+) -> tuple[Camera, tuple[str, ...]]:
     """The camera of images of a size, and notes on how it was read.
+
+    Args:
+        file: Which camera of which file.
+        size: Width and height in pixels.
+        frames: What it filmed, for one that moves; None: the images that the file has poses of.
 
     Raises:
         InputError: The file cannot be read, has several cameras and none of that name, was made for images of another
@@ -70,9 +80,10 @@ def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[
         sized, size_notes = _for_size(chosen, size)
         _check_view(sized, size)
         lens, lens_notes = _lens(sized, size)
+        poses, path_notes = _poses(sized, frames)
     except ValueError as error:
         raise InputError(f"{file.path}: {_titled(chosen)}{error}.") from error
-    world, world_notes = _world(file, chosen)
+    world, path, world_notes = _world(file, chosen, poses)
     name = f", camera {chosen.name}" if chosen.name else ""
     camera = Camera(
         focal=sized.focal,
@@ -81,8 +92,9 @@ def read_camera(file: CameraFile, size: tuple[int, int]) -> tuple[Camera, tuple[
         source=legible(f"{_SOURCE} {file.path.name}{name}, as given"),
         lens=lens,
         world=world,
+        path=path,
     )
-    notes = (*size_notes, *lens_notes, *world_notes)
+    notes = (*size_notes, *lens_notes, *path_notes, *world_notes)
     return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
 
 
@@ -126,6 +138,8 @@ def _chosen(file: CameraFile, cameras: Sequence[Calibration]) -> Calibration:
     if file.name is None:
         if len(cameras) == 1:
             return cameras[0]
+        if _is_colmap(file.path) and (moving := one_that_moves(cameras)) is not None:
+            return moving
         found = f"has {len(cameras)} cameras ({listed})" if cameras else "has no camera"
         raise InputError(f"{file.path}: {found}; expected one. Say which by camera_name.")
     matching = [camera for camera in cameras if camera.name == file.name]
@@ -194,32 +208,64 @@ def _check_view(camera: Calibration, size: tuple[int, int]) -> None:
         )
 
 
-def _world(file: CameraFile, camera: Calibration) -> tuple[World | None, tuple[str, ...]]:
-    """Where the camera stands, in metres."""
-    if camera.rotation is None or camera.translation is None:
+def _poses(camera: Calibration, frames: ClipFrames | None) -> tuple[Poses | None, tuple[str, ...]]:
+    """Of each frame that is looked at, of one at least; and notes."""
+    if camera.poses is None or frames is None:
+        return camera.poses, ()
+    return in_frames(camera.poses, frames)
+
+
+def _world(
+    file: CameraFile, camera: Calibration, poses: Poses | None
+) -> tuple[World | None, CameraPath | None, tuple[str, ...]]:
+    """Where the camera stands, or where it begins and how it moves, in metres."""
+    rotation, translation = camera.rotation, camera.translation
+    if poses is not None:
+        rotation, translation = poses.rotation[0], poses.translation[0]
+    if rotation is None or translation is None:
         unused = [f"camera_{name}" for name in ("unit", "up") if getattr(file, name) is not None]
         if unused:
             raise InputError(
                 f"{unused[0]} is given, but {file.path} does not say where its camera stands. Leave it out, or give a "
                 "file with rotation and translation."
             )
-        return None, ()
-    translation = camera.translation * (file.unit or 1.0)
+        return None, None, ()
+    unit = file.unit or 1.0
     world = World(
-        rotation=(_vector(camera.rotation[0]), _vector(camera.rotation[1]), _vector(camera.rotation[2])),
-        translation=_vector(translation),
+        rotation=(_vector(rotation[0]), _vector(rotation[1]), _vector(rotation[2])),
+        translation=_vector(translation * unit),
         up=file.up or camera.up,
     )
-    notes = []
-    if file.unit is None and not camera.has_unit:
-        notes.append("stands in a world without a scale; its unit is taken for a metre. Give camera_unit to scale it.")
+    path = None if poses is None or not poses.move else _path(poses, unit)
+    return world, path, tuple(_world_notes(file, camera, world, path))
+
+
+def _path(poses: Poses, unit: float) -> CameraPath:
+    """From the first pose on."""
+    turns = poses.rotation @ poses.rotation[0].T
+    return path_of(turns, unit * (poses.translation - turns @ poses.translation[0]))
+
+
+def _world_notes(file: CameraFile, camera: Calibration, world: World, path: CameraPath | None) -> Iterator[str]:
+    scaled = file.unit is not None or camera.has_unit
+    if path is not None:
+        length = float(np.linalg.norm(np.diff(path.places, axis=0), axis=1).sum())
+        turned = np.degrees(Rotation.from_matrix(path.to_still).magnitude().max())
+        yield f"moves: {length:.2f} m along its path, turned by up to {turned:.0f} degrees from where it begins."
+    if path is not None and not scaled:
+        yield (
+            "moves in a world without a scale, and its unit is taken for a metre. If that is wrong, the person slides "
+            "and comes out as too fast or too slow: give camera_unit, the metres of one unit (a length that you know, "
+            "divided by what it is in the file's world)."
+        )
+    elif not scaled:
+        yield "stands in a world without a scale; its unit is taken for a metre. Give camera_unit to scale it."
     elif file.unit is None and (distance := float(np.linalg.norm(world.place))) > _FAR:
-        notes.append(f"stands {distance:.0f} m from the origin; if its file is in millimetres, give camera_unit=0.001.")
+        yield f"stands {distance:.0f} m from the origin; if its file is in millimetres, give camera_unit=0.001."
     if world.up_in_camera is None:
-        notes.append("stands in a world of which up is not known; exports are upright by estimate. Give camera_up.")
+        yield "stands in a world of which up is not known; exports are upright by estimate. Give camera_up."
     elif world.up_in_camera[1] > 0:
-        notes.append(f"hangs upside down if {world.up} is up, as is taken; if it is not, give camera_up.")
-    return world, tuple(notes)
+        yield f"hangs upside down if {world.up} is up, as is taken; if it is not, give camera_up."
 
 
 def _vector(row: Float[np.ndarray, "3"]) -> Vector:

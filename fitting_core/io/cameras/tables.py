@@ -20,6 +20,7 @@ import msgspec
 
 from fitting_core.io.cameras.calibration import Calibration, calibration
 from fitting_core.io.cameras.text_file import text_of
+from fitting_core.io.cameras.transforms import is_transforms, read_transforms
 
 NAMES: dict[str, tuple[str, ...]] = {
     "matrix": ("matrix", "cameramatrix", "intrinsicmatrix", "intrinsics", "k", "mtx", "m"),
@@ -62,7 +63,7 @@ def read_json(path: Path) -> list[Calibration]:
         table = msgspec.json.decode(text_of(path))
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(f"is no JSON ({error})") from error
-    return _cameras(table)
+    return read_transforms(table) if is_transforms(table) else _cameras(table)
 
 
 def read_yaml(path: Path) -> list[Calibration]:

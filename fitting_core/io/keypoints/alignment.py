@@ -18,7 +18,7 @@ _BY_NUMBER, _FROM_FIRST = "by the numbers in their names", "by their numbers, fr
 _PERHAPS_FROM_1 = (
     ", counted from 0. Counted from 1 they fit as well: if the points come a frame after the person, number them from 0"
 )
-_IN_ORDER = "in their order, from the start"
+IN_ORDER = "in their order, from the start"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,21 +98,24 @@ def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, in
     _forbid_mixed_clips(detections)
     numbers = detections.numbers
     if numbers is None:
-        return {k: k for k in range(len(detections))}, _IN_ORDER
+        return {k: k for k in range(len(detections))}, IN_ORDER
     of_image = image_numbers(timeline.stems or ())
     if set(numbers) <= set(of_image):
         return {k: of_image[number] for k, number in enumerate(numbers)}, "by the numbers in the images' names"
-    return _counted(numbers, timeline.numbers)
+    return counted(numbers, timeline.numbers)
 
 
-def _counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], str]:
-    """Places of files whose numbers count frames, from where these fit into the clip; and how, in words."""
+def counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], str]:
+    """Places of files whose numbers count frames, from where these fit into the clip; and how, in words.
+
+    IN_ORDER where they count something else.
+    """
     lowest, highest = min(numbers), max(numbers)
     starts = ((frames[0], _BY_NUMBER), (1, "by their numbers, counted from 1"), (lowest, _FROM_FIRST))
     fitting = [start for start, _ in starts if start <= lowest and highest - start < len(frames)]
     # Every tenth frame of another clip may be every frame of this one; gaps here and there are people not found.
     if not fitting and np.median(np.diff(sorted(numbers))) > 1:
-        return {k: k for k in range(len(numbers))}, _IN_ORDER
+        return {k: k for k in range(len(numbers))}, IN_ORDER
     # Past the clip's end: numbers from 1 on count from 1, and those that begin outside from wherever they begin.
     past_end = frames[0] if frames[0] + 1 < lowest <= frames[-1] else lowest
     start = fitting[0] if fitting else past_end

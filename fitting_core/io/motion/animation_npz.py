@@ -8,7 +8,8 @@
 | betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
 | axes, camera_to_world, camera_place, ground, camera_*, image_size, lens_*, world_*, first_frame, \
-body_kind, body_hash, betas_source, generator | | tcfit's own: x_world = camera_to_world @ x_camera + camera_place |
+body_kind, body_hash, betas_source, generator | | tcfit's own: x_world = camera_to_world @ x_camera + camera_place, \
+with a row for each frame where the camera moves |
 
 Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
 add-on's format "AMASS"; its format "SMPL-X" has y up.

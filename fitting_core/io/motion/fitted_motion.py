@@ -13,7 +13,7 @@ from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
-from fitting_core.camera import Camera, World
+from fitting_core.camera import Camera, CameraPath, World
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level
 
@@ -66,7 +66,9 @@ class Motion:
     def __getitem__(self, frames: slice) -> "Motion":
         """Consecutive frames."""
         start, _, _ = frames.indices(len(self))
-        return replace(self, params=self.params[frames], first_frame=self.first_frame + start)
+        return replace(
+            self, params=self.params[frames], camera=self.camera[frames], first_frame=self.first_frame + start
+        )
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -112,30 +114,47 @@ class Motion:
         if axes == self.axes:
             return self
         there = replace(self, axes=axes)
-        turn = torch.as_tensor(there.camera_to_world @ self.camera_to_world.T)
+        turn = torch.as_tensor(there.camera_to_world @ self.camera_to_world.swapaxes(-1, -2))
         pelvis = self.rest_joints[:, 0].double()
         turned_root = turn @ rotations.exp(self.params.global_orient.double())
         orient = rotations.log(turned_root)
         from_camera = pelvis + self.params.camera_translation.double() - torch.as_tensor(self.camera_place)
-        translation = from_camera @ turn.mT + torch.as_tensor(there.camera_place) - pelvis
+        translation = (turn @ from_camera[..., None])[..., 0] + torch.as_tensor(there.camera_place) - pelvis
         like = self.params.global_orient
         turned = replace(self.params, global_orient=orient.to(like), camera_translation=translation.to(like))
         return replace(there, params=turned)
 
     @property
-    def camera_to_world(self) -> Float[np.ndarray, "3 3"]:
-        """Rotation: x_world = camera_to_world @ x_camera + camera_place."""
+    def camera_to_world(self) -> Float[np.ndarray, "*T 3 3"]:
+        """Rotation: x_world = camera_to_world @ x_camera + camera_place; of each frame where the camera moves."""
+        path, turn = self._path, self._still_to_world
+        return turn if path is None else turn @ path.to_still
+
+    @property
+    def camera_place(self) -> Float[np.ndarray, "*T 3"]:
+        """Where the camera is in the world, metres; of each frame where it moves.
+
+        In an estimated world it begins above the origin, as high as it is above the floor.
+        """
+        path, place = self._path, self._still_place
+        return place if path is None else path.places @ self._still_to_world.T + place
+
+    @property
+    def _path(self) -> CameraPath | None:
+        """In the axes "camera" those of each frame's camera count, which stands in them at the origin."""
+        return None if self.axes == "camera" else self.camera.path
+
+    @property
+    def _still_to_world(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of still space (see `CameraPath`) into the world."""
         if self._own_world is not None:
             return self._own_world.from_camera
         axes = np.array(AXES[self.axes].from_camera, float)
         return axes if self.level is None or self.axes == "camera" else axes @ self.level.turn
 
     @property
-    def camera_place(self) -> Float[np.ndarray, "3"]:
-        """Where the camera stands in the world, metres.
-
-        In an estimated world above the origin, as high as it is above the floor.
-        """
+    def _still_place(self) -> Float[np.ndarray, "3"]:
+        """Where the camera stands in the world, or begins, metres."""
         if self._own_world is not None:
             return self._own_world.place
         if self.level is None or self.axes == "camera":
@@ -151,17 +170,20 @@ class Motion:
     @property
     def axes_text(self) -> str:
         """The world in words."""
+        stands = "stands" if self.camera.path is None else "moves; it begins"
         turned = self.axes != "camera" and self.level is not None and self.level.place is not None
         if turned or self._own_world is not None:
             up = self._own_world.up if self._own_world is not None else self.axes[0]
-            at = ", ".join(f"{place:.3f}" for place in self.camera_place)
+            at = ", ".join(f"{place:.3f}" for place in self._still_place)
             said = f", {up} up" if up else ""
-            return f"the world of the camera's calibration{said}; metres; the camera stands at ({at})"
+            return f"the world of the camera's calibration{said}; metres; the camera {stands} at ({at})"
+        if self.axes == "camera" and self.camera.path is not None:
+            return f"{AXES[self.axes].text}; metres; the camera moves; in each frame it is at the origin"
         if self.axes == "camera" or self.level is None:
-            return f"{AXES[self.axes].text}; metres; the camera stands at the origin"
+            return f"{AXES[self.axes].text}; metres; the camera {stands} at the origin"
         if self.level.height is None:
-            return f"{AXES[self.axes].text}; upright by gravity; metres; the camera stands at the origin"
-        above = f"the camera stands {self.level.height:.3f} above the origin"
+            return f"{AXES[self.axes].text}; upright by gravity; metres; the camera {stands} at the origin"
+        above = f"the camera {stands} {self.level.height:.3f} above the origin"
         return f"{AXES[self.axes].text}; upright by gravity; metres; the floor is at height 0, {above}"
 
     @cached_property

@@ -1,9 +1,9 @@
 """A motion as binary glTF: one skinned mesh of 55 joints, its expression and correctives as morph targets, animated.
 
 glTF's world is y up in metres, so a motion gets the axes "y-up". The camera is in the file: it stands at the origin and
-looks along -z, or, where the floor is known, stands above the origin and looks as it was held. Frame t of the motion is
-at t / frame rate seconds. Everything that glTF has no place for (frame rate, first frame, intrinsics, gender, axes, the
-largest deviation from the fit) is in the extras of asset and scene.
+looks along -z, or, where the floor is known, stands above the origin and looks as it was held. One that moves begins
+so, and is animated. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame
+rate, first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of asset and scene.
 """
 
 import math
@@ -130,13 +130,20 @@ def _nodes(rig: Rig, motion: Motion) -> list[gltf.Node]:
 
 def _camera_node(motion: Motion) -> gltf.Node:
     """Where the camera stands. That of glTF looks along -z with y up: the one here along z with y down."""
-    turn = motion.camera_to_world @ np.diag([1.0, -1.0, -1.0])
-    return gltf.Node(
-        name="camera",
-        camera=0,
-        translation=motion.camera_place.tolist(),
-        rotation=Rotation.from_matrix(turn).as_quat().tolist(),
-    )
+    places, turns = _camera_poses(motion)
+    return gltf.Node(name="camera", camera=0, translation=places[0].tolist(), rotation=turns[0].tolist())
+
+
+def _camera_poses(motion: Motion) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+    """Where it is and how it is turned, a unit quaternion, once or in each frame."""
+    turn = motion.camera_to_world.reshape(-1, 3, 3) @ np.diag([1.0, -1.0, -1.0])
+    return motion.camera_place.reshape(-1, 3), _without_jumps(Rotation.from_matrix(turn).as_quat())
+
+
+def _without_jumps(quaternions: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
+    """The same turns by quaternions of which each is on the side of the one before: programs go straight between."""
+    crossed = (quaternions[1:] * quaternions[:-1]).sum(1) < 0
+    return quaternions * np.where(np.append(False, np.cumsum(crossed) % 2 == 1), -1.0, 1.0)[:, None]
 
 
 def _camera(motion: Motion) -> gltf.Camera:
@@ -198,6 +205,10 @@ def _animation(rig: Rig, motion: Motion, buffer: _Buffer) -> gltf.Animation:
         target = gltf.AnimationChannelTarget(node=node, path=path)
         animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
+    if motion.camera.path is not None:
+        places, turns = _camera_poses(motion)
+        add(_CAMERA, "translation", places)
+        add(_CAMERA, "rotation", turns)
     add(_FIRST_JOINT, "translation", rig.places)
     for j in range(N_JOINTS):
         add(_FIRST_JOINT + j, "rotation", rig.turns[:, j])

@@ -88,7 +88,7 @@ class ImportedMotion:
         return self.focal if self.focal_rule is None else (self.focal_rule[0](size), self.focal_rule[1])
 
     def camera_for(self, camera: Camera, focal_length: float | None = None) -> Camera:
-        """The camera that the motion was found with, for a clip's images; it stands where the clip's does.
+        """The camera that the motion was found with, for a clip's images; it stands, or moves, as the clip's does.
 
         Args:
             camera: The clip's, which counts where nothing is told.
@@ -97,7 +97,8 @@ class ImportedMotion:
         Raises:
             InputError: The focal length is none, or the motion was found on images of another form.
         """
-        return replace(self._own_camera(camera, focal_length), lens=camera.lens, world=camera.world)
+        own = self._own_camera(camera, focal_length)
+        return replace(own, lens=camera.lens, world=camera.world, path=camera.path)
 
     def _own_camera(self, camera: Camera, focal_length: float | None) -> Camera:
         if self.camera is not None:
@@ -178,6 +179,22 @@ class ImportedMotion:
         return replace(
             params, left_hand_pose=params.left_hand_pose - left, right_hand_pose=params.right_hand_pose - right
         )
+
+
+def from_still(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParams:
+    """A body that moves in still space (see `CameraPath`), in the camera space of each frame.
+
+    Args:
+        body: Whose root turns about its pelvis.
+        params: T frames.
+        camera: Of these frames.
+    """
+    if camera.path is None:
+        return params
+    off = params.camera_translation - torch.as_tensor(camera.path.places).to(params.camera_translation)
+    turn = torch.as_tensor(camera.path.to_still).mT.to(off)
+    there = replace(params, camera_translation=(turn @ off[..., None])[..., 0])
+    return _turned(body, there, turn)
 
 
 def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -> BodyParams:

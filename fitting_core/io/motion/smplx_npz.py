@@ -8,8 +8,8 @@
 | betas | (10 or more) or (N, 10 or more) | the first ten count |
 | expressions | (N, 10) | optional |
 | gender, mocap_frame_rate or mocap_framerate | () | |
-| axes, camera_to_world, camera_place | (), (3, 3), (3,) | tcfit's: the world of poses and trans. Without them, \
-AMASS's: z up |
+| axes, camera_to_world, camera_place | (), (3, 3), (3,), or N of these two | tcfit's: the world of poses and trans. \
+Without them, AMASS's: z up |
 | camera_focal, camera_center, image_size, camera_source, first_frame, body_kind, body_hash | | tcfit's, optional |
 """
 
@@ -23,7 +23,7 @@ import torch
 from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, are_rotations
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 from fitting_core.io.motion.animation_npz import POSE_KEYS
@@ -88,11 +88,11 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
         raise _Wrong(f"'poses' has {poses.shape[1]} columns{smpl}, expected 165 (SMPL-X) or 156 (SMPL-H)")
     kind, columns = _LAYOUTS[poses.shape[1]]
     frames = len(poses)
-    turn, placed = _turn_into_camera(arrays)
-    trans = _numbers(arrays, "trans", (frames, 3), _MAX_LENGTH) - _camera_place(arrays)
+    turn, placed = _turn_into_camera(arrays, frames)
+    trans = _numbers(arrays, "trans", (frames, 3), _MAX_LENGTH) - _camera_place(arrays, frames)
     betas, notes = _betas(arrays, frames)
     found = {name: poses[:, part] for name, part in columns.items()}
-    found |= {"betas": betas, "camera_translation": trans @ turn.T}
+    found |= {"betas": betas, "camera_translation": (turn @ trans[..., None])[..., 0]}
     if "expressions" in arrays:
         found["expression"] = _numbers(arrays, "expressions", (frames, N_EXPRESSION), _MAX_LENGTH)
     first = _first_frame(arrays)
@@ -162,22 +162,32 @@ def _betas(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray
     return np.broadcast_to(betas[:, :N_BETAS], (frames, N_BETAS)), notes
 
 
-def _turn_into_camera(arrays: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, "3 3"], bool]:
-    """Rotation of an animation's world into camera space, and whether it stands before a camera."""
+def _turn_into_camera(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray, "*T 3 3"], bool]:
+    """Rotation of an animation's world into camera space, of each frame where the camera moves; and whether it stands
+    before a camera."""
     if "camera_to_world" in arrays:
-        matrix = _numbers(arrays, "camera_to_world", (3, 3), 2.0)
-        if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix) < 0:
+        matrices = _once_or_by_frame(arrays, "camera_to_world", frames, (3, 3), 2.0)
+        if not are_rotations(matrices).all():
             raise _Wrong("'camera_to_world' is no rotation")
-        return matrix.T, True
+        return matrices.swapaxes(-1, -2), True
     # fit.npz stands in camera space and has no matrix to say it.
     if _text(arrays, "axes", "").lower().startswith("camera"):
         return np.eye(3), True
     return np.array(AXES["z-up"].from_camera, float).T, False
 
 
-def _camera_place(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "3"]:
-    """Where the camera stands in the file's world, metres."""
-    return _numbers(arrays, "camera_place", (3,), _MAX_LENGTH) if "camera_place" in arrays else np.zeros(3)
+def _camera_place(arrays: dict[str, np.ndarray], frames: int) -> Float[np.ndarray, "*T 3"]:
+    """Where the camera is in the file's world, metres."""
+    if "camera_place" not in arrays:
+        return np.zeros(3)
+    return _once_or_by_frame(arrays, "camera_place", frames, (3,), _MAX_LENGTH)
+
+
+def _once_or_by_frame(
+    arrays: dict[str, np.ndarray], name: str, frames: int, shape: tuple[int, ...], most: float
+) -> np.ndarray:
+    by_frame = arrays[name].ndim > len(shape)
+    return _numbers(arrays, name, (frames, *shape) if by_frame else shape, most)
 
 
 def _frame_rate(arrays: dict[str, np.ndarray]) -> float | None:

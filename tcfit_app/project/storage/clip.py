@@ -87,7 +87,12 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     if checksum is not None and not store.read_only:
         _settle_detections(folder, checksum)
     keypoints = _read_detections(folder, checksum)
-    camera = row.read("camera", _camera, None, "one that sees all keypoints stands in for it")
+    camera = row.read(
+        "camera",
+        lambda value: _camera(value, len(keypoints)),
+        None,
+        "one that stands still and sees all keypoints stands in for it",
+    )
     clip = Clip(
         keypoints=keypoints,
         camera=camera or _camera_around(keypoints),
@@ -119,10 +124,12 @@ def _checksum(value: Any) -> str:
     return value
 
 
-def _camera(value: Any) -> Camera:
+def _camera(value: Any, frames: int) -> Camera:
     camera = json_of(Camera)(value)
     if not is_possible(camera):
         raise ValueError("it is no camera")
+    if camera.path is not None and len(camera.path) != frames:
+        raise ValueError(f"it moves through {len(camera.path)} frames, and the clip has {frames}")
     return camera
 
 

@@ -25,7 +25,7 @@ import numpy as np
 import torch
 
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, is_possible
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
@@ -115,6 +115,8 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         observed = _shaped(arrays, "observed", (frames, 55)).astype(bool)
         grounding = grounding_from(arrays, frames)
         start = _start(arrays, about.start, frames)
+        if about.camera.path is not None and not (is_possible(about.camera) and len(about.camera.path) == frames):
+            raise ValueError("its camera moves through other frames")
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; expected the result of a run. Fit again.") from error
     except (OSError, KeyError, IndexError, ValueError, TypeError) as error:

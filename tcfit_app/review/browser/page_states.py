@@ -103,7 +103,8 @@ class Space(_State, frozen=True, kw_only=True):
     """How 3D shows camera space."""
 
     turn: tuple[Triple, Triple, Triple]
-    """A point goes to turn · point in viser's world."""
+    """A point goes to turn · point + place in viser's world."""
+    place: Triple
     offsets: tuple[float, ...]
     """By which each of `Bodies` is moved along its x."""
 

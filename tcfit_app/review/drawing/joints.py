@@ -33,7 +33,11 @@ class JointsPart:
             assert len(points) == BODY.stop
             made.append(FitBody(color=css(bodies[side].color), points=points_in_space(points)))
         down = (float(value) for value in np.round(room.turn[1], 5))
-        state = Bodies(bodies=tuple(made), down=(next(down), next(down), next(down)), floor=round(room.floor, 4))
+        state = Bodies(
+            bodies=tuple(made),
+            down=(next(down), next(down), next(down)),
+            floor=round(room.floor - float(room.place[1]), 4),
+        )
         self._tab.channel.send("bodies", state if made else None)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Hashable
 
 import numpy as np
 
+from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.fitting.fits import Shown
@@ -44,6 +45,8 @@ class Picture:
         self._image: FrameImage | None = None
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
         self._room: Room | None = None
+        self._placed: tuple[tuple[Room, Camera, int], Room] | None = None
+        """A room, and how the camera of a frame is in it."""
         """Of the fit on show; while another one is made, the last."""
         self._layers: dict[Hashable, BodyLayer] = {}
         self._compared = False
@@ -139,13 +142,14 @@ class Picture:
         tab, mode = self._tab, self._tab.state.mode
         if bodies and shown.held is not None:  # without any the body model may be missing, as is told then
             self._room = self._data.room(shown.held, shown.held) or self._room
-        self._joints.tell(shown, bodies, self._room)
+        room = None if self._room is None else self._before(shown, self._room)
+        self._joints.tell(shown, bodies, room)
         drawn = bodies if tab.state.bodies else {}
         layers = [tuple(drawn[side] for side in place if side in drawn) for place in shown.places]
         labels = tuple((self._label(shown, side), css(_COLORS[side])) for place in shown.places for side in place)
         if mode == "space":
-            self._show(space := self._space(image, shown, layers[0]))
-            self._tell_space(space, bodies)
+            self._show(space := self._space(image, shown, layers[0], room))
+            self._tell_space(space, room, bodies)
             if tab.sent.differs("layout", mode, labels):
                 posters = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in labels)
                 tab.channel.send("layout", Layout(mode="space", posters=posters))
@@ -163,7 +167,14 @@ class Picture:
         if side is not None:
             self._side.tell(shown, side.view, bodies if self._room is not None else {})
 
-    def _space(self, image: FrameImage, shown: OnShow, layers: tuple[BodyLayer, ...]) -> Space:
+    def _before(self, shown: OnShow, room: Room) -> Room:
+        """The room as the camera of the frame on show is in it; the same object as long as it is the same."""
+        key = (room, shown.camera, shown.frame)
+        if self._placed is None or self._placed[0] != key:
+            self._placed = key, room.before(shown.camera, shown.frame)
+        return self._placed[1]
+
+    def _space(self, image: FrameImage, shown: OnShow, layers: tuple[BodyLayer, ...], room: Room | None) -> Space:
         there = [fit for side in SIDES if (fit := shown.with_body(side)) is not None] if layers else []
         rooms = [self._data.room(fit, shown.held or fit) for fit in there]
         return Space(
@@ -171,16 +182,18 @@ class Picture:
             bodies=layers,
             extents=tuple(None if room is None else room.extent for room in rooms),
             image=image,
-            turn=np.eye(3) if self._room is None else self._room.turn,
-            ground=None if self._room is None else self._room.floor,
+            turn=np.eye(3) if room is None else room.turn,
+            place=np.zeros(3) if room is None else room.place,
+            ground=None if room is None else room.floor,
             apart=self._tab.state.apart,
         )
 
-    def _tell_space(self, space: Space, bodies: dict[Side, BodyLayer]) -> None:
+    def _tell_space(self, space: Space, room: Room | None, bodies: dict[Side, BodyLayer]) -> None:
         count = sum(body.problem is None for body in bodies.values())
-        if self._tab.sent.differs("space", self._room, space.apart, count):
+        if self._tab.sent.differs("space", room, space.apart, count):
             x, y, z = (triple(row) for row in space.turn)
-            self._tab.channel.send("space", SpaceState(turn=(x, y, z), offsets=offsets(count, space.apart)))
+            state = SpaceState(turn=(x, y, z), place=triple(space.place), offsets=offsets(count, space.apart))
+            self._tab.channel.send("space", state)
 
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0

@@ -36,6 +36,8 @@ class SidePart:
     def __init__(self, tab: Tab) -> None:
         self._tab, self._data = tab, tab.data
         self._seen: _Seen | None = None
+        self._moved: tuple[_Seen, int, SideView] | None = None
+        """What was seen in which frame, and how the camera of that frame has it."""
 
     def wanted(self, shown: OnShow) -> bool:
         """Whether there is a side view: it is switched on, and there is a fit to see."""
@@ -46,7 +48,7 @@ class SidePart:
         """The plate with the bodies of the pictures; with none while it is not known where they are in the clip."""
         assert shown.held is not None
         there = () if room is None else tuple(bodies[side] for side in drawn(bodies))
-        return SidePoster(view=self._view(room or _UNKNOWN, shown.held.camera), bodies=there)
+        return SidePoster(view=self._view(room or _UNKNOWN, shown.held.camera, shown.frame), bodies=there)
 
     def tell(self, shown: OnShow, view: SideView, bodies: dict[Side, BodyLayer]) -> None:
         """Send how the plate shows these bodies."""
@@ -70,10 +72,12 @@ class SidePart:
             sight=(triple(sight[0]), triple(sight[1])),
         )
 
-    def _view(self, room: Room, camera: Camera) -> SideView:
+    def _view(self, room: Room, camera: Camera, frame: int) -> SideView:
         direction, width = self._tab.state.side_from, self._tab.side_width
         seen = self._seen
         if seen is None or (seen.room, seen.camera, seen.direction, seen.width) != (room, camera, direction, width):
             view = side_view(room, camera, direction, width)
             self._seen = seen = _Seen(room=room, camera=camera, direction=direction, width=width, view=view)
-        return seen.view
+        if self._moved is None or self._moved[:2] != (seen, frame):
+            self._moved = seen, frame, seen.view.before(camera, frame)
+        return self._moved[2]

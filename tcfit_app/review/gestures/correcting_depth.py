@@ -117,6 +117,11 @@ class CorrectingDepth:
         """Let the selected keypoints stay where the fit has them now, in all of the selected frames."""
         tab, joints = self._tab, self._correcting.selected()
         frames, now = tab.frames_to_change, tab.state.frame
+        if tab.session.project.clip.camera.path is not None:
+            raise InputError(
+                "The camera of this clip moves, and what is pinned stays in one place of the picture. Set where it is "
+                "in single frames instead; feet that stand are held in the world by the fit itself."
+            )
         if tab.state.frames is None:
             raise InputError("Select the frames first in which they are to stay where they are now: [ and ].")
         if beyond := [joint for joint in joints if joint >= BODY.stop]:

@@ -31,6 +31,7 @@ _BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
 """Of the viewer, in diagonals of what is looked at."""
 
 
+_ORIGIN = np.zeros(3)
 _LEAST_SIZE, _CLOSE = 0.15, 1.3
 """Of what is zoomed to in 3D: metres at least, and how much more than it is seen."""
 
@@ -123,7 +124,13 @@ def named_pose(name: str, bounds: Float[np.ndarray, "2 3"], window: Window) -> P
 
 
 def filming_pose(
-    camera: Camera, turn: Float[np.ndarray, "3 3"], bounds: Float[np.ndarray, "2 3"], window: Window, *, near: float
+    camera: Camera,
+    turn: Float[np.ndarray, "3 3"],
+    bounds: Float[np.ndarray, "2 3"],
+    window: Window,
+    *,
+    near: float,
+    place: Float[np.ndarray, "3"] = _ORIGIN,
 ) -> Pose:
     """Looks at bodies in a box from the video camera, the way that it looks; its whole picture is in the window.
 
@@ -133,13 +140,14 @@ def filming_pose(
         bounds: Least and greatest coordinates, in the world.
         window: The canvas.
         near: Metres within which nothing is drawn.
+        place: Of the camera, in the world.
     """
     free = max(window.height - window.covered, 0.1 * window.height)
     scale = _MARGIN * max(camera.size[0] / window.width, camera.size[1] / free)
     ahead = turn @ np.array([0.0, 0.0, 1.0])
     return Pose(
-        position=(0.0, 0.0, 0.0),
-        look_at=_vector(ahead * max(float(bounds.mean(0) @ ahead), 2 * near)),
+        position=_vector(place),
+        look_at=_vector(place + ahead * max(float((bounds.mean(0) - place) @ ahead), 2 * near)),
         up=_vector(turn @ np.array([0.0, -1.0, 0.0])),
         fov=2 * math.atan(scale * window.height / 2 / camera.focal[1]),
         near=near,
@@ -158,9 +166,9 @@ def nearer_pose(pose: Pose, bounds: Float[np.ndarray, "2 3"], window: Window) ->
     return replace(pose, position=_vector(middle + distance * away), look_at=_vector(middle))
 
 
-def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at bodies in a box and at the video camera, which is in the origin, from the side."""
-    everything = np.stack([np.minimum(bounds[0], 0.0), np.maximum(bounds[1], 0.0)])
+def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window, place: Float[np.ndarray, "3"] = _ORIGIN) -> Pose:
+    """Looks at bodies in a box and at the video camera, which is in that place, from the side."""
+    everything = np.stack([np.minimum(bounds[0], place), np.maximum(bounds[1], place)])
     return _space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
 
 

@@ -1,14 +1,15 @@
 """Where a clip's person moves: which way is up, where the floor is, and where the body goes. No viser here.
 
 Level space has the camera in its origin and looks where the camera looks, but is upright: x right, y along gravity,
-z ahead, metres.
+z ahead, metres. A camera that moves is there in the clip's first frame.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.camera import Camera
 from fitting_core.ground.level import Level
 
 _STRAY = 2.0
@@ -22,13 +23,21 @@ class Room:
     """The space of a clip, as one fit has it."""
 
     turn: Float[np.ndarray, "3 3"]
-    """x_level = turn @ x_camera."""
+    """x_level = turn @ x_camera + place; of a camera that moves, from still space (see `CameraPath`)."""
     floor: float
     """y of the floor in level space."""
     boxes: Float[np.ndarray, "T 2 3"]
     """Least and greatest coordinates of the body in some frames, in level space. One at least."""
     level: bool = True
     """Whether gravity is known; else the room is held as the camera is."""
+    place: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """Of the camera, in level space."""
+
+    def before(self, camera: Camera, frame: int) -> "Room":
+        """The same room as the camera of a frame is in it."""
+        if camera.path is None:
+            return self
+        return replace(self, turn=self.turn @ camera.path.to_still[frame], place=self.turn @ camera.path.places[frame])
 
     @property
     def extent(self) -> Float[np.ndarray, "2 3"]:
@@ -40,7 +49,7 @@ def room_around(vertices: Float[np.ndarray, "T V 3"], level: Level | None) -> Ro
     """The room of a body.
 
     Args:
-        vertices: Of some of its frames, in camera space, metres.
+        vertices: Of some of its frames, in still space, metres.
         level: How the camera is held; None where that is not known.
     """
     turn = np.eye(3) if level is None else level.turn

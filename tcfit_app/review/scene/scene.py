@@ -60,6 +60,7 @@ class Cameras:
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
+        self._filmed_from = np.zeros(3)
         self._canvas: tuple[float, float] | None = None
         self._window = self._current_window()
         self._division: Division | None = None
@@ -82,11 +83,12 @@ class Cameras:
         if not self.moved and self.pose != (fitted := self._fitted("posters")):
             self._go(fitted)
 
-    def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
-        """To 3D, with bodies in that box: where the user was, or where they are seen well, also when the box becomes
-        quite another one.
+    def show_space(self, bounds: Float[np.ndarray, "2 3"] | None, place: Float[np.ndarray, "3"] | None = None) -> None:
+        """To 3D, with bodies in that box and the video camera in that place: where the user was, or where they are seen
+        well, also when the box becomes quite another one.
         """
         self._bounds = self._bounds if bounds is None else bounds
+        self._filmed_from = self._filmed_from if place is None else place
         self._enter("space")
         fitted = self._fitted("space")
         if not self.moved and math.dist(self.pose.position, fitted.position) > _SLACK * fitted.distance:
@@ -100,7 +102,7 @@ class Cameras:
             return
         fitted = self._fitted(self._scene)
         overview = self._scene == "space" and self.pose.close_to(fitted)
-        self._go(overview_pose(self._bounds, self._window) if overview else fitted, moved=overview)
+        self._go(overview_pose(self._bounds, self._window, self._filmed_from) if overview else fitted, moved=overview)
 
     def zoom_to(self, rectangle: Rectangle) -> None:
         """In 2D: a part of the picture, in the poster world, fills its window."""
@@ -124,7 +126,9 @@ class Cameras:
     def look_as_filmed(self, space: Space) -> None:
         """In 3D: from where the video camera is. Its picture hangs before it: all that is nearer is left out."""
         if self._scene == "space":
-            pose = filming_pose(space.camera, space.turn, self._bounds, self._window, near=_BEYOND_IMAGE)
+            pose = filming_pose(
+                space.camera, space.turn, self._bounds, self._window, near=_BEYOND_IMAGE, place=space.place
+            )
             self._go(pose, moved=True)
 
     def touched(self) -> None:
@@ -241,7 +245,7 @@ class SceneView:
                 self.cameras.show_posters(snapshot.divide(self.cameras.window))
             else:
                 problems = self._space.draw(snapshot)
-                self.cameras.show_space(snapshot.bounds())
+                self.cameras.show_space(snapshot.bounds(), snapshot.place)
             self._posters.set_visible(isinstance(snapshot, Posters))
             self._space.set_visible(isinstance(snapshot, Space))
         self._last = snapshot
@@ -274,7 +278,8 @@ class SceneView:
         if not isinstance(self._last, Space):
             return
         moved = [
-            found @ self._last.turn.T + [x, 0.0, 0.0] for found, x in zip(points, self._last.offsets, strict=False)
+            found @ self._last.turn.T + self._last.place + [x, 0.0, 0.0]
+            for found, x in zip(points, self._last.offsets, strict=False)
         ]
         there = np.concatenate(moved)
         there = there[np.isfinite(there).all(-1)]

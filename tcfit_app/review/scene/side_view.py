@@ -6,7 +6,7 @@ seen as one. Only a body that would leave the plate takes the view with it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -75,6 +75,20 @@ class SideView:
     """Of the room."""
     ground: float
     """y of the room's floor in level space."""
+
+    def before(self, camera: Camera, frame: int) -> "SideView":
+        """The same plate, from the camera space of a frame; made from still space, where the camera moves."""
+        if camera.path is None:
+            return self
+        turn, place = camera.path.to_still[frame], camera.path.places[frame]
+        return replace(
+            self,
+            axes=self.axes @ turn,
+            middle=self.middle - self.axes[:2] @ place,
+            floor=None if self.floor is None else self.floor - float(self.axes[1] @ place),
+            turn=self.turn @ turn,
+            ground=self.ground - float(self.turn[1] @ place),
+        )
 
     @property
     def half(self) -> Float[np.ndarray, "2"]:

@@ -38,7 +38,9 @@ class Space:
     image: FrameImage | None = None
     """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
     turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
-    """From camera space to the world, which is upright."""
+    """From camera space to the world, which is upright: x_world = turn @ x_camera + place."""
+    place: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """Where the camera is in the world, metres."""
     ground: float | None = None
     """Height of the ground grid: y in the world, downwards, metres. None: no grid."""
     extents: tuple[Float[np.ndarray, "2 3"] | None, ...] = ()
@@ -62,7 +64,8 @@ class Space:
         """
         extents = self.extents or (None,) * len(self.bodies)
         corners = [
-            (extent((body.vertices @ self.turn.T)[None]) if known is None else known) + np.array([x, 0.0, 0.0])
+            (extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known)
+            + np.array([x, 0.0, 0.0])
             for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
             if body.problem is None
         ]
@@ -90,6 +93,7 @@ class SpaceNodes:
         """Sends what changed; returns what cannot be shown, and why."""
         shown, problems = drawable(snapshot.bodies)
         self._filmed.wxyz = SO3.from_matrix(snapshot.turn).wxyz
+        self._filmed.position = snapshot.place
         for i, node in enumerate(self._bodies):
             body = shown[i] if i < len(shown) else None
             if body:

@@ -166,7 +166,7 @@ class DrawingData:
         def made() -> Room:
             there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
             sample = there[:: -(-len(there) // _SAMPLED)].tolist()
-            return room_around(meshes.batch(shown.params[sample]), self.level(held))
+            return room_around(shown.camera[sample].to_still(meshes.batch(shown.params[sample])), self.level(held))
 
         return self.tasks.get(("room", _stage(shown), _stage(held)), made)
 

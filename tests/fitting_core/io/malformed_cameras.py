@@ -7,14 +7,41 @@ from typing import Any
 
 import numpy as np
 
+from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
+from fitting_core.io.keypoints.alignment import Timeline
 from tests.fitting_core.io.cameras import camera_files as files
-from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, K
+from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, TURNS, WAY, K
 from tests.fitting_core.io.malformed import Bomb, Case, content, directory
+
+_FRAMES = ClipFrames(timeline=Timeline(numbers=range(len(TURNS))), part=slice(0, len(TURNS)), frame_rate=5.0)
+"""Of the clip that a camera which moves is read for."""
 
 
 def _case(make: Callable[[Path], Path], says: str, **more: Any) -> Case:
-    return Case(make, lambda path: read_camera(CameraFile(path=path, **more), SIZE), says)
+    return Case(make, lambda path: read_camera(CameraFile(path=path, **more), SIZE, _FRAMES), says)
+
+
+def _moving(**more: Any) -> Callable[[Path], Path]:
+    return lambda folder: files.moving_npz(folder / "camera.npz", **more)
+
+
+def _transforms(**more: Any) -> Callable[[Path], Path]:
+    return lambda folder: files.transforms(folder / "transforms.json", **more)
+
+
+def _with_a_frame(**more: Any) -> Callable[[Path], Path]:
+    """A transforms.json of which one frame says something else; what is None is missing there."""
+
+    def make(folder: Path) -> Path:
+        path = files.transforms(folder / "transforms.json")
+        table = json.loads(path.read_text())
+        frame = table["frames"][3] | more
+        table["frames"][3] = {key: value for key, value in frame.items() if value is not None}
+        path.write_text(json.dumps(table))
+        return path
+
+    return make
 
 
 def _own(**more: Any) -> Callable[[Path], Path]:
@@ -99,7 +126,40 @@ CAMERAS: dict[str, Case] = {
     "camera R of 2 x 2": _case(_own(R=np.eye(2)), "4 numbers"),
     "camera R without t": _case(_own(t=None), "no translation"),
     "camera t of two": _case(_own(t=(1, 2)), "2 numbers, expected 3"),
-    "camera that moves": _case(_own(R=[ROTATION] * 9, t=np.zeros((9, 3))), "one that moves"),
+    "path of too few frames": _case(_own(R=TURNS[:5], t=WAY[:5]), "5 poses.*the clip has 8 frames"),
+    "path of fewer turns": _case(_own(R=TURNS[:5], t=WAY), "8 rows of t and 5 of R"),
+    "path without turns": _case(_own(R=None, t=WAY), "8 rows of t and 0 of R"),
+    "path with one turn": _case(_own(R=ROTATION, t=WAY), "8 rows of t and 3 of R"),
+    "path of a pose that is none": _case(_moving(R=[*TURNS[:7], 2 * TURNS[7]]), "row 7 of R and t: .*no.*R R"),
+    "path with a NaN": _case(_moving(t=np.where(np.arange(24).reshape(8, 3) == 10, np.nan, WAY)), "row 3 .*not finite"),
+    "path of a zoom": _case(_moving(K=[K * (1 + i) for i in range(8)]), "zooms"),
+    "several K, one pose": _case(_own(K=[K] * 4), "zooms"),
+    "path of frames in fractions": _case(_moving(frames=np.arange(8) / 2), "8 whole numbers"),
+    "path of too few numbers": _case(_moving(frames=[1, 2]), "8 whole numbers"),
+    "path of other frames": _case(_moving(frames=np.arange(8) + 100), "none of frames 0 to 7"),
+    "path of frames twice": _case(_moving(frames=[0, 1, 2, 3, 4, 5, 6, 6]), "several poses for one frame"),
+    "path that begins late": _case(_moving(frames=np.arange(8) + 2), "no pose for frames 0-1 .* 2 and 7"),
+    "path with a hole": _case(
+        lambda f: files.moving_npz(f / "camera.npz", TURNS[:2], WAY[:2], frames=[0, 7]), "no pose for frames 1-6"
+    ),
+    "transforms cut off": _case(_cut(files.transforms, "transforms.json"), "JSON"),
+    "transforms without a focal length": _case(_transforms(fl_x=None), "no fl_x"),
+    "transforms of a half turn": _case(_transforms(fl_x=None, camera_angle_x=4.0), "camera_angle_x of 4"),
+    "transforms of a text": _case(_transforms(fl_x="wide"), "fl_x is no array of numbers"),
+    "transforms of a fisheye": _case(_transforms(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
+    "transforms of k4": _case(_transforms(k4=0.1), "k4"),
+    "transforms without a centre": _case(_transforms(cx=None, w=None), "no principal point"),
+    "transforms of a zoom": _case(_with_a_frame(fl_x=800.0), "zooms"),
+    "transforms without a pose": _case(_with_a_frame(transform_matrix=None), "number 3 of its list"),
+    "transforms without a name": _case(_with_a_frame(file_path=None), "number 3 of its list"),
+    "transforms of a short matrix": _case(_with_a_frame(transform_matrix=[[1.0, 0], [0, 1]]), "4 numbers, expected 16"),
+    "transforms of a ragged matrix": _case(_with_a_frame(transform_matrix=[[1.0, 0], [0]]), "different lengths"),
+    "transforms of a scaled pose": _case(_with_a_frame(transform_matrix=(2 * np.eye(4)).tolist()), "frame_00004.*none"),
+    "transforms of a mirrored pose": _case(
+        _with_a_frame(transform_matrix=np.diag([-1.0, 1, 1, 1]).tolist()), "frame_00004.*mirrors"
+    ),
+    "transforms of unnumbered images": _case(_transforms(names=list("abcdefgh")), "names do not say which frames"),
+    "transforms of one image twice": _case(_transforms(names=["a1", "a1", *(f"a{i}" for i in range(2, 8))]), "several"),
     "camera names without rows": _case(_own(names=["a", "b"]), "2 names"),
     "camera up is north": _case(_own(up="north"), "up is 'north'"),
     "camera of another shape": _case(_own(size=(1280, 1024)), "another shape"),
@@ -141,5 +201,8 @@ CAMERAS: dict[str, Case] = {
     "colmap of no image": _case(_colmap("images.txt", "# nothing\n"), "has no camera"),
     "colmap image without a name": _case(_colmap("images.txt", "1 1 0 0 0 0 0 0 1\n"), "line 1: has 9 entries"),
     "colmap quaternion of zeros": _case(_colmap("images.txt", "1 0 0 0 0 0 0 0 1 a.jpg\n"), "quaternion"),
-    "colmap of two images": _case(_colmap("cameras.txt", _LINE, images=("a", "b")), r"2 cameras \(a, b\)"),
+    "colmap of two images": _case(_colmap("cameras.txt", _LINE, images=("a", "b")), r"2 cameras \(a, b\), whose names"),
+    "colmap of a few frames": _case(
+        _colmap("cameras.txt", _LINE, images=("a0.jpg", "a1.jpg")), "no pose for frames 2-7"
+    ),
 }

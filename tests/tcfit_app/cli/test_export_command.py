@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.camera import World
+from fitting_core.camera import World, path_of
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
@@ -131,18 +131,26 @@ def test_smplifyx_pickles_hold_the_latent_pose_of_the_prior_in_use(free_body: Bo
             np.testing.assert_allclose(decoded, read["body_pose"], atol=0.1)
 
 
+@pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("axes", [["--axes", "world"], []])
-def test_a_calibrated_camera_s_motion_stands_in_its_world(free_body: BodyModel, tmp_path: Path, axes: list[str]):
+def test_a_calibrated_camera_s_motion_stands_in_its_world(
+    free_body: BodyModel, tmp_path: Path, axes: list[str], moves: bool
+):
     turn, at = Rotation.from_rotvec([1.7, 1.0, -0.4]), np.array([0.3, 0.9, 2.9])
     one, two, three = ((x, y, z) for x, y, z in turn.as_matrix().tolist())
     world = World(rotation=(one, two, three), translation=(0.3, 0.9, 2.9), up="z")
     clip = sample_clip(FRAMES)
-    clip = replace(clip, camera=replace(clip.camera, world=world))
+    turns = Rotation.from_rotvec(np.linspace(0, 1, FRAMES)[:, None] * [0.1, 0.5, 0.2]).as_matrix()
+    path = path_of(turns, np.linspace(0, 1, FRAMES)[:, None] * [0.4, 0.1, -0.3]) if moves else None
+    clip = replace(clip, camera=replace(clip.camera, world=world, path=path))
     fit = replace(waving_fit(0.0), camera=clip.camera)
     with Project.create(tmp_path / "walk.tcfit", clip) as made:
         made.runs.finish(made.runs.start(CONFIG, body=record_of(free_body), edits_seen=0).id, fit)
     write_result(tmp_path / "result", fit, clip, free_body)
-    expected = turn.inv().apply(joints_in_space(free_body, fit.last.params)[:, 0] - at)
+    pelvises = joints_in_space(free_body, fit.last.params)[:, 0]
+    if path is not None:
+        pelvises = np.einsum("tji,tj->ti", turns, pelvises - np.array(path.translation))
+    expected = turn.inv().apply(pelvises - at)
     for source in ("walk.tcfit", "result"):
         exported(tmp_path / source, tmp_path / f"from {source}", "--formats", "npz", *axes)
         (file,) = (tmp_path / f"from {source}").iterdir()
@@ -150,7 +158,8 @@ def test_a_calibrated_camera_s_motion_stands_in_its_world(free_body: BodyModel, 
             shape = replace(fit.last.params, betas=torch.as_tensor(read["betas"][None, :10]).expand(FRAMES, -1))
             pelvis = rest_joints(free_body, shape)[:, 0].numpy() + read["trans"]
             assert np.allclose(pelvis, expected, atol=1e-5)  # z is up: also where the format chooses
-            assert np.allclose(read["camera_place"], world.place) and "calibration" in str(read["axes"])
+            place = read["camera_place"][0] if moves else read["camera_place"]
+            assert np.allclose(place, world.place) and "calibration" in str(read["axes"])
 
 
 @pytest.mark.parametrize("source", ["walk.tcfit", "result"])

@@ -41,6 +41,7 @@ export interface Side {
 
 export interface Space {
   turn: [[number, number, number], [number, number, number], [number, number, number]];
+  place: [number, number, number];
   offsets: number[];
 }
 

@@ -6,11 +6,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
+from fitting_core.camera import CameraPath, path_of
 from fitting_core.config.schema import FitConfig, SolverSettings
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -30,13 +32,20 @@ class Scene:
     """E_T over some frames of a clip of random poses; with `terms`, E_o of stage 5 beside it."""
 
     def __init__(
-        self, body: BodyModel, frames: int, *, camera: bool = False, latent: bool = False, terms: bool = False
+        self,
+        body: BodyModel,
+        frames: int,
+        *,
+        camera: bool = False,
+        latent: bool = False,
+        terms: bool = False,
+        path: CameraPath | None = None,
     ) -> None:
         self.body, self.terms = body, terms
         detections = hidden(keypoints_of(body, random_params(frames, 3)), kp.FACE)
         self.stages: Stages = stages_of(body, detections, FitConfig(), latent=latent)
         self.whole = random_state(self.stages.parametrisation, frames, 4)
-        self.joints = JointPositions(body, self.stages.parametrisation, in_camera=camera)
+        self.joints = JointPositions(body, self.stages.parametrisation, in_camera=camera, path=path)
 
     def objective(self, groups: Free | None = None, *over_time: Term) -> FrameObjective:
         objective = self.stages.objective(5, self.whole, groups or Free(betas=False))
@@ -53,6 +62,9 @@ def by_loops(scene: Scene, centres: range, *, camera: bool) -> float:
     joints = Mesh(scene.body, dtype=torch.float64).joints(params).numpy()
     if not camera:
         joints = joints - params.camera_translation[:, None].numpy()
+    if scene.joints.path is not None:  # x_camera = R x_still + t
+        turns, moves = np.array(scene.joints.path.rotation), np.array(scene.joints.path.translation)
+        joints = np.stack([(joint - camera * t) @ turn for joint, turn, t in zip(joints, turns, moves, strict=True)])
     cost = 0.0
     for i in centres:
         for j in range(55):
@@ -62,10 +74,18 @@ def by_loops(scene: Scene, centres: range, *, camera: bool) -> float:
     return cost
 
 
+def a_path(frames: int) -> CameraPath:
+    """A camera that turns and goes about wildly."""
+    random = np.random.default_rng(6)
+    turns = Rotation.from_quat(random.normal(0, 1, (frames, 4))).as_matrix()
+    return path_of(turns, random.normal(0, 1, (frames, 3)))
+
+
+@pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("camera", [False, True])
 @pytest.mark.parametrize("frames", [1, 2, 3, 6])
-def test_value_by_loops(tiny_body: BodyModel, frames: int, camera: bool):
-    scene = Scene(tiny_body, frames, camera=camera)
+def test_value_by_loops(tiny_body: BodyModel, frames: int, camera: bool, moves: bool):
+    scene = Scene(tiny_body, frames, camera=camera, path=a_path(frames) if moves else None)
     sequence = scene.sequence(range(frames))
     expected = by_loops(scene, range(1, frames - 1), camera=camera)
     assert float(sequence.cost(scene.whole, torch.tensor([0]))) == pytest.approx(expected, rel=1e-10)
@@ -104,7 +124,10 @@ CASES = {
 def step_of_all(scene: Scene, sequence: Sequence, free: range) -> Tensor:
     """Half the Hessian's Gauss-Newton part, (n d, n d), from the Jacobian of all residuals of E_T by all frames."""
     local = scene.whole[free.start : free.stop]
-    jacobian = differentiated(lambda s: scene.joints(s).flatten(1), local, sequence.objective.index)
+    frames = torch.arange(free.start, free.stop)
+    jacobian = differentiated(
+        lambda s: scene.joints.of(scene.joints.estimate(s, frames)).flatten(1), local, sequence.objective.index
+    )
     coupling = sequence.coupled["temporal"].coupling
     matrix = written_out(coupling)[:, coupling.local]
     rows = WEIGHT * torch.einsum("rn,nkd->rknd", matrix, jacobian)
@@ -126,18 +149,21 @@ def dense(blocks: tuple[Tensor, ...]) -> Tensor:
 
 
 VARIANTS = [
-    *((case, False, False) for case in CASES),
-    *((case, latent, True) for case in ("three frames", "inner window") for latent in (False, True)),
-    ("re-run inside", True, False),
+    *((case, False, False, False) for case in CASES),
+    *((case, latent, True, False) for case in ("three frames", "inner window") for latent in (False, True)),
+    ("re-run inside", True, False, False),
+    *(("inner window", False, camera, True) for camera in (False, True)),
 ]
 
 
-@pytest.mark.parametrize(("case", "latent", "camera"), VARIANTS)
-def test_blocks_and_gradient(tiny_body: BodyModel, case: str, latent: bool, camera: bool, monkeypatch):
+@pytest.mark.parametrize(("case", "latent", "camera", "moves"), VARIANTS)
+def test_blocks_and_gradient(
+    tiny_body: BodyModel, case: str, latent: bool, camera: bool, moves: bool, monkeypatch: pytest.MonkeyPatch
+):
     """The bands against dense Gauss-Newton, the gradient against autograd of the cost; chunks of 3 frames."""
     monkeypatch.setattr("fitting_core.fit.solvers.sequence.jacobians_at_once", lambda _: 3)
     frames, free, windowed = CASES[case]
-    scene = Scene(tiny_body, frames, camera=camera, latent=latent)
+    scene = Scene(tiny_body, frames, camera=camera, latent=latent, path=a_path(frames) if moves else None)
     sequence = scene.sequence(free, Free(betas=False, face=False, hands=not latent), windowed=windowed)
     local, group = scene.whole[free.start : free.stop], torch.tensor([0])
     cost, gradient, *blocks = sequence.normal(local, group)

@@ -114,3 +114,50 @@ def own(path: Path, **more: object) -> Path:
     arrays = {"K": K, "dist": DISTORTION, "size": SIZE, "R": ROTATION, "t": TRANSLATION, **more}
     write_npz(path, {name: np.asarray(value) for name, value in arrays.items() if value is not None})
     return path
+
+
+TURNS = (
+    Rotation.from_rotvec(VECTOR) * Rotation.from_rotvec(np.linspace(0, 0.4, 8)[:, None] * [0.1, 1.0, 0.3])
+).as_matrix()
+"""Of a camera that moves: x_camera = turn (x_world - place)."""
+WAY = (
+    np.array([0.3, -0.2, 1.4])
+    + np.linspace(0, 1, 8)[:, None] * [0.6, 0.1, -0.2]
+    + 0.02 * np.sin(np.arange(24.0).reshape(8, 3))
+)
+"""Its places in the world."""
+
+
+def moving_npz(path: Path, turns: np.ndarray = TURNS, way: np.ndarray = WAY, **more: object) -> Path:
+    """tcfit's npz with a pose for each frame; arrays of `more` as in `own`."""
+    return own(path, **{"R": turns, "t": -np.einsum("tij,tj->ti", turns, way), **more})
+
+
+def moving_colmap(path: Path) -> Path:
+    """COLMAP's text export of a video's frames, in no order."""
+    folder = colmap(path.with_suffix(""), model="PINHOLE")
+    lines = []
+    for i in np.random.default_rng(0).permutation(len(TURNS)).tolist():
+        x, y, z, w = Rotation.from_matrix(TURNS[i]).as_quat().tolist()
+        tx, ty, tz = (-TURNS[i] @ WAY[i]).tolist()
+        lines += [f"{i + 1} {w!r} {x!r} {y!r} {z!r} {tx!r} {ty!r} {tz!r} 1 frame_{i + 1:04}.png", ""]
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def transforms(
+    path: Path, turns: np.ndarray = TURNS, way: np.ndarray = WAY, *, names: list[str] | None = None, **more: object
+) -> Path:
+    """transforms.json as ns-process-data writes it; keys of `more` are added or take the place of others."""
+    frames = []
+    for i, (turn, place) in enumerate(zip(turns, way, strict=True)):
+        to_world = np.eye(4)
+        to_world[:3, :3], to_world[:3, 3] = turn.T @ np.diag([1.0, -1.0, -1.0]), place
+        name = names[i] if names else f"images/frame_{i + 1:05}.png"
+        frames.append({"file_path": name, "transform_matrix": to_world.tolist(), "colmap_im_id": i + 1})
+    intrinsics = {
+        **{"w": SIZE[0], "h": SIZE[1], "fl_x": 894.5, "fl_y": 896.9, "cx": 624.0, "cy": 361.3},
+        **{"k1": -0.05, "k2": 0.01, "p1": 0.0, "p2": 0.001, "camera_model": "OPENCV"},
+    }
+    path.write_text(json.dumps(intrinsics | {"frames": frames, "applied_transform": np.eye(4)[:3].tolist()} | more))
+    return path

@@ -9,11 +9,14 @@ import pytest
 
 from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
+from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, camera_files, read_camera
+from fitting_core.io.keypoints.alignment import Timeline
 from fitting_core.lens import filmed
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, TRANSLATION, K
 
+FRAMES = ClipFrames(timeline=Timeline(numbers=range(5)), part=slice(0, 5), frame_rate=25.0)
 FORMS: dict[str, tuple[Callable[[Path], Path], str | None, str | None, bool]] = {
     "pose2sim": (lambda f: files.pose2sim(f / "Calib.toml"), "int_cam01_img", "z", True),
     "caliscope": (lambda f: files.caliscope(f / "camera_array.toml"), "0", "z", True),
@@ -63,7 +66,7 @@ def test_of_several_cameras_one_is_named(tmp_path: Path):
         files.colmap(tmp_path / "model", images=("a b.jpg", "c.jpg")),
     ):
         with pytest.raises(InputError, match="2 cameras"):
-            read_camera(CameraFile(path=path), SIZE)
+            read_camera(CameraFile(path=path), SIZE, FRAMES)
         with pytest.raises(InputError, match="'cam9'; it has "):
             read_camera(CameraFile(path=path, name="cam9"), SIZE)
     second, _ = read_camera(CameraFile(path=tmp_path / "Calib.toml", name="int_cam02_img"), SIZE)

@@ -24,7 +24,8 @@ export function projections(map) {
     return (side?.shifts ?? []).map((_, body) => (point) => toScreen(map, onPlate(known("side"), body, point)));
   const matrix = worldToCanvas();
   return (space?.offsets ?? []).map((offset) => (point) => {
-    const [right, down, ahead] = known("space").turn.map((row) => dot(row, point));
+    const { turn, place } = known("space");
+    const [right, down, ahead] = turn.map((row, axis) => dot(row, point) + place[axis]);
     const [x, y, depth] = scenePoint(matrix, [right + offset, down, ahead]);
     return Math.abs(depth) < 1 ? [x, y] : null;
   });
