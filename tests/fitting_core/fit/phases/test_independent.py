@@ -123,8 +123,8 @@ def test_frames_are_fitted_some_after_the_others_with_the_same_result(
         rounding = 1e-11 if ready.problem() else 0.0
         torch.testing.assert_close(found[at_once].state.vector, found[100].state.vector, rtol=0, atol=rounding)
         assert torch.equal(found[at_once].start, found[100].start)
-        shares = [step.share for step in told[at_once]]
-        assert shares == sorted(shares)
+        shares = [step.share for step in told[at_once] if step.fitted is not None]
+        assert shares == sorted(set(shares))
 
 
 def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):
