@@ -495,8 +495,8 @@ def _phase_result(
 
 
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
-    """A phase's steps as events. What is done never shrinks: another way that is tried, of the four yaws for one, begins
-    where the way before it did, which torch tells iteration by iteration."""
+    """A phase's steps as events. What is done never shrinks: another way that is tried begins where the one before it
+    did, as with the four yaws, and torch tells every iteration."""
     sampling, done = TermSampling(), 0.0
 
     def event(step: Step) -> FitEvent:

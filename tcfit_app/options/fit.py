@@ -25,8 +25,8 @@ class ReferenceOptions:
 
     reference: Annotated[Path | None, shown("PATH", "none")] = None
     """3D points (npz, or TRC of OpenSim), an AMASS-style npz, a truth.npz, or another fit.npz."""
-    reference_camera: Annotated[Path | None, shown("FILE.npz", "none")] = None
-    """The clip's camera in the reference's world: R and t, with x_camera = R x + t."""
+    reference_camera: Annotated[Path | None, shown("FILE.npz", "as the clip's camera is calibrated")] = None
+    """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
     reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
     """Number in the video of the reference's first frame, where it was cut and does not say so."""
 
