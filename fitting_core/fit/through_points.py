@@ -97,7 +97,7 @@ def pose_through(
         expression: Whether the points tell the face's expression.
         one_shape: Whether all frames have one shape, the median of what some of them tell; else each has its own.
     """
-    known = np.isfinite(places).all((0, 2))
+    known = np.asarray(np.isfinite(places).all((0, 2)))
     solver = _Solver(
         body, [point for point, there in zip(points, known, strict=True) if there], pull, expression=expression
     )

@@ -55,7 +55,7 @@ class EvaluatedFit:
     reference: Reference | None = None
     """The project's own."""
     placed: bool = True
-    """Whether it stands before a camera, instead of in a world of its own."""
+    """Whether it is known where it stands before a camera."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
 

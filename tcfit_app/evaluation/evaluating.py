@@ -36,7 +36,8 @@ def evaluated(
     Raises:
         InputError: Reference and fit have no moment in common, or the reference's body is not there.
     """
-    if reference is not None and reference.in_camera and not fit.placed:
+    given = reference
+    if reference is not None and not fit.placed:
         reference = replace(reference, in_camera=False)
     truth_body = None if reference is None or reference.body is None else body_of(reference.body, search=models)
     records = []
@@ -69,7 +70,7 @@ def evaluated(
         title=f"Evaluation of {fit.name}",
         records=tuple(records),
         settings=_settings(fit, reference),
-        notes=(*notes_of(fit), *_coverage(fit, reference, records), *notes_about(reference, fit.frame_rate)),
+        notes=(*notes_of(fit), *_coverage(fit, reference, records), *notes_about(given, fit.frame_rate)),
     )
 
 
@@ -82,7 +83,7 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
 def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
     """What a user should know about the fit."""
     rate = "It does not tell its frame rate: 30 frames per second are assumed; --frame-rate says what is right."
-    world = "It stands in a world of its own and before no camera: only form is compared."
+    world = "Where it stands before a camera is not known: only form is compared."
     return (*fit.notes, *([] if fit.rate_known else [rate]), *([] if fit.placed else [world]))
 
 

@@ -96,7 +96,7 @@ def test_a_motion_before_no_camera_is_compared_by_its_form(
     np.savez(tmp_path / "walk.npz", allow_pickle=False, **values)
     arguments = ["evaluate", str(tmp_path / "walk.npz"), "--reference", str(truth), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--every", "6", "--pictures", "1"]) == 0
-    assert "before no camera: only form is compared" in capsys.readouterr().err
+    assert "before a camera is not known: only form is compared" in capsys.readouterr().err
     (record,) = records_in(tmp_path / "out")
     assert float(record["pa_mpjpe_mean [mm]"]) < 0.01 and "mpjpe_mean [mm]" not in record
 

@@ -207,7 +207,7 @@ def _meshes(file: Path) -> np.ndarray | None:
     """An array of SMPL-X's meshes, left in the file until it is looked at; None if it is something else."""
     try:
         array = np.load(regular_file(file), mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+    except Exception:  # numpy lets pass what Python's own reader of such headers raises
         return None
     right = isinstance(array, np.ndarray) and array.ndim == 3 and array.shape[1:] == (_VERTICES, 3)
     return array if right and array.dtype.kind == "f" else None
