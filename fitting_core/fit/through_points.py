@@ -246,8 +246,9 @@ class _Solver:
             cost, matrix, gradient = self._normal(now, there, free)
             scale = damping[active, None] * matrix.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
             step = torch.zeros(len(active), len(free), dtype=places.dtype)
-            damped = torch.linalg.cholesky(matrix + torch.diag_embed(scale.expand_as(gradient)))
-            step[:, free] = -torch.cholesky_solve(gradient[..., None], damped)[..., 0]
+            damped, failed = torch.linalg.cholesky_ex(matrix + torch.diag_embed(scale.expand_as(gradient)))
+            found = -torch.cholesky_solve(gradient[..., None], damped)[..., 0]
+            step[:, free] = torch.where(failed[:, None] == 0, found, 0.0)
             trial = now.moved(step)
             lower = self._cost(trial, there)
             better = lower < cost

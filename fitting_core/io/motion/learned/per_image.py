@@ -6,7 +6,9 @@
 smplx/<frame>_<person>.npz: global_orient, body_pose (21, 3), left_hand_pose, right_hand_pose (15, 3, over the mean \
 hand), jaw_pose, betas, expression, transl; meta/<frame>_<person>.json: focal, princpt of that person's crop |
 | Multi-HMR | naver/multi-hmr demo.py, model.py, blocks/smpl_layer.py | SMPL-X's mesh | <image>.npy: (people, 10475, \
-3) in camera space; 60 degrees of view over the image padded to a square |
+3) in camera space; 60 degrees of view over the image padded to a square. Or what its model returns, as it is kept: of \
+each person rotvec (53, 3: root, 21 of the body, 15 of each hand, jaw; hands with their mean), shape, expression, \
+transl_pelvis |
 | SAM 3D Body | facebookresearch/sam-3d-body sam_3d_body/sam_3d_body_estimator.py, sam_3d_body/metadata/mhr70.py | \
 MHR, by keypoints | what `process_one_image` returns, as it is kept: of each person pred_keypoints_3d (70, 3; axes \
 of the camera), pred_cam_t (3), focal_length, for a principal point in the image's middle |
@@ -33,11 +35,11 @@ from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import refusal, regular_file
 from fitting_core.io.motion.learned.followed import followed
 from fitting_core.io.motion.learned.tracks import (
+    Focal,
     System,
     Track,
     finite,
     flat,
-    is_mapping_with,
     mapping,
     positive,
     rows,
@@ -51,6 +53,11 @@ _MULTI_HMR_FOCAL = 1 / (2 * math.tan(math.radians(60) / 2))
 _SAM_POINTS = 70
 _SAM_KEYS = ("pred_keypoints_3d", "pred_cam_t", "focal_length")
 _MOST_FILES, _MOST_BYTES, _MOST_TEXT = 10**5, 2**31, 2**28
+_MULTI_HMR_KEYS = ("rotvec", "shape", "transl_pelvis")
+_MULTI_HMR_FOCAL_RULE: Focal = (
+    lambda size: _MULTI_HMR_FOCAL * max(size),
+    "Multi-HMR's, 60 degrees over the longer side",
+)
 _SMPLERX, _MULTI_HMR, _SAM = "SMPLer-X", "Multi-HMR", "SAM 3D Body"
 _FOLLOWED = "It tells no tracks: people were followed by where they are."
 _SMPLERX_PARTS = ("left_hand_pose", "right_hand_pose", "jaw_pose", "expression")
@@ -164,7 +171,6 @@ def _at_corner(person: dict[str, Any]) -> Float[np.ndarray, "3"]:
 def _smplerx_track(content: PerImage, person: int) -> Track:
     seen = _of_person(content, person)
     people = [one for _, one in seen]
-    frames = len(people)
 
     def gather(key: str, width: int) -> np.ndarray:
         return np.stack([flat(one, key, width) for one in people])
@@ -181,7 +187,7 @@ def _smplerx_track(content: PerImage, person: int) -> Track:
         numbers=np.array([image.number for image, _ in seen]),
         kind="smplx",
         focal=(lambda size: focal, "SMPLer-X's, the middle of its crops'"),
-        notes=_notes(content, frames),
+        notes=_notes(content),
     )
 
 
@@ -213,14 +219,43 @@ def _meshes(file: Path) -> np.ndarray | None:
     return array if right and array.dtype.kind == "f" else None
 
 
-def _multi_hmr_track(content: PerImage, person: int) -> Track:
+def _meshed_track(content: PerImage, person: int) -> Track:
     seen = _of_person(content, person)
     vertices = np.stack([finite(np.asarray(mesh), image.stem) for image, mesh in seen])
     return _of_points(
         content,
         seen,
         SeenPoints(vertices=vertices),
-        focal=(lambda size: _MULTI_HMR_FOCAL * max(size), "Multi-HMR's, 60 degrees over the longer side"),
+        focal=_MULTI_HMR_FOCAL_RULE,
+    )
+
+
+def _multi_hmr_people(content: Any) -> PerImage:
+    """Of its meshes, or of what its model returned."""
+    return content if isinstance(content, PerImage) else _kept(content, _MULTI_HMR, _MULTI_HMR_KEYS, "transl_pelvis")
+
+
+def _multi_hmr_track(content: Any, person: int) -> Track:
+    if isinstance(content, PerImage):
+        return _meshed_track(content, person)
+    whole = _multi_hmr_people(content)
+    seen = _of_person(whole, person)
+    pose = np.stack([flat(one, "rotvec", 159) for _, one in seen])
+    parts = {"left_hand_pose": pose[:, 66:111], "right_hand_pose": pose[:, 111:156], "jaw_pose": pose[:, 156:]}
+    if all("expression" in one for _, one in seen):
+        parts["expression"] = np.stack([flat(one, "expression", 10) for _, one in seen])
+    return Track(
+        pose=pose[:, :66],
+        more=parts,
+        betas=np.concatenate([shape_numbers(one, "shape", 1) for _, one in seen]),
+        translation=np.stack([flat(one, "transl_pelvis", 3) for _, one in seen]),
+        about_pelvis=True,
+        flat_hands=True,
+        numbers=np.array([image.number for image, _ in seen]),
+        stems=tuple(image.stem for image, _ in seen) if whole.named else (),
+        kind="smplx",
+        focal=_MULTI_HMR_FOCAL_RULE,
+        notes=_notes(whole),
     )
 
 
@@ -243,43 +278,18 @@ _SAM_NAMES: dict[int, str] = (
 """Of mhr70's points those that OpenPose has; its fingers run from the tip to the knuckle."""
 
 
-def _sam_images(content: Any) -> list[tuple[str, list[Any]]] | None:
-    """Names and people of all images: of a dictionary or list of these, of one image's people, or arrays by frame."""
-    if is_mapping_with(content, *_SAM_KEYS):
-        return _by_frame(content) if set(_SAM_KEYS) <= set(content) else None
-    entries = list(content.items()) if isinstance(content, dict) else list(enumerate(content or ()))
-    people = [one for _, one in entries]
-    if people and all(_is_sam(one) for one in people) and isinstance(content, list):
-        return [("", people)]
-    if people and all(isinstance(one, list) and all(map(_is_sam, one)) for one in people) and any(people):
-        return [(Path(str(name)).stem if isinstance(content, dict) else "", list(one)) for name, one in entries]
-    return None
-
-
-def _is_sam(person: Any) -> bool:
-    return isinstance(person, dict) and set(_SAM_KEYS) <= set(person)
-
-
-def _by_frame(values: Mapping[str, Any]) -> list[tuple[str, list[Any]]]:
+def _by_frame(values: Mapping[str, Any]) -> list[list[Any]]:
+    """One person's arrays as lists of people; of one image where they are of one."""
     if np.size(values["focal_length"]) == 1 and np.size(values["pred_cam_t"]) == 3:
-        return [("", [dict(values)])]
+        return [[dict(values)]]
     places = rows(values, "pred_cam_t", 3)
     points = rows(values, "pred_keypoints_3d", 3 * _SAM_POINTS, len(places))
     focal = rows(values, "focal_length", 1, len(places))
-    return [("", [dict(zip(_SAM_KEYS, one, strict=True))]) for one in zip(points, places, focal, strict=True)]
+    return [[dict(zip(_SAM_KEYS, one, strict=True))] for one in zip(points, places, focal, strict=True)]
 
 
 def _sam(content: Any) -> PerImage:
-    entries = _sam_images(content)
-    assert entries is not None
-    stems = [stem for stem, _ in entries]
-    named = all(stems) and len(set(stems)) == len(stems)
-    numbers = _numbers(stems) if named else list(range(len(stems)))
-    images = [
-        _Image(number, stem, people, [flat(one, "pred_cam_t", 3) for one in people])
-        for number, (stem, people) in sorted(zip(numbers, entries, strict=True), key=lambda pair: pair[0])
-    ]
-    return PerImage(_SAM, images, named=named)
+    return _kept(_by_frame(content) if _is_person(content, _SAM_KEYS) else content, _SAM, _SAM_KEYS, "pred_cam_t")
 
 
 def _sam_track(content: Any, person: int) -> Track:
@@ -301,6 +311,36 @@ def _sam_track(content: Any, person: int) -> Track:
 # --- all ---
 
 
+def _is_person(value: Any, keys: Sequence[str]) -> bool:
+    return isinstance(value, dict) and set(keys) <= set(value)
+
+
+def _kept_images(content: Any, keys: Sequence[str]) -> list[tuple[str, list[Any]]] | None:
+    """Names and people of all images: of a dictionary or list of these, or of one image; None if they are not this."""
+    if not isinstance(content, dict | list) or not content:
+        return None
+    entries = list(content.items()) if isinstance(content, dict) else [("", one) for one in content]
+    if isinstance(content, list) and all(_is_person(one, keys) for one in content):
+        return [("", content)]
+    lists = all(isinstance(people, list) and all(_is_person(one, keys) for one in people) for _, people in entries)
+    named = [(Path(str(name)).stem, people) for name, people in entries]
+    return named if lists and any(people for _, people in named) else None
+
+
+def _kept(content: Any, system: str, keys: Sequence[str], place: str) -> PerImage:
+    """What a system's program returned, as people keep it."""
+    entries = _kept_images(content, keys)
+    assert entries is not None
+    stems = [stem for stem, _ in entries]
+    named = all(stems) and len(set(stems)) == len(stems)
+    numbers = _numbers(stems) if named else list(range(len(stems)))
+    images = [
+        _Image(number, stem, people, [flat(one, place, 3) for one in people])
+        for number, (stem, people) in sorted(zip(numbers, entries, strict=True), key=lambda pair: pair[0])
+    ]
+    return PerImage(system, images, named=named)
+
+
 def _of_points(content: PerImage, seen: list[tuple[_Image, Any]], points: SeenPoints, **told: Any) -> Track:
     frames = len(seen)
     return Track(
@@ -311,12 +351,12 @@ def _of_points(content: PerImage, seen: list[tuple[_Image, Any]], points: SeenPo
         numbers=np.array([image.number for image, _ in seen]),
         stems=tuple(image.stem for image, _ in seen) if content.named else (),
         kind="smplx",
-        notes=_notes(content, frames),
+        notes=_notes(content),
         **told,
     )
 
 
-def _notes(content: PerImage, frames: int) -> tuple[str, ...]:
+def _notes(content: PerImage) -> tuple[str, ...]:
     return (_FOLLOWED,) if max(len(image.people) for image in content.images) > 1 else ()
 
 
@@ -341,11 +381,14 @@ def _is_of(content: Any, system: str) -> bool:
 SYSTEMS = (
     System(title="SMPLer-X", holds=lambda content: _is_of(content, _SMPLERX), people=_people, track=_smplerx_track),
     System(
-        title="Multi-HMR", holds=lambda content: _is_of(content, _MULTI_HMR), people=_people, track=_multi_hmr_track
+        title="Multi-HMR",
+        holds=lambda c: _is_of(c, _MULTI_HMR) or _kept_images(c, _MULTI_HMR_KEYS) is not None,
+        people=lambda content: _people(_multi_hmr_people(content)),
+        track=_multi_hmr_track,
     ),
     System(
         title="SAM 3D Body",
-        holds=lambda content: isinstance(content, dict | list) and _sam_images(content) is not None,
+        holds=lambda content: _is_person(content, _SAM_KEYS) or _kept_images(content, _SAM_KEYS) is not None,
         people=lambda content: _people(_sam(content)),
         track=_sam_track,
     ),

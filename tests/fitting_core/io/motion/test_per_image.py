@@ -98,6 +98,28 @@ def test_multi_hmr(tmp_path: Path, tiny_body: BodyModel):
         found.for_body(tiny_body)
 
 
+def test_what_multi_hmrs_model_returns(tmp_path: Path, tiny_body: BodyModel):
+    params = whole(3)
+    left, right = (torch.as_tensor(mean) for mean in tiny_body.hand_mean)
+    hands = [params.left_hand_pose + left, params.right_hand_pose + right]
+    rotvec = torch.cat([params.global_orient, params.body_pose, *hands, params.jaw_pose], 1).view(-1, 53, 3)
+    pelvis = joints_in_space(tiny_body, params)[:, :1]
+    people = [
+        {
+            "rotvec": rotvec[t].float(),
+            "shape": params.betas[t].float(),
+            "expression": params.expression[t].float(),
+            "transl_pelvis": torch.as_tensor(pelvis[t]).float(),
+            "verts_smplx": torch.zeros(10475, 3),
+        }
+        for t in ALL
+    ]
+    found = read_motion(written(tmp_path / "humans.pt", torch_bytes({f"{t + 1:03d}.jpg": [people[t]] for t in ALL})))
+    assert found.format == "Multi-HMR result" and found.numbers == (1, 2, 3, 4, 5) and found.points is None
+    joints = joints_in_space(tiny_body, found.on(tiny_body, CAMERA))
+    assert np.abs(joints - joints_in_space(tiny_body, params)).max() < 1e-3
+
+
 def test_sams_points_have_their_names():
     assert {name: place for place, name in _SAM_NAMES.items() if name in SAM_PLACES} == SAM_PLACES
     assert len(set(_SAM_NAMES.values())) == len(_SAM_NAMES) == 64
