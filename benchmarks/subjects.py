@@ -15,8 +15,9 @@ from benchmarks.report import Common, progress, report, start
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS
+from fitting_core.fit.common_shape import common_shape
 from fitting_core.fit.events import drained
-from fitting_core.fit.fitting import common_shape, fit_clip, shape_events
+from fitting_core.fit.fitting import fit_clip, shape_events
 from fitting_core.fit.fused import ready
 from fitting_core.fit.result import FitResult
 from fitting_core.measure.mesh.volume import Enclosed

@@ -1,14 +1,14 @@
 """The three phases as a generator of events, and as one call."""
 
 import time
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import BodyModel
@@ -28,17 +28,18 @@ from fitting_core.fit.events import (
 )
 from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.grounded import grounded, stances_of_params
+from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
-from fitting_core.fit.phases.shared_shape import Sight, fit_common_shape, fit_shape
+from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.sides import SEEN
 from fitting_core.fit.solvers import make_solver
-from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.video.frame_names import spans
 
@@ -185,40 +186,25 @@ def shape_events(
     return (yield from _Fit(clip, body, config, start=given, shape=shape).run_again(start))
 
 
-@dataclass(frozen=True, kw_only=True)
-class CommonShape:
-    """The shape of a person who is seen in several clips."""
-
-    betas: Float[np.ndarray, "10"]
-    frames: tuple[tuple[int, ...], ...]
-    """Numbers of the frames of each clip that it was found from."""
-
-
-_MOST_SAMPLED = 240
-"""Frames of all clips together that a common shape is found from; the normal matrices of so many take 30 MB."""
-
-
-def common_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, config: FitConfig) -> CommonShape:
-    """Phase 2 over frames of several clips of one person: as many as `config.shape_sample` asks for of each on average.
+def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> Stages:
+    """The stages of a clip in which somebody can be fitted.
 
     Args:
-        clips: each with a fit of it by this configuration, of which the first phase counts.
+        clip: keypoints and camera.
         body: the body model.
         config: everything else.
+        start: as in `fit_events`.
 
     Raises:
-        InputError: A fit has no first phase, or no frame of a clip shows a person.
+        InputError: no frame of the clip shows enough of a person.
     """
-    fits = [_Fit(clip, body, config) for clip, _ in clips]
-    sights = [
-        Sight(stages=fit.stages, state=fit.begin_from(start), usable=fit.sampled_from)
-        for fit, (_, start) in zip(fits, clips, strict=True)
-    ]
-    sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))
-    state, frames = drained(fit_common_shape(sights, fits[0].solver, sample))
-    betas = state.vector[0, fits[0].stages.parametrisation.columns.betas].double().cpu().numpy()
-    numbers = [tuple((clip.first_frame + own).tolist()) for (clip, _), own in zip(clips, frames, strict=True)]
-    return CommonShape(betas=betas, frames=tuple(numbers))
+    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
+    if not bool(stages.observations.usable.any()):
+        raise InputError(
+            f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
+            f"above {SEEN}. Check the keypoint files, or --person."
+        )
+    return stages
 
 
 class _Fit:
@@ -234,12 +220,7 @@ class _Fit:
         shape: Float[np.ndarray, "10"] | None = None,
     ) -> None:
         self.clip, self.body, self.config, self.start, self.shape = clip, body, config, start, shape
-        self.stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
-        if not bool(self.stages.observations.usable.any()):
-            raise InputError(
-                f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "
-                f"above {SEEN}. Check the keypoint files, or --person."
-            )
+        self.stages = clip_stages(clip, body, config, start=start)
         self.solver = make_solver(config.solver, config.settings)
         self.phases: list[PhaseResult] = []
         self.provenance: Provenance | None = None
@@ -247,32 +228,21 @@ class _Fit:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """All phases up to the configured last one."""
-        state = yield from self._first()
+        sight = yield from self._first()
+        state = sight.state
         if self.config.last_phase >= 2:
-            state = yield from self._second(state)
+            state = yield from self._second(sight)
         return (yield from self._last(state))
 
     def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
         """The phases after the first, from another fit's first one on."""
-        state = self.begin_from(start)
-        # Poses as they came: a latent prior does not bring them back exactly.
-        state = yield from self._second(state, poses=self.phases[0].params)
-        return (yield from self._last(state))
-
-    def begin_from(self, start: FitResult) -> State:
-        """Another fit's first phase becomes this one's."""
-        first = start.phase(1)
-        if first is None:
-            raise InputError("There is no first phase to find a shape from: run everything.")
+        sight, first = Sight.after_first_phase(self.stages, start), start.phase(1)
+        assert first is not None
         self.phases.append(first)
         self.provenance = first.provenance
-        self.good = self.stages.observations.usable & torch.as_tensor(first.frame_cost).isfinite()
-        return self.stages.parametrisation.from_params(first.params)
-
-    @property
-    def sampled_from(self) -> Int[Tensor, "n"]:
-        """Frames of which a shape may be found: where phase 1 found something, or all."""
-        return self.good.nonzero()[:, 0] if bool(self.good.any()) else self.stages.all_frames
+        # Poses as they came: a latent prior does not bring them back exactly.
+        state = yield from self._second(sight, poses=first.params)
+        return (yield from self._last(state))
 
     def _last(self, state: State) -> Generator[FitEvent, None, FitResult]:
         """Phase 3, if it is the configured last one, and the end."""
@@ -282,23 +252,23 @@ class _Fit:
         yield Finished(result=result)
         return result
 
-    def _first(self) -> Generator[FitEvent, None, State]:
+    def _first(self) -> Generator[FitEvent, None, Sight]:
         yield PhaseStarted(phase=1, title=TITLES[1])
         start = time.perf_counter()
         fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
-        self.good, self.provenance = fits.cost.isfinite(), fits.provenance
+        self.provenance = fits.provenance
         yield self._finish(1, fits.state, start, fits.notes)
-        return fits.state
+        return Sight.of(self.stages, fits.state, fits.cost.isfinite())
 
-    def _second(self, state: State, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
+    def _second(self, sight: Sight, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=2, title=TITLES[2])
-        start = time.perf_counter()
+        start, state = time.perf_counter(), sight.state
         betas = self.stages.parametrisation.columns.betas
         if self.shape is not None:
             state = state.with_columns(betas, torch.as_tensor(self.shape).to(state.vector).expand(len(state), -1))
             yield self._finish(2, state, start, ("shape as given",), poses=poses)
             return state
-        sampled, frames = yield from _events(fit_shape(self.stages, self.solver, state, self.sampled_from), 2)
+        sampled, frames = yield from _events(fit_shape(sight, self.solver), 2)
         state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
         note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
         yield self._finish(2, state, start, (note,), sample=(sampled, frames), poses=poses)
@@ -329,7 +299,7 @@ class _Fit:
         sample: tuple[State, Tensor] | None = None,
         poses: BodyParams | None = None,
     ) -> PhaseFinished:
-        result = _phase_result(
+        result = phase_result(
             self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
         if poses is not None:
@@ -393,105 +363,6 @@ def _twice(
         return state
     consistency.stages = stages
     return (yield from mapped(run(state), lambda step: step.between(0.5, 1.0)))
-
-
-def evaluated(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    params: BodyParams,
-    *,
-    phase: int = 3,
-) -> PhaseResult:
-    """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
-
-    Args:
-        clip: keypoints and camera, against which the costs are taken.
-        body: the body model.
-        config: its weights are those of the costs.
-        params: all frames; they are kept as they are.
-        phase: 3 counts E_T too.
-    """
-    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    result = _phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
-    return replace(result, params=params)
-
-
-def patched(
-    phase: PhaseResult,
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    params: BodyParams,
-    windows: Iterable[range],
-    *,
-    provenance: Provenance | None = None,
-    note: str,
-) -> PhaseResult:
-    """A phase with other parameters in some windows.
-
-    Costs are taken there alone: those of a whole clip take 4 ms a frame, for which a drag or a re-run of some frames
-    would wait. So they are known by frame, and not by term.
-
-    Args:
-        phase: before.
-        clip: as for `evaluated`.
-        body: as for `evaluated`.
-        config: as for `evaluated`.
-        params: all frames.
-        windows: where they are others than those of `phase`.
-        provenance: of all frames; None: it is not known where those of the windows came from.
-        note: for the user.
-    """
-    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
-    cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
-    for window in windows:
-        stages, inside = whole.within(window), slice(window.start, window.stop)
-        state = stages.parametrisation.from_params(params[inside])
-        cost[inside] = _frame_cost(stages, state)
-        known = known.with_frames(window, (provenance or Provenance.unknown(len(params)))[inside])
-    return replace(
-        phase,
-        params=params,
-        frame_cost=cost,
-        objective={"by frame": float(cost.mean())},
-        notes=(note,),
-        provenance=known,
-    )
-
-
-def _frame_cost(stages: Stages, state: State) -> Float[np.ndarray, "T"]:
-    """E_o of each frame with the last stage's weights."""
-    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
-    costs = objective.costs(state, stages.all_frames)
-    return torch.stack(list(costs.values())).sum(0).double().cpu().numpy()
-
-
-def _phase_result(
-    stages: Stages,
-    phase: int,
-    state: State,
-    *,
-    seconds: float,
-    notes: tuple[str, ...] = (),
-    sample: tuple[State, Tensor] | None = None,
-) -> PhaseResult:
-    """Figures of a state of all frames; the objective is the mean over these, or over a sample of them."""
-    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=phase < 3))
-    every = objective.costs(state, stages.all_frames)
-    counted = every if sample is None else objective.costs(*sample)
-    terms = {name: float(cost.mean()) for name, cost in counted.items()}
-    if phase == 3:
-        terms |= {name: cost / len(state) for name, cost in objective.coupled_costs(state).items()}
-    terms["total"] = sum(terms.values())
-    return PhaseResult(
-        phase=phase,
-        params=stages.parametrisation.to_params(state),
-        objective=terms,
-        frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
-        seconds=seconds,
-        notes=notes,
-    )
 
 
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:

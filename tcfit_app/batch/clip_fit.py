@@ -25,8 +25,9 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
+from fitting_core.fit.common_shape import common_shape
 from fitting_core.fit.events import FitEvent, drained, mapped
-from fitting_core.fit.fitting import common_shape, fit_events, shape_events
+from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.result import FitResult
 from fitting_core.io.clip_reader import read_clip

@@ -25,8 +25,9 @@ from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.events import FitEvent, PhaseStarted, drained, mapped
-from fitting_core.fit.fitting import evaluated, fit_clip, shape_events
+from fitting_core.fit.fitting import fit_clip, shape_events
 from fitting_core.fit.fused import ready
+from fitting_core.fit.phase_figures import evaluated
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions

@@ -18,8 +18,9 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import fits_as_smplifyx
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
-from fitting_core.fit.fitting import Refit, patched
+from fitting_core.fit.fitting import Refit
 from fitting_core.fit.grounded import grounded
+from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob, with_phases

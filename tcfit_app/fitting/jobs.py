@@ -9,8 +9,9 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, mapped
-from fitting_core.fit.fitting import Refit, fit_events, patched, rerun_events, shape_events
+from fitting_core.fit.fitting import Refit, fit_events, rerun_events, shape_events
 from fitting_core.fit.grounded import grounded
+from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.project.frame_words import in_words

@@ -5,12 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
+from fitting_core.errors import InputError
 from fitting_core.fit.phases.progress import Step, reported, stage_label
+from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.problem import Sample, SharedShape
 from fitting_core.fit.stages import Stages
@@ -72,23 +74,37 @@ class Sight:
     usable: Int[Tensor, "n"]
     """Frames that may be sampled."""
 
+    @staticmethod
+    def after_first_phase(stages: Stages, fit: FitResult) -> "Sight":
+        """A clip of which there is a fit. Sampled from are the frames in which phase 1 found something, or all.
 
-def fit_shape(
-    stages: Stages, solver: Solver, state: State, usable: Tensor
-) -> Generator[Step, None, tuple[State, Tensor]]:
+        Raises:
+            InputError: The fit has no first phase.
+        """
+        first = fit.phase(1)
+        if first is None:
+            raise InputError("There is no first phase to find a shape from: run everything.")
+        state, found = stages.parametrisation.from_params(first.params), torch.as_tensor(first.frame_cost).isfinite()
+        return Sight.of(stages, state, found)
+
+    @staticmethod
+    def of(stages: Stages, state: State, found: Bool[Tensor, "T"]) -> "Sight":
+        """As `after_first_phase`, from its state and the frames in which it found something."""
+        good = stages.observations.usable & found.to(stages.observations.usable.device)
+        return Sight(stages=stages, state=state, usable=good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames)
+
+
+def fit_shape(sight: Sight, solver: Solver) -> Generator[Step, None, tuple[State, Tensor]]:
     """Minimises E_beta' + mean of E_o over the sample, beta' shared.
 
     Args:
-        stages: builds the objectives.
-        solver: minimises them.
-        state: phase 1, all frames.
-        usable: indices of frames that may be sampled.
+        sight: the clip.
+        solver: minimises.
 
     Returns:
         The sampled frames' state (their betas are beta'), and which frames they are.
     """
-    sights = [Sight(stages=stages, state=state, usable=usable)]
-    sampled, (frames,) = yield from fit_common_shape(sights, solver, stages.config.shape_sample)
+    sampled, (frames,) = yield from fit_common_shape([sight], solver, sight.stages.config.shape_sample)
     return sampled, frames
 
 

@@ -16,8 +16,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
-from fitting_core.fit.fitting import evaluated
 from fitting_core.fit.grounded import grounded
+from fitting_core.fit.phase_figures import evaluated
 from fitting_core.fit.phases import independent
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import edit_follower, live, worker

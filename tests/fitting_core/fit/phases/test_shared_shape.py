@@ -66,7 +66,9 @@ def fitted_shape(body: BodyModel, config: FitConfig, usable: list[int] | None = 
     spread = random_state(stages.parametrisation, 6, 9).vector[:, betas]
     start = state.with_columns(betas, spread)
     frames = torch.arange(6) if usable is None else torch.tensor(usable)
-    sampled, chosen = finished(fit_shape(stages, make_solver("lm", config.settings), start, frames))
+    sampled, chosen = finished(
+        fit_shape(Sight(stages=stages, state=start, usable=frames), make_solver("lm", config.settings))
+    )
     return stages, truth, start, sampled, chosen
 
 
@@ -112,8 +114,8 @@ def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[
         CONFIG, shape_sample=replace(CONFIG.shape_sample, stages=stages), settings=SolverSettings(iterations=2)
     )
     built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
-    state = random_state(built.parametrisation, 3, 0)
-    labels = [s.label for s in fit_shape(built, make_solver("lm", config.settings), state, torch.arange(3))]
+    sight = Sight(stages=built, state=random_state(built.parametrisation, 3, 0), usable=torch.arange(3))
+    labels = [s.label for s in fit_shape(sight, make_solver("lm", config.settings))]
     assert list(dict.fromkeys(labels)) == [f"stage {s} of 5" for s in stages]
 
 

@@ -1,0 +1,117 @@
+"""A phase's figures, for parameters that it found or that come from elsewhere."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.provenance import Provenance
+from fitting_core.fit.result import PhaseResult
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.variables.state import State
+
+
+def evaluated(
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    *,
+    phase: int = 3,
+) -> PhaseResult:
+    """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
+
+    Args:
+        clip: keypoints and camera, against which the costs are taken.
+        body: the body model.
+        config: its weights are those of the costs.
+        params: all frames; they are kept as they are.
+        phase: 3 counts E_T too.
+    """
+    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
+    return replace(result, params=params)
+
+
+def patched(
+    phase: PhaseResult,
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    params: BodyParams,
+    windows: Iterable[range],
+    *,
+    provenance: Provenance | None = None,
+    note: str,
+) -> PhaseResult:
+    """A phase with other parameters in some windows.
+
+    Costs are taken there alone: those of a whole clip take 4 ms a frame, for which a drag or a re-run of some frames
+    would wait. So they are known by frame, and not by term.
+
+    Args:
+        phase: before.
+        clip: as for `evaluated`.
+        body: as for `evaluated`.
+        config: as for `evaluated`.
+        params: all frames.
+        windows: where they are others than those of `phase`.
+        provenance: of all frames; None: it is not known where those of the windows came from.
+        note: for the user.
+    """
+    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
+    for window in windows:
+        stages, inside = whole.within(window), slice(window.start, window.stop)
+        state = stages.parametrisation.from_params(params[inside])
+        cost[inside] = _frame_costs(stages, state)
+        known = known.with_frames(window, (provenance or Provenance.unknown(len(params)))[inside])
+    return replace(
+        phase,
+        params=params,
+        frame_cost=cost,
+        objective={"by frame": float(cost.mean())},
+        notes=(note,),
+        provenance=known,
+    )
+
+
+def _frame_costs(stages: Stages, state: State) -> Float[np.ndarray, "T"]:
+    """E_o of each frame with the last stage's weights."""
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
+    costs = objective.costs(state, stages.all_frames)
+    return torch.stack(list(costs.values())).sum(0).double().cpu().numpy()
+
+
+def phase_result(
+    stages: Stages,
+    phase: int,
+    state: State,
+    *,
+    seconds: float,
+    notes: tuple[str, ...] = (),
+    sample: tuple[State, Tensor] | None = None,
+) -> PhaseResult:
+    """Figures of a state of all frames; the objective is the mean over these, or over a sample of them."""
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=phase < 3))
+    every = objective.costs(state, stages.all_frames)
+    counted = every if sample is None else objective.costs(*sample)
+    terms = {name: float(cost.mean()) for name, cost in counted.items()}
+    if phase == 3:
+        terms |= {name: cost / len(state) for name, cost in objective.coupled_costs(state).items()}
+    terms["total"] = sum(terms.values())
+    return PhaseResult(
+        phase=phase,
+        params=stages.parametrisation.to_params(state),
+        objective=terms,
+        frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
+        seconds=seconds,
+        notes=notes,
+    )
