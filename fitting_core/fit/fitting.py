@@ -387,13 +387,16 @@ def _twice(
 
 
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
-    """A phase's steps as events."""
-    sampling = TermSampling()
+    """A phase's steps as events. What is done never shrinks: another way that is tried begins where the one before it
+    did, as with the four yaws, and torch tells every iteration."""
+    sampling, done = TermSampling(), 0.0
 
     def event(step: Step) -> FitEvent:
+        nonlocal done
         if step.fitted is not None:
             return FramesFitted(phase=phase, frames=step.fitted[0], params=step.fitted[1])
-        return Iteration(phase=phase, label=step.label, share=step.share, cost=step.cost, terms=sampling.terms(step))
+        done = max(done, step.share)
+        return Iteration(phase=phase, label=step.label, share=done, cost=step.cost, terms=sampling.terms(step))
 
     return (yield from mapped(steps, event))
 

@@ -79,7 +79,7 @@ def read_start(
     Raises:
         InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints.
     """
-    motion = read_motion(path, person=person, decode=decode)
+    motion = _posed(read_motion(path, person=person, decode=decode), body, find_body)
     numbers = [one.number for one in motion.people[:_CANDIDATES]] if person is None else []
     if len(numbers) < 2:
         return _Candidate.of(motion, clip, body, first_frame).start(clip, body, person, find_body)
@@ -87,7 +87,7 @@ def read_start(
     refused: list[InputError] = []
     for number in numbers:
         try:
-            motion = read_motion(path, person=number, decode=decode)
+            motion = _posed(read_motion(path, person=number, decode=decode), body, find_body)
             found[number] = _Candidate.of(motion, clip, body, first_frame)
         except InputError as error:  # Somebody of another part of the video.
             refused.append(error)
@@ -149,6 +149,14 @@ def start_from_fit(
     # The clip's images are not asked for: frames are counted as the clip counts them.
     counted = replace(clip, source=None)
     return _Candidate.of(motion, counted, body, None).start(counted, body, None, lambda kind, gender: own)
+
+
+def _posed(motion: ImportedMotion, body: BodyModel, find_body: FindBody) -> ImportedMotion:
+    """With a pose, where it has points alone: of the fitted body, or of that whose mesh they are of."""
+    if motion.points is None:
+        return motion
+    meshes = motion.points.vertices is not None and motion.points.vertices.shape[1] != len(body.template)
+    return motion.for_body((find_body(motion.kind, motion.gender) if meshes else None) or body)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

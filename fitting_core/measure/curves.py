@@ -62,9 +62,10 @@ def _reprojection_share(pair: Pair) -> Float[np.ndarray, "T"] | None:
 
 
 def _reprojection_of_truth(pair: Pair) -> Float[np.ndarray, "T"] | None:
-    if pair.reference is None or not pair.in_camera:
+    camera = pair.estimate.camera
+    if camera is None or pair.reference is None or not pair.in_camera:
         return None
-    true = pixels_of(pair.estimate.camera, pair.matched(pair.reference.points))
+    true = pixels_of(camera, pair.matched(pair.reference.points))
     counted = np.asarray(np.isfinite(true).all(-1) & np.isfinite(pair.estimate.pixels).all(-1))
     return metrics.frame_means(pair.estimate.pixels, true, counted)
 

@@ -29,7 +29,8 @@ class Estimate:
 
     body: BodyModel
     params: BodyParams
-    camera: Camera
+    camera: Camera | None
+    """None: it is not known, and nothing is projected."""
     frame_rate: float
     first_frame: int = 0
     """Number of its first frame in the video."""
@@ -49,6 +50,7 @@ class Estimate:
     @cached_property
     def pixels(self) -> Float[np.ndarray, "T 137 2"]:
         """Projected keypoints; NaN for those that the body lacks, and behind the camera."""
+        assert self.camera is not None
         points, exists = self.keypoints
         return pixels_of(self.camera, np.where(exists[:, None], points, np.nan))
 

@@ -18,7 +18,7 @@ from fitting_core.synthetic.suite import SEQUENCES, make_sequence
 from tcfit_app.cli.evaluate_motion import run_motion_suite
 from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.ablations import Setting, run_ablations
-from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
+from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, MotionChoices, evaluated_fit
 from tcfit_app.evaluation.evaluating import drawable, evaluated
 from tcfit_app.evaluation.files import REPORT_NAME, print_table, write_evaluation
 from tcfit_app.evaluation.suite_runs import (
@@ -35,7 +35,7 @@ from tcfit_app.options.preparing import compile_kernels
 
 _FIGURE = "vertex_to_surface_mean"
 """Of the suite, told as its sequences are done."""
-_NEEDED = "Name a fit (a project, or the folder of a result), or --suite: see tcfit evaluate --help."
+_NEEDED = "Name a fit (a project, a result of tcfit or of another program), or --suite: see tcfit evaluate --help."
 
 
 def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
@@ -56,10 +56,13 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     if options.suite is not None:
         return _RUN[options.suite](options, command=command)
     assert options.fit is not None
-    fit = evaluated_fit(options.fit, run=options.run, models=options.models)
+    choices = MotionChoices(person=options.person, body_model=options.body_model, frame_rate=options.frame_rate)
+    fit = evaluated_fit(options.fit, run=options.run, models=options.models, choices=choices)
     reference = fit.reference
     if options.reference is not None:
-        reference = read_reference(options.reference, camera=options.camera, search=options.models)
+        world = None if fit.camera is None else fit.camera.world
+        reference = read_reference(options.reference, camera=options.camera, world=world, search=options.models)
+    fit = fit.beside(reference)
     if options.reference_first_frame is not None:
         if reference is None:
             raise InputError(f"--reference-first-frame: {options.fit} has no reference: give --reference too.")
@@ -104,11 +107,9 @@ def _check(options: EvaluateOptions) -> None:
     chosen = options.suite is not None
     if chosen == (options.fit is not None):
         raise InputError(_NEEDED if not chosen else "--suite makes its own fits: leave out FIT, or --suite.")
-    own = (options.reference, options.run, options.camera, options.reference_first_frame)
-    if chosen and any(option is not None for option in own):
-        raise InputError(
-            "--suite has its own truth: leave out --reference, --camera, --reference-first-frame and --run."
-        )
+    if chosen and (given := [option for option in _OF_A_FIT if getattr(options, option) is not None]):
+        names = ", ".join(f"--{option.replace('_', '-')}" for option in given)
+        raise InputError(f"--suite has its own truth: leave out {names}.")
     if options.ablations and not chosen:
         raise InputError("--ablations vary settings on the suite: give --suite too.")
     if options.camera is not None and options.reference is None:
@@ -116,6 +117,10 @@ def _check(options: EvaluateOptions) -> None:
     for name in ("every", "jobs"):
         if getattr(options, name) < 1:
             raise InputError(f"--{name} is {getattr(options, name)}; expected 1 or more.")
+
+
+_OF_A_FIT = ("reference", "run", "camera", "reference_first_frame", "person", "frame_rate", "body_model")
+"""Options that have no meaning for a suite."""
 
 
 def _file_name(name: str) -> str:

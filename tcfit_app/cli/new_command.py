@@ -42,7 +42,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
         return folder
     print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
-    reference = reference_given(options.truth, clip.frame_rate)
+    reference = reference_given(options.truth, clip)
     if reference is not None:
         reference.frames_of(len(clip), clip.first_frame, clip.frame_rate)
     with Project.create(folder, clip, copy_media=options.copy_video) as project:
@@ -71,8 +71,8 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
     return folder
 
 
-def reference_given(options: ReferenceOptions, frame_rate: float) -> Reference | None:
-    """What the options say that fits of a clip with so many frames per second are compared with.
+def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
+    """What the options say that fits of a clip are compared with.
 
     Raises:
         InputError: It cannot be read.
@@ -85,8 +85,9 @@ def reference_given(options: ReferenceOptions, frame_rate: float) -> Reference |
         return None
     from fitting_core.measure.references.files import read_reference
 
-    found, first = read_reference(options.reference, camera=options.reference_camera), options.reference_first_frame
-    return found if first is None else found.starting_at(first, frame_rate)
+    found = read_reference(options.reference, camera=options.reference_camera, world=clip.camera.world)
+    first = options.reference_first_frame
+    return found if first is None else found.starting_at(first, clip.frame_rate)
 
 
 def folder_of(clip: Clip) -> Path:

@@ -157,7 +157,7 @@ def _take_reference(project: "Project", options: ReferenceOptions) -> None:
     """Keep what fits are compared with, if the options name something."""
     from tcfit_app.cli.new_command import reference_given
 
-    if (reference := reference_given(options, project.clip.frame_rate)) is not None:
+    if (reference := reference_given(options, project.clip)) is not None:
         project.set_reference(reference)
 
 

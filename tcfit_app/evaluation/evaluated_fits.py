@@ -1,25 +1,37 @@
-"""The fits that `tcfit evaluate` is given: a run of a project, or the folder of a result."""
+"""The fits that `tcfit evaluate` is given: a run of a project, a result of tcfit, or what another program wrote."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.npz import npz_names
 from fitting_core.fit.result import FitResult
+from fitting_core.io import read_motion
 from fitting_core.io.result_files import FIT_NAME, read_fit
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import BodyOf, Reference
+from fitting_core.video.frame_names import spans
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.results import ImportChoices, posed_body, vposer_decoder
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.run_record import Run, named, newest
 
 FIRST, FINAL = "phase 1", "final"
 """What the two fits of one result are called."""
+_USUAL_RATE, _HIGHEST_RATE = 30.0, 2000.0
+"""Frames per second."""
+_MOST_FRAMES = 10**6
+ANY_CAMERA = Camera(focal=(1000.0, 1000.0), center=(500.0, 500.0), size=(1000, 1000))
+"""Shows a body whose own camera is not known, and puts one before it that stands before none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,13 +44,20 @@ class EvaluatedFit:
     body: BodyModel
     phases: dict[str, tuple[BodyParams, float]]
     """By name: parameters, and the seconds up to there."""
-    camera: Camera
+    camera: Camera | None
+    """None: another program's, which does not tell it."""
     frame_rate: float
+    rate_known: bool = True
+    """Whether somebody said the frame rate; else it is a usual one."""
     first_frame: int
     clip: Clip | None
     """With its keypoints, where they are known."""
     reference: Reference | None = None
     """The project's own."""
+    placed: bool = True
+    """Whether it is known where it stands before a camera."""
+    notes: tuple[str, ...] = ()
+    """What a user should know of how it was read."""
 
     def estimate(self, phase: str) -> Estimate:
         """One phase, to be compared."""
@@ -51,25 +70,64 @@ class EvaluatedFit:
             clip=self.clip,
         )
 
+    def beside(self, reference: Reference | None) -> "EvaluatedFit":
+        """The same with the reference's frame rate, where nobody said what its own is."""
+        if self.rate_known or reference is None or reference.frame_rate is None:
+            return self
+        rate = reference.frame_rate
+        note = f"It does not tell its frame rate, which is taken to be the reference's, {rate:g} per second."
+        return replace(self, frame_rate=rate, rate_known=True, notes=(*self.notes, note))
 
-def evaluated_fit(path: Path, *, run: str | None = None, models: Path | None = None) -> EvaluatedFit:
+
+@dataclass(frozen=True, kw_only=True)
+class MotionChoices:
+    """What another program's result does not tell, or what to take instead."""
+
+    person: int | None = None
+    body_model: str | None = None
+    frame_rate: float | None = None
+    """Frames per second."""
+
+
+def evaluated_fit(
+    path: Path, *, run: str | None = None, models: Path | None = None, choices: MotionChoices | None = None
+) -> EvaluatedFit:
     """Read a fit.
 
     Args:
-        path: A project, or the folder of a result.
+        path: A project, a folder or file of a result, or what `fitting_core.io.read_motion` reads.
         run: Name or number of one of a project's runs; None: the latest of our own that has a result.
         models: Folder with body models that alone is searched.
+        choices: For another program's result.
 
     Raises:
         InputError: There is no such fit, or its body model is not there.
     """
+    given = [
+        f"--{name.replace('_', '-')}" for name, value in vars(choices or MotionChoices()).items() if value is not None
+    ]
+    if given and (is_project(path) or _is_ours(path)):
+        raise InputError(f"{', '.join(given)}: {path} is tcfit's own and tells this itself. Leave it out.")
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             return _of_project(project, _chosen(project, run), models)
     if run is not None:
         raise InputError(f"--run {run}: {path} is no project; only these have several runs. Leave out --run.")
-    if not path.exists() or (path.is_dir() and not (path / FIT_NAME).is_file()):
-        raise InputError(f"{path}: is neither a project nor the folder of a result; `tcfit fit` makes one.")
+    if not path.exists():
+        raise InputError(f"{path}: is not there; expected a project or a result, which `tcfit fit` makes.")
+    return _of_ours(path, models) if _is_ours(path) else _of_others(path, models, choices or MotionChoices())
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether it is a result of tcfit's: a folder with one, or the file."""
+    file = path / FIT_NAME if path.is_dir() else path
+    try:
+        return file.is_file() and {"format", "phase1_body_pose"} <= set(npz_names(file))
+    except (OSError, ValueError):
+        return file.name == FIT_NAME
+
+
+def _of_ours(path: Path, models: Path | None) -> EvaluatedFit:
     fit = read_fit(path)
     body = body_of(BodyOf(kind=fit.body_kind, gender=fit.gender, hash=fit.body_hash), search=models)
     phases = {FIRST: (fit.phase1, 0.0)} | ({} if fit.last_phase == 1 else {FINAL: (fit.params, 0.0)})
@@ -83,6 +141,46 @@ def evaluated_fit(path: Path, *, run: str | None = None, models: Path | None = N
         first_frame=fit.first_frame,
         clip=None,
     )
+
+
+def _of_others(path: Path, models: Path | None, choices: MotionChoices) -> EvaluatedFit:
+    """Another program's result, on the body that it belongs to."""
+    if choices.frame_rate is not None and not 0 < choices.frame_rate <= _HIGHEST_RATE:
+        raise InputError(f"--frame-rate is {choices.frame_rate:g}; expected frames per second, above 0.")
+    motion = read_motion(path, person=choices.person, decode=vposer_decoder())
+    body, motion = posed_body(motion, Bodies(models), ImportChoices(body_model=choices.body_model))
+    rate = choices.frame_rate or motion.frame_rate
+    places, missing = _without_gaps(motion.numbers)
+    notes = (f"Read as {motion.format}.", *motion.notes)
+    if missing:
+        notes += (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest stand for these.",)
+    params = motion.on(body, motion.camera or ANY_CAMERA)
+    return EvaluatedFit(
+        name=path.resolve().name if path.is_dir() else path.stem,
+        source=str(path),
+        body=body,
+        phases={motion.format: (params[places], 0.0)},
+        camera=motion.camera,
+        frame_rate=rate or _USUAL_RATE,
+        rate_known=rate is not None,
+        first_frame=motion.numbers[0] if motion.numbered else 0,
+        clip=None,
+        placed=motion.placed and not motion.from_corner,
+        notes=notes,
+    )
+
+
+def _without_gaps(numbers: Sequence[int]) -> tuple[list[int], list[int]]:
+    """For each frame from the first to the last the place of the nearest that is there; and which are not."""
+    there = np.array(numbers)
+    if there[-1] - there[0] >= _MOST_FRAMES:
+        raise InputError(
+            f"has frames {there[0]} to {there[-1]}; expected those of one clip, fewer than {_MOST_FRAMES}."
+        )
+    wanted = np.arange(there[0], there[-1] + 1)
+    after = np.searchsorted(there, wanted).clip(1, len(there) - 1) if len(there) > 1 else np.zeros(len(wanted), int)
+    nearer = np.abs(there[after] - wanted) < np.abs(there[after - 1] - wanted)
+    return np.where(nearer, after, (after - 1).clip(0)).tolist(), wanted[~np.isin(wanted, there)].tolist()
 
 
 def _chosen(project: Project, wanted: str | None) -> Run:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from fitting_core.measure.comparison import compare
 from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import Reference
-from tcfit_app.evaluation.evaluated_fits import EvaluatedFit
+from tcfit_app.evaluation.evaluated_fits import ANY_CAMERA, EvaluatedFit
 from tcfit_app.evaluation.worst_frames import Drawable
 
 
@@ -35,6 +36,9 @@ def evaluated(
     Raises:
         InputError: Reference and fit have no moment in common, or the reference's body is not there.
     """
+    given = reference
+    if reference is not None and not fit.placed:
+        reference = replace(reference, in_camera=False)
     truth_body = None if reference is None or reference.body is None else body_of(reference.body, search=models)
     records = []
     with tqdm(desc="measuring surfaces", unit="frame", disable=truth_body is None or not sys.stderr.isatty()) as bar:
@@ -66,7 +70,7 @@ def evaluated(
         title=f"Evaluation of {fit.name}",
         records=tuple(records),
         settings=_settings(fit, reference),
-        notes=(*_coverage(fit, reference, records), *notes_about(reference, fit.frame_rate)),
+        notes=(*notes_of(fit), *_coverage(fit, reference, records), *notes_about(given, fit.frame_rate)),
     )
 
 
@@ -74,6 +78,13 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
     body = f"{fit.body.kind}, {fit.body.gender}, {fit.body.hash[:12]}"
     compared = "none" if reference is None else f"{reference.name} ({reference.kind}, {len(reference)} frames)"
     return {"Fit": fit.source, "Body": body, "Reference": compared, "Date": date.today().isoformat()}
+
+
+def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
+    """What a user should know about the fit."""
+    rate = "It does not tell its frame rate: 30 frames per second are assumed; --frame-rate says what is right."
+    world = "Where it stands before a camera is not known: only form is compared."
+    return (*fit.notes, *([] if fit.rate_known else [rate]), *([] if fit.placed else [world]))
 
 
 def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ...]:
@@ -118,7 +129,7 @@ def drawable(fit: EvaluatedFit, reference: Reference | None, models: Path | None
     if reference is not None and reference.params is not None and reference.body is not None:
         count = len(next(iter(fit.phases.values()))[0])
         frames = reference.frames_of(count, fit.first_frame, fit.frame_rate).clip(0)
-        if reference.in_camera:
+        if reference.in_camera and fit.placed:
             truth = body_of(reference.body, search=models), reference.params[frames.tolist()]
     bodies = {name: (fit.body, params) for name, (params, _) in fit.phases.items()}
-    return Drawable(camera=fit.camera, bodies=bodies, truth=truth)
+    return Drawable(camera=fit.camera or ANY_CAMERA, bodies=bodies, truth=truth)

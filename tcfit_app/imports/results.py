@@ -112,7 +112,7 @@ def imported_fit(
         images=[image.stem for image in image_files(clip.source)],
         first_frame=choices.first_frame,
     )
-    body, motion = _with_body(motion, bodies, choices)
+    body, motion = posed_body(motion, bodies, choices)
     camera = motion.camera_for(clip.camera, choices.focal_length)
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
     if not motion.placed:
@@ -155,8 +155,12 @@ def vposer_decoder(given: Path | None = None) -> "Decode | None":
     return decode
 
 
-def _with_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -> tuple[BodyModel, ImportedMotion]:
-    """The body to pose, and the motion without those of its numbers that mean nothing to that body."""
+def posed_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -> tuple[BodyModel, ImportedMotion]:
+    """The body to pose, and the motion without those of its numbers that mean nothing to that body.
+
+    Raises:
+        InputError: The body is not there.
+    """
     kind, gender = choices.body_model or motion.kind, choices.gender or motion.gender
     if motion.body_hash and choices.body_model is None and choices.gender is None:
         record = BodyRecord(kind=kind, gender=gender, hash=motion.body_hash)

@@ -34,15 +34,21 @@ class EvaluateOptions:
     """
 
     fit: Annotated[Positional[Path | None], arg(metavar="FIT", help_behavior_hint="(or --suite)")] = None
-    """A project, or the folder of a result."""
+    """A project, or a result: a folder or a fit.npz of tcfit, or what another program wrote, as for tcfit import."""
     reference: Annotated[Path | None, shown("PATH", "the project's, if it has one")] = None
     """3D points (npz, or TRC of OpenSim), an AMASS-style npz, the truth.npz of a generated clip, or another fit.npz."""
-    camera: Annotated[Path | None, shown("FILE.npz", "none")] = None
+    camera: Annotated[Path | None, shown("FILE.npz", "as the clip's camera is calibrated")] = None
     """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
     reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
     """Number in the video of the reference's first frame, where it was cut and does not say so."""
     run: Annotated[str | None, shown("NAME|N", "the latest")] = None
     """Which of a project's runs."""
+    person: Annotated[int | None, shown("N", "who is in most frames; of SMPLify-X 0")] = None
+    """Of several people in another program's result, as it numbers them."""
+    body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None
+    """Another kind of body to pose with another program's result: joint angles are kept, the shape is not."""
+    frame_rate: Annotated[float | None, shown("FPS", "as it says, the reference's, or 30")] = None
+    """Frames per second of another program's result, which hardly any of them tells."""
     suite: Annotated[str | None, _suite_option(), arg(help_behavior_hint="(default: none; alone: acted)")] = None
     """Fit the sequences of a suite, whose truth is known, and measure these. What is done is kept in --out, and not
     repeated with the same settings. acted: the synthetic suite; motion: captured motion from all sides, for depth."""

@@ -25,8 +25,8 @@ class ReferenceOptions:
 
     reference: Annotated[Path | None, shown("PATH", "none")] = None
     """3D points (npz, or TRC of OpenSim), an AMASS-style npz, a truth.npz, or another fit.npz."""
-    reference_camera: Annotated[Path | None, shown("FILE.npz", "none")] = None
-    """The clip's camera in the reference's world: R and t, with x_camera = R x + t."""
+    reference_camera: Annotated[Path | None, shown("FILE.npz", "as the clip's camera is calibrated")] = None
+    """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
     reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
     """Number in the video of the reference's first frame, where it was cut and does not say so."""
 
@@ -107,8 +107,8 @@ class StartOptions:
     """A result of another system for this clip, with which phase 1 begins; frames that it lacks are fitted as usual."""
 
     start: Annotated[Path | None, shown("RESULT", "none")] = None
-    """A result of GVHMR, GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP or BEV, SMPLify-X's output folder, an npz of
-    SMPL-X or AMASS, or a fit of tcfit. The content tells which."""
+    """A result of GVHMR, GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body,
+    SMPLify-X's output folder, an npz of SMPL-X or AMASS, or a fit of tcfit. The content tells which."""
     start_person: Annotated[int | None, shown("N", "who follows the keypoints; of SMPLify-X 0")] = None
     """Of several people in it, as it numbers them."""
     start_first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None

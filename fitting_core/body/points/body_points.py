@@ -205,6 +205,26 @@ class BodyPoints:
                 gradient[:, table.driving] += table.pull_back(part, posed.local, posed.left_jacobian, posed.contour_bin)
         return gradient
 
+    def corrective_jacobian(self, posed: Posed) -> Float[Tensor, "B N 3 55 3"]:
+        """d points / d pose through the pose correctives alone, for lists without contour landmarks.
+
+        It takes many times as long as the rest of the Jacobian; solvers that go on to the very optimum need it.
+        """
+        assert not self.has_contour
+        (table,) = self.tables
+        frames, pairs, joints = len(posed.joints), len(table.bone), len(table.driving)
+        found = posed.joints.new_zeros(frames, len(self.surface_rows), 3, N_JOINTS, 3)
+        # d R / d axis-angle_k = hat(column k of L) R
+        left, local = posed.left_jacobian[:, table.driving], posed.local[:, table.driving, None]
+        turned = (rotations.hat(left.transpose(-1, -2)) @ local).flatten(3)
+        at_rest = torch.einsum("pxjf,bjkf->bpxjk", table.correctives[0].view(pairs, 3, joints, 9), turned)
+        in_space = (posed.world[:, self.bone] @ at_rest.flatten(3)).unflatten(3, (joints, 3))
+        by_point = torch.zeros_like(found[:, :, :, :joints]).index_add_(1, table.point, in_space)
+        found[..., table.driving, :] = by_point
+        whole = posed.joints.new_zeros(frames, len(self.pick), 3, N_JOINTS, 3)
+        whole[:, self.surface_rows] = found
+        return whole
+
 
 def whole_pose(body_pose: Tensor, jaw_pose: Tensor, hands: Float[Tensor, "B 90"]) -> Float[Tensor, "B 54 3"]:
     """Axis-angle of all joints but the root, eyes at rest."""

@@ -16,6 +16,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import rest_joints
+from fitting_core.io.motion.seen_points import SeenPoints
 from fitting_core.video.frame_names import frames_for_one, image_numbers, spans
 
 _NEAREST = 0.5
@@ -53,6 +54,10 @@ class ImportedMotion:
     """In the file's own space, but for `camera_translation`, which is added after `turn`."""
     about_pelvis: bool = False
     """Whether `camera_translation` is where the pelvis lies, instead of what is added to the body's own origin."""
+    from_corner: bool = False
+    """Whether `camera_translation` is for a camera whose principal point is the image's corner."""
+    points: SeenPoints | None = None
+    """What the file tells instead of a pose; then `params` are zero until `for_body` has posed a body through them."""
     whole_hands: bool
     """Whether hands are the axis-angle of 15 joints with the mean pose in it; else they are over that mean."""
     turn: Float[Tensor, "T 3 3"]
@@ -131,7 +136,18 @@ class ImportedMotion:
         """Without those of its numbers that mean nothing to this body, and with a note that says so.
 
         Betas, expressions and hand components are numbers of one body model; joint angles are not.
+
+        Raises:
+            InputError: It has a mesh and no pose, and this body has another mesh.
         """
+        if self.points is not None:
+            try:
+                params, note = self.points.posed(body)
+            except InputError as error:
+                raise InputError(f"{self.source}: {error}.") from error
+            notes = (*self.notes, note)
+            own = {"kind": body.kind, "gender": body.gender, "body_hash": body.hash}
+            return replace(self, params=params, points=None, whole_hands=False, notes=notes, **own)
         free = body.source is not None and FREE_FOLDER in body.source.parents
         if body.hash == self.body_hash or (not free and body.kind == self.kind and not self.body_hash):
             return self
@@ -154,7 +170,10 @@ class ImportedMotion:
             body: Of the motion's kind; its mean hand is the one that whole hands are taken against.
             camera: Which sees the motion; only used where `placed` is not.
         """
+        assert self.points is None
         params = self._as_body_params(body)
+        if self.from_corner:
+            params = replace(params, camera_translation=_before(camera, params.camera_translation))
         if (self.turn != torch.eye(3, dtype=self.turn.dtype)).any():
             params = _turned(body, params, self.turn)
         return params if self.placed else _in_view(body, params, camera)
@@ -195,6 +214,12 @@ def from_still(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParam
     turn = torch.as_tensor(camera.path.to_still).mT.to(off)
     there = replace(params, camera_translation=(turn @ off[..., None])[..., 0])
     return _turned(body, there, turn)
+
+
+def _before(camera: Camera, places: Float[Tensor, "T 3"]) -> Float[Tensor, "T 3"]:
+    """Places that look the same to a camera as these to one whose principal point is the image's corner."""
+    slope = torch.tensor([c / f for c, f in zip(camera.center, camera.focal, strict=True)], dtype=places.dtype)
+    return torch.cat([places[:, :2] - slope * places[:, 2:], places[:, 2:]], 1)
 
 
 def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -> BodyParams:

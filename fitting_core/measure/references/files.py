@@ -1,11 +1,12 @@
 """Reading a reference, of whatever form: the form is told by what is in the file."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from fitting_core.camera import World
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.io.result_files import FIT_NAME
@@ -81,26 +82,46 @@ FORMS = (
 """Tried in this order. TRC, which is text, stands beside."""
 
 
-def read_reference(path: Path, *, camera: Path | None = None, search: Path | None = None) -> Reference:
+def read_reference(
+    path: Path, *, camera: Path | None = None, world: World | None = None, search: Path | None = None
+) -> Reference:
     """Read what a fit is to be compared with.
 
     Args:
         path: A file of one of FORMS, a .trc file, or a folder with a truth.npz or fit.npz.
         camera: npz with R and t of the clip's camera in the reference's world, where that is not the camera's space.
+        world: Where the clip's camera stands, as its calibration says: without `camera`, a reference that stands
+            nowhere else is taken to stand in that world too, and a note says so; unless it is not before the camera.
         search: A body model file or a folder that alone is searched for the reference's body.
 
     Raises:
         InputError: It cannot be read as any of these, or its body model is not there.
     """
     file = _file(path)
-    world = None if camera is None else read_world_camera(camera)
+    found = _read(file, None if camera is None else read_world_camera(camera), search)
+    return found if found.in_camera or world is None else _in_world(found, file, world, search)
+
+
+def _in_world(found: Reference, file: Path, world: World, search: Path | None) -> Reference:
+    """The same before the clip's camera, where the world of the camera's calibration puts it there."""
+    camera = WorldCamera(rotation=np.array(world.rotation, float), translation=np.array(world.translation, float))
+    depth = camera(found.points)[..., 2]
+    if not 0 < np.nanmedian(depth) <= reference_points.FARTHEST:
+        where = "It is not before the clip's camera in the world of the camera's calibration"
+        return replace(found, notes=(*found.notes, f"{where}: only form is compared."))
+    placed = _read(file, camera, search)
+    return replace(placed, notes=(*placed.notes, "It is taken to stand in the world of the camera's calibration."))
+
+
+def _read(file: Path, camera: WorldCamera | None, search: Path | None) -> Reference:
+    """By what is in it."""
     if file.suffix.lower() == ".trc":
-        return reference_points.read_trc(file, world)
+        return reference_points.read_trc(file, camera)
     names = _names(file)
     for form in FORMS:
         if all(key in names for key in form.keys):
             try:
-                return form.read(Source(path=file, camera=world, search=search))
+                return form.read(Source(path=file, camera=camera, search=search))
             except (KeyError, IndexError, TypeError) as error:
                 raise InputError(f"{file}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
             except ValueError as error:

@@ -30,7 +30,7 @@ _LIMBS = {
 _GROWN = (0.25, 2.0)
 """Shares of these that the limbs of people and their measurement may have: infants' are a quarter, feet make 3.3."""
 _MISTAKEN = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281}
-_FARTHEST = 300.0
+FARTHEST = 300.0
 """Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
 _TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
@@ -154,10 +154,10 @@ def _reference(
                 f"{path}: lies behind the camera; expected points in the world of --camera's R and t. Files for "
                 "OpenSim often have y up where a calibration has z up: exchange the axes in one of them."
             )
-        if np.nanmedian(placed[..., 2]) > _FARTHEST:
+        if np.nanmedian(placed[..., 2]) > FARTHEST:
             raise InputError(
                 f"{path}: lies {np.nanmedian(placed[..., 2]):.0f} m in front of the camera; expected less than "
-                f"{_FARTHEST:g} m. Give t of --camera in metres."
+                f"{FARTHEST:g} m. Give t of --camera in metres."
             )
     return Reference(
         name=path.name,

@@ -215,6 +215,14 @@ def test_gradients_are_as_the_caller_left_them(free_body: BodyModel, short_clip:
             assert not any(getattr(event.result.params, f.name).requires_grad for f in fields(BodyParams))
 
 
+def test_what_is_done_never_shrinks(tiny_body: BodyModel, in_torch: None):
+    """Torch tells every iteration, of each of the ways that are tried."""
+    config = replace(QUICK, last_phase=1, yaws="four")
+    events = list(fit_events(clip_of(body_only(tiny_body, 1)), tiny_body, config))
+    shares = [event.share for event in events if isinstance(event, Iteration)]
+    assert shares == sorted(shares) and len(set(shares)) > 5
+
+
 def test_torch_computes_on_one_thread_and_gives_the_others_back(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     inside, told = [], progress.TermSampling.terms
 

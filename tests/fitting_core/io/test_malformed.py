@@ -11,10 +11,11 @@ from tests.fitting_core.io.malformed import KEYPOINTS, Case
 from tests.fitting_core.io.malformed_cameras import CAMERAS
 from tests.fitting_core.io.malformed_learned import LEARNED
 from tests.fitting_core.io.malformed_models import MODELS
+from tests.fitting_core.io.malformed_per_image import PER_IMAGE
 from tests.fitting_core.io.malformed_references import REFERENCES
 from tests.fitting_core.io.malformed_results import RESULTS
 
-CASES = {**KEYPOINTS, **RESULTS, **LEARNED, **MODELS, **REFERENCES, **CAMERAS}
+CASES = {**KEYPOINTS, **RESULTS, **LEARNED, **PER_IMAGE, **MODELS, **REFERENCES, **CAMERAS}
 
 
 def files_in(folder: Path) -> dict[str, bytes | None]:
@@ -33,7 +34,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_there_are_as_many_cases_as_were_asked_for():
-    assert len(CASES) == sum(map(len, (KEYPOINTS, RESULTS, LEARNED, MODELS, REFERENCES, CAMERAS)))
+    assert len(CASES) == sum(map(len, (KEYPOINTS, RESULTS, LEARNED, PER_IMAGE, MODELS, REFERENCES, CAMERAS)))
     assert len(LEARNED) >= 60 and len(CAMERAS) >= 30
 
 

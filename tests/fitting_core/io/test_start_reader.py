@@ -41,6 +41,8 @@ from tests.fitting_core.io.motion.learned_files import (
     written,
 )
 from tests.fitting_core.io.motion.learned_files import truth as drawn
+from tests.fitting_core.io.motion.per_image_files import sam_people
+from tests.samples.scenes import arms_in_motion
 
 FRAMES = 6
 ALL = np.arange(FRAMES)
@@ -106,6 +108,18 @@ def test_the_pose_comes_back_before_the_clips_camera(form: str, free_body: BodyM
     assert start.there.all() and start.about.frames == FRAMES and start.about.off < 1e-3
     assert torch.allclose(start.params.body_pose, params.body_pose, atol=1e-5)
     assert np.abs(body_joints(free_body, start.params) - body_joints(free_body, params)).max() < 1e-3
+
+
+def test_keypoints_in_space_start_too(free_body: BodyModel, tmp_path: Path):
+    """Of two people the one who follows the clip's keypoints; the body is posed through these."""
+    params = arms_in_motion(FRAMES, depth=3.5)
+    away = replace(params, camera_translation=params.camera_translation + torch.tensor([0.9, 0.0, -0.6]))
+    seen = [sam_people(free_body, one) for one in (away, params)]
+    path = written(tmp_path / "sam.pkl", joblib_bytes([list(people) for people in zip(*seen, strict=True)]))
+    found = read_start(path, clip_of(free_body, params), free_body)
+    assert found.there.all() and found.about.person == 1 and found.about.format == "SAM 3D Body result"
+    off = joints_in_space(free_body, found.params) - joints_in_space(free_body, params)
+    assert np.linalg.norm(off[:, :22], axis=-1).mean() < 0.02
 
 
 def test_smplifyx_tcfit_and_amass_start_too(free_body: BodyModel, tmp_path: Path):

@@ -12,7 +12,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.fitted_motion import AXES
@@ -63,6 +63,28 @@ def test_points_get_into_the_camera(tmp_path: Path, camera: Path):
     np.testing.assert_allclose(found.points[:, kp.INDEX["mid_hip"]], POINTS[:, 2] @ TURN.T + SHIFT)
     assert np.isfinite(found.points).all(-1).sum() == 4 * 4
     assert not read_reference(tmp_path / "points.npz").in_camera
+
+
+def world_of(shift: np.ndarray) -> World:
+    rows: Any = tuple(map(tuple, TURN.tolist()))
+    return World(rotation=rows, translation=(shift[0], shift[1], shift[2]))
+
+
+def test_without_a_camera_the_world_of_the_calibration_counts(tmp_path: Path, camera: Path, free_body: BodyModel):
+    """For what stands nowhere else, and only if it is before the camera there."""
+    np.savez(tmp_path / "points.npz", points=POINTS, names=np.array(NAMES))
+    given = read_reference(tmp_path / "points.npz", camera=camera)
+    found = read_reference(tmp_path / "points.npz", world=world_of(SHIFT))
+    assert found.in_camera and "world of the camera's calibration" in found.notes[-1]
+    np.testing.assert_allclose(found.points, given.points)
+    for away in (SHIFT - [0, 0, 12], SHIFT - [0, 0, -1000]):
+        elsewhere = read_reference(tmp_path / "points.npz", world=world_of(away))
+        assert not elsewhere.in_camera and "only form is compared" in elsewhere.notes[-1]
+    told = read_reference(tmp_path / "points.npz", camera=camera, world=world_of(SHIFT - [0, 0, 12]))
+    np.testing.assert_allclose(told.points, given.points)
+    made = reference_of("made", "here", free_body, random_params(2), frame_rate=30.0, in_camera=True)
+    write_reference(tmp_path / "stored.npz", made)
+    np.testing.assert_array_equal(read_reference(tmp_path / "stored.npz", world=world_of(SHIFT)).points, made.points)
 
 
 @pytest.mark.parametrize("unit", ["mm", "m"])

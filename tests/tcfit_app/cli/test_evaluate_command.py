@@ -4,12 +4,14 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.body.params import full_pose
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
@@ -27,6 +29,7 @@ from tcfit_app.evaluation.evaluated_fits import evaluated_fit
 from tcfit_app.evaluation.evaluating import notes_about
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import BodyRecord
+from tests.fitting_core.io.motion.learned_files import gvhmr, joblib_bytes, prompthmr, torch_bytes, written
 from tests.tcfit_app.conftest import CAMERA, FRAMES, FinishedRun, motion
 
 
@@ -48,6 +51,54 @@ def truth(tmp_path: Path, free_body: BodyModel) -> Path:
         ),
     )
     return path
+
+
+def write_gvhmr(path: Path, **changed: Any) -> Path:
+    return written(path, torch_bytes(gvhmr(motion(), **changed)))
+
+
+def test_another_programs_result_against_a_truth(truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
+    """A motion that was read back is the truth itself, up to the float32 of the file."""
+    result, out = write_gvhmr(tmp_path / "hmr4d_results.pt"), tmp_path / "out"
+    arguments = ["evaluate", str(result), "--out", str(out), "--every", "6", "--pictures", "1"]
+    assert main([*arguments, "--reference", str(truth)]) == 0
+    told = capsys.readouterr()
+    (record,) = records_in(out)
+    assert record["method"] == "GVHMR result" and "taken to be the reference's, 30 per second" in told.err
+    for figure in ("mpjpe_mean [mm]", "pa_mpjpe_mean [mm]", "joint_error_mean [mm]", "depth_error_mean [mm]"):
+        assert float(record[figure]) < 0.01
+    assert float(record["jitter [mm/frame²]"]) == pytest.approx(float(record["jitter_truth [mm/frame²]"]), abs=0.01)
+    assert "data:image/jpeg" in (out / "report.html").read_text()
+    away = write_gvhmr(tmp_path / "away.pt", incam={"transl": motion().camera_translation.float() + 0.1})
+    assert main(["evaluate", str(away), *arguments[2:], "--reference", str(truth), "--frame-rate", "30"]) == 0
+    (record,) = records_in(out)
+    assert float(record["joint_error_mean [mm]"]) == pytest.approx(1e2 * 3**0.5, abs=0.1)
+    assert float(record["mpjpe_mean [mm]"]) < 0.01 and "frame rate" not in capsys.readouterr().err
+
+
+def test_another_programs_result_alone_and_in_parts(tmp_path: Path, capsys: pytest.CaptureFixture):
+    people = {2: (motion(), np.delete(np.arange(FRAMES + 2), [3, 4])), 5: (motion()[:2], np.arange(2))}
+    result = written(tmp_path / "results.pkl", joblib_bytes(prompthmr(people)))
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--pictures", "0"]
+    assert main(arguments) == 0
+    told = capsys.readouterr().err
+    assert "30 frames per second are assumed" in told and "no result for 2 frames (3-4)" in told
+    assert records_in(tmp_path / "out")[0]["frames"] == str(FRAMES + 2)
+    assert main([*arguments, "--person", "5"]) == 0 and records_in(tmp_path / "out")[0]["frames"] == "2"
+    assert main([*arguments, "--person", "7"]) == 2 and "has no person 7" in capsys.readouterr().err
+
+
+def test_a_motion_before_no_camera_is_compared_by_its_form(
+    tmp_path: Path, truth: Path, free_body: BodyModel, capsys: pytest.CaptureFixture
+):
+    poses = full_pose(free_body, motion()).flatten(1).numpy()
+    values = {"poses": poses, "trans": np.zeros((FRAMES, 3)), "betas": np.zeros(10), "mocap_frame_rate": 30.0}
+    np.savez(tmp_path / "walk.npz", allow_pickle=False, **values)
+    arguments = ["evaluate", str(tmp_path / "walk.npz"), "--reference", str(truth), "--out", str(tmp_path / "out")]
+    assert main([*arguments, "--every", "6", "--pictures", "1"]) == 0
+    assert "before a camera is not known: only form is compared" in capsys.readouterr().err
+    (record,) = records_in(tmp_path / "out")
+    assert float(record["pa_mpjpe_mean [mm]"]) < 0.01 and "mpjpe_mean [mm]" not in record
 
 
 def records_in(folder: Path) -> list[dict[str, str]]:
@@ -178,7 +229,7 @@ WRONG = {
     "reference": (["--suite", "--reference", "r.npz"], "its own truth"),
     "first frame": (["--suite", "--reference-first-frame", "0"], "its own truth"),
     "every": (["x", "--every", "0"], "expected 1 or more"),
-    "no fit": (["nowhere"], "neither a project nor"),
+    "no fit": (["nowhere"], "expected a project or a result"),
     "level": (["--suite", "--level", "worst"], "no worst"),
     "preset": (["--suite", "--presets", "best"], "no best"),
     "sequence": (["--suite", "--sequences", "dancing"], "no dancing"),

@@ -21,12 +21,12 @@ from fitting_core.body.files.archives import files_below
 from fitting_core.errors import InputError
 from fitting_core.files.regular import refusal
 from fitting_core.io.motion.imported_motion import ImportedMotion, Person, body_params
-from fitting_core.io.motion.learned import crops, whole_image
+from fitting_core.io.motion.learned import crops, per_image, whole_image
 from fitting_core.io.motion.learned.opening import opened
 from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
 from fitting_core.io.motion.learned.unpickling import plain
 
-SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *crops.SYSTEMS)
+SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *crops.SYSTEMS, *per_image.SYSTEMS)
 _FILES = ("hmr4d_results.pt", "wham_output.pkl", "vibe_output.pkl", "video_results.npz", "results.pkl")
 """What systems call their results in the folder of a video."""
 _CAMERA = "camera.npy"
@@ -87,6 +87,7 @@ def _motion(
             "body_pose": track.pose[order, 3:],
             "betas": track.betas[order],
             "camera_translation": track.translation[order],
+            **{name: values[order] for name, values in track.more.items()},
         },
         45,
     )
@@ -105,6 +106,8 @@ def _motion(
         gender=gender,
         params=params,
         about_pelvis=track.about_pelvis,
+        from_corner=track.from_corner,
+        points=track.points,
         whole_hands=track.flat_hands,
         turn=torch.eye(3, dtype=torch.float64).expand(frames, 3, 3),
         numbers=tuple(numbers),
@@ -166,6 +169,9 @@ def _checked(path: Path) -> Iterator[None]:
 @contextmanager
 def _content(path: Path) -> Iterator[Any]:
     """What a file holds, or the files of a folder together; None if it is nothing of a learned system."""
+    if path.is_dir() and (images := per_image.of_folder(path)) is not None:
+        yield images
+        return
     if path.is_dir():
         path = next((path / name for name in _FILES if (path / name).is_file()), path)
     if path.is_dir():
@@ -176,6 +182,8 @@ def _content(path: Path) -> Iterator[Any]:
             yield _together({name: part for name, part in parts.items() if part is not None})
     elif not path.is_file() or refusal(path) or _SMPLIFYX.fullmatch(path.name):
         yield None
+    elif (arrays := per_image.of_file(path)) is not None:
+        yield arrays
     else:
         with opened(path) as content, _camera_beside(path) as camera:
             alone = is_mapping_with(content, "pred_rotmat")

@@ -1,7 +1,7 @@
 """A person as a learned system's file has it: frames, poses and places in camera space, from checked arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from fitting_core.body.model import N_BETAS
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.io.motion.learned.unpickling import plain
+from fitting_core.io.motion.seen_points import SeenPoints
 
 BODY = 22
 """Joints of a body without hands and face: the root and 21 others. SMPL's two hand joints are left out."""
@@ -30,10 +31,16 @@ class Track:
 
     pose: Float[np.ndarray, "T 66"]
     """Axis-angle of the root and of 21 joints."""
+    more: Mapping[str, Float[np.ndarray, "T n"]] = field(default_factory=dict)
+    """Hands over their mean, jaw and expression, by their names in BodyParams; what is not there is zero."""
+    points: SeenPoints | None = None
+    """Instead of a pose, shape and translation, which are zero then."""
     betas: Float[np.ndarray, "T 10"]
     translation: Float[np.ndarray, "T 3"]
     about_pelvis: bool = False
     """Whether `translation` is where the pelvis lies, instead of what is added to the body's own origin."""
+    from_corner: bool = False
+    """Whether `translation` is for a camera whose principal point is the image's corner, instead of its own."""
     numbers: Int[np.ndarray, "T"] | None = None
     """Of the frames in the video; None: it does not tell."""
     stems: tuple[str, ...] = ()

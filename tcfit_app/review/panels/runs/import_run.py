@@ -17,7 +17,8 @@ from tcfit_app.review.tab.tab import Tab
 _OWN = "the result's body"
 _SAID = (
     "SMPLify-X's output folder, an npz of SMPL-X or AMASS, a fit.npz, or what GVHMR, GEM, WHAM, TRAM, PromptHMR, "
-    "4D-Humans, VIBE, ROMP or BEV wrote: a run to compare with. It must have this clip's frames."
+    "4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body wrote: a run to compare with. It must have this "
+    "clip's frames."
 )
 
 

@@ -15,6 +15,7 @@ from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.fit.fused import ready
 from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, _key_frames, _with_fresh_neighbour, fit_frames
@@ -118,10 +119,12 @@ def test_frames_are_fitted_some_after_the_others_with_the_same_result(
     for at_once, ranges in ((1, [[0, 1], [2, 3], [4]]), (2, [[0, 1, 2, 3], [4]]), (100, [[0, 1, 2, 3, 4]])):
         shown = [step.fitted for step in told[at_once] if step.fitted is not None]
         assert [list(frames) for frames, _ in shown] == ranges and [len(p) for _, p in shown] == list(map(len, ranges))
-        assert torch.equal(found[at_once].state.vector, found[100].state.vector)
+        # Torch's products sum up in another order for one frame than for several: 4e-14 were seen.
+        rounding = 1e-11 if ready.problem() else 0.0
+        torch.testing.assert_close(found[at_once].state.vector, found[100].state.vector, rtol=0, atol=rounding)
         assert torch.equal(found[at_once].start, found[100].start)
-        shares = [step.share for step in told[at_once]]
-        assert shares == sorted(shares)
+        shares = [step.share for step in told[at_once] if step.fitted is not None]
+        assert shares == sorted(set(shares))
 
 
 def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):

@@ -1,0 +1,308 @@
+"""A body posed so that points of it lie where they are known to lie in space: keypoints, or vertices of its own mesh.
+
+Levenberg-Marquardt on the closed-form derivatives of `BodyPoints`, every frame with its own damping. A weak pull to the
+rest pose decides what the points leave open, such as the twist of a straight finger.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from fitting_core.body import rotations
+from fitting_core.body.model import JOINT, N_BETAS, N_JOINTS, POSE_JOINTS, BodyModel
+from fitting_core.body.params import BodyParams, full_pose
+from fitting_core.body.points.body_points import N_COEFFICIENTS, BodyPoints, Posed
+from fitting_core.body.points.pairs import Contour, Offset, Point, Surface
+
+_AT_ONCE = 32
+"""Frames: the Jacobian of one has up to 2 MB."""
+_FOR_SHAPE = 24
+"""Frames that tell a shape that all have."""
+_ITERATIONS = 60
+_DAMPING, _LARGEST = 1e-5, 1e6
+_MOSTLY = 0.8
+"""Of a joint's largest share in a vertex, the share that counts as carried by it."""
+_TORSO = [JOINT[name] for name in ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")]
+_LITTLE = 1e-3
+"""Of all that points say about a turn, what the turn before says."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pull:
+    """How far from the rest pose and the mean shape counts as much as a metre between points."""
+
+    body: float
+    """Metres a radian, of trunk and limbs."""
+    fingers: float
+    """Metres a radian, of fingers, jaw and eyes, whose points lie nearer to their joints."""
+    shape: float
+    """Metres a deviation, of betas and expression."""
+    tolerance: float = 1e-3
+    """Share of the cost by which a step must lower it for another one."""
+
+
+KEYPOINTS = Pull(body=0.02, fingers=0.002, shape=0.005)
+"""For keypoints of another body: their joints lie centimetres from ours."""
+VERTICES = Pull(body=1e-4, fingers=1e-4, shape=1e-4, tolerance=1e-6)
+"""For vertices of the very same mesh."""
+
+
+def spread_vertices(body: BodyModel, *, each: int = 4) -> list[int]:
+    """Vertices by which a pose and shape can be told: of each joint some that it carries most, far from each other."""
+    chosen: list[int] = []
+    for joint in range(N_JOINTS):
+        weight = body.skinning_weights[:, joint]
+        if not weight.max() > 0:
+            continue
+        near = np.flatnonzero(weight >= _MOSTLY * weight.max())
+        picked, distance = [], np.full(len(near), np.inf)
+        for _ in range(min(each, len(near))):
+            at = int(distance.argmax())
+            picked.append(int(near[at]))
+            distance = np.minimum(distance, np.linalg.norm(body.template[near] - body.template[near[at]], axis=1))
+        chosen += picked
+    return list(dict.fromkeys(chosen))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedThrough:
+    """A body's pose in T frames."""
+
+    params: BodyParams
+    """Hands as 45 numbers over the mean hand."""
+    off: Float[np.ndarray, "T"]
+    """Root mean square over the points of each frame, metres."""
+
+
+def pose_through(
+    body: BodyModel,
+    points: Sequence[Point],
+    places: Float[np.ndarray, "T N 3"],
+    *,
+    pull: Pull,
+    expression: bool = False,
+    one_shape: bool = True,
+) -> PosedThrough:
+    """Pose a body through points.
+
+    Args:
+        body: Which body.
+        points: Of it; none of the face's contour.
+        places: Where they are, camera space, metres; NaN where it is not known, the same points in all frames.
+        pull: What decides where the points do not.
+        expression: Whether the points tell the face's expression.
+        one_shape: Whether all frames have one shape, the median of what some of them tell; else each has its own.
+    """
+    known = np.asarray(np.isfinite(places).all((0, 2)))
+    solver = _Solver(
+        body, [point for point, there in zip(points, known, strict=True) if there], pull, expression=expression
+    )
+    there = torch.as_tensor(places[:, known])
+    start = solver.begun(there)
+    if one_shape:
+        some = torch.linspace(0, len(there) - 1, min(len(there), _FOR_SHAPE)).long()
+        shape = solver.solved(start[some], there[some]).coefficients.median(0).values
+        start = replace(start, coefficients=shape.expand_as(start.coefficients).clone())
+    found = solver.solved(start, there, shape=not one_shape)
+    return PosedThrough(params=solver.params(found), off=solver.off(found, there).numpy())
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """B frames."""
+
+    orient: Float[Tensor, "B 3 3"]
+    pose: Float[Tensor, "B 54 3"]
+    coefficients: Float[Tensor, "B 20"]
+    translation: Float[Tensor, "B 3"]
+
+    def __getitem__(self, frames: Tensor) -> "_State":
+        return _State(*(getattr(self, f.name)[frames] for f in fields(self)))
+
+    def moved(self, step: Float[Tensor, "B 188"]) -> "_State":
+        turn, bend = step[:, :3], step[:, 3 : 3 * N_JOINTS]
+        return _State(
+            rotations.exp(turn) @ self.orient,
+            self.pose + bend.view_as(self.pose),
+            self.coefficients + step[:, 3 * N_JOINTS : -3],
+            self.translation + step[:, -3:],
+        )
+
+    def put(self, frames: Tensor, other: "_State") -> "_State":
+        """The same with these frames of the other one."""
+        return _State(*(getattr(self, f.name).index_copy(0, frames, getattr(other, f.name)) for f in fields(self)))
+
+
+def _carrier(body: BodyModel, point: Point) -> int:
+    """The joint that carries a point more than others do."""
+    if isinstance(point, Surface):
+        shares = np.array(point.weights) @ body.skinning_weights[list(point.vertices)]
+        return int(shares.argmax())
+    assert not isinstance(point, Contour), "where a contour's points lie on the mesh depends on the pose"
+    return point.bone if isinstance(point, Offset) else int(max(body.parents[point.joint], 0))
+
+
+def _turn(
+    rest: Float[Tensor, "n 3"], place: Float[Tensor, "T n 3"], before: Float[Tensor, "*T 3 3"]
+) -> Float[Tensor, "T 3 3"]:
+    """Rotations that take vectors to others; what these leave open is as before.
+
+    The orthogonal Procrustes problem (Schönemann 1966), whose matrix has a little of the rotation before added.
+    """
+    matrix = place.mT @ rest
+    size = (place.norm(dim=-1) * rest.norm(dim=-1)).sum(-1)[:, None, None]
+    left, _, right = torch.linalg.svd(matrix + (_LITTLE * size + 1e-12) * before)
+    mirrored = torch.linalg.det(left @ right).sign()
+    return torch.cat([left[..., :2], left[..., 2:] * mirrored[:, None, None]], -1) @ right
+
+
+class _Solver:
+    """One body, with one list of points."""
+
+    def __init__(self, body: BodyModel, points: Sequence[Point], pull: Pull, *, expression: bool) -> None:
+        self.body, self.owner = body, np.array([_carrier(body, point) for point in points])
+        self.pull, self.points, self.count = pull, BodyPoints(body, points), len(points)
+        weight = torch.full((N_JOINTS, 3), pull.fingers, dtype=torch.float64)
+        weight[POSE_JOINTS["body_pose"]], weight[0] = pull.body, 0.0
+        shape = torch.full((N_COEFFICIENTS,), pull.shape, dtype=torch.float64)
+        self.precision = torch.cat([weight.flatten(), shape, torch.zeros(3, dtype=torch.float64)]) ** 2
+        self.shaped = torch.ones(len(self.precision), dtype=torch.bool)
+        if not expression:
+            self.shaped[3 * N_JOINTS + N_BETAS : -3] = False
+        self.mean = full_pose(body, BodyParams.neutral(1, hand_components=45))[0, 1:].clone()
+        """The rest pose has the mean hands."""
+
+    def begun(self, places: Float[Tensor, "T N 3"]) -> _State:
+        """Every joint turned, from the root on, so that what it carries points the right way.
+
+        What a joint does not carry itself, its next descendants do. Turns that this leaves open are as at rest.
+        """
+        frames, parents = len(places), self.body.parents
+        rest, at_rest = self.points.rest, self._posed(self._at_rest(1)).points[0]
+        mean = rotations.exp(torch.cat([torch.zeros(1, 3, dtype=places.dtype), self.mean]))
+        trunk = torch.as_tensor(np.flatnonzero(np.isin(self.owner, _TORSO)))
+        middle, target = at_rest[trunk].mean(0), places[:, trunk].mean(1)
+        root = _turn(at_rest[trunk] - middle, places[:, trunk] - target[:, None], torch.eye(3, dtype=places.dtype))
+        world, joints = [root], [target + root @ (rest[0] - middle)]
+        local = [root]
+        for joint in range(1, N_JOINTS):
+            up = int(parents[joint])
+            before = world[up] @ mean[joint]
+            at = joints[up] + world[up] @ (rest[joint] - rest[up])
+            mine = self._carried(joint)
+            turned = before
+            if len(mine):
+                turned = _turn(at_rest[mine] - rest[joint], places[:, mine] - at[:, None], before)
+            world.append(turned)
+            joints.append(at)
+            local.append(world[up].mT @ turned)
+        pose = rotations.log(torch.stack(local[1:], 1))
+        shift = joints[0] - rest[0]
+        return replace(self._at_rest(frames), orient=root, pose=pose, translation=shift)
+
+    def _carried(self, joint: int) -> Int[Tensor, "n"]:
+        """The points of a joint, or of the first joints below it that have some."""
+        down = self.body.parents
+        level = [joint]
+        while level:
+            mine = np.flatnonzero(np.isin(self.owner, level))
+            if len(mine):
+                return torch.as_tensor(mine)
+            level = [j for j in range(N_JOINTS) if down[j] in level]
+        return torch.zeros(0, dtype=torch.long)
+
+    def _at_rest(self, frames: int) -> _State:
+        return _State(
+            torch.eye(3, dtype=torch.float64).repeat(frames, 1, 1),
+            torch.zeros(frames, N_JOINTS - 1, 3, dtype=torch.float64),
+            torch.zeros(frames, N_COEFFICIENTS, dtype=torch.float64),
+            torch.zeros(frames, 3, dtype=torch.float64),
+        )
+
+    def _posed(self, state: _State) -> Posed:
+        return self.points.forward(state.orient, state.pose, state.coefficients)
+
+    def off(self, state: _State, places: Tensor) -> Float[Tensor, "T"]:
+        """Root mean square of the distances."""
+        error = self._posed(state).points + state.translation[:, None] - places
+        return error.square().sum(-1).mean(-1).sqrt()
+
+    def solved(self, start: _State, places: Tensor, *, shape: bool = True) -> _State:
+        """All frames, some at once."""
+        free = self.shaped.clone()
+        if not shape:
+            free[3 * N_JOINTS : -3] = False
+        parts = [self._descended(start[i], places[i], free) for i in torch.arange(len(places)).split(_AT_ONCE)]
+        return _State(*(torch.cat([getattr(part, f.name) for part in parts]) for f in fields(_State)))
+
+    def _descended(self, state: _State, places: Tensor, free: Tensor) -> _State:
+        damping, active = torch.full((len(places),), _DAMPING, dtype=places.dtype), torch.arange(len(places))
+        for _ in range(_ITERATIONS):
+            now, there = state[active], places[active]
+            cost, matrix, gradient = self._normal(now, there, free)
+            scale = damping[active, None] * matrix.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
+            step = torch.zeros(len(active), len(free), dtype=places.dtype)
+            damped, failed = torch.linalg.cholesky_ex(matrix + torch.diag_embed(scale.expand_as(gradient)))
+            found = -torch.cholesky_solve(gradient[..., None], damped)[..., 0]
+            step[:, free] = torch.where(failed[:, None] == 0, found, 0.0)
+            trial = now.moved(step)
+            lower = self._cost(trial, there)
+            better = lower < cost
+            ended = (better & (cost - lower <= self.pull.tolerance * cost)) | (~better & (damping[active] > _LARGEST))
+            state = state.put(active[better], trial[better])
+            damping[active] *= torch.where(better, 0.1, 8.0)
+            active = active[~ended]
+            if not len(active):
+                break
+        return state
+
+    def _bent(self, state: _State) -> Float[Tensor, "B 188"]:
+        """What is pulled to zero; the root's turn and the translation are not."""
+        root, place = state.translation.new_zeros(len(state.pose), 3), torch.zeros_like(state.translation)
+        return torch.cat([root, (state.pose - self.mean).flatten(1), state.coefficients, place], 1)
+
+    def _cost(self, state: _State, places: Tensor) -> Float[Tensor, "B"]:
+        error = self._posed(state).points + state.translation[:, None] - places
+        return error.square().sum((1, 2)) + (self.precision * self._bent(state).square()).sum(1)
+
+    def _normal(
+        self, state: _State, places: Tensor, free: Tensor
+    ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B f f"], Float[Tensor, "B f"]]:
+        """Cost, matrix and gradient (both halved) in the free numbers."""
+        posed, frames = self._posed(state), len(places)
+        error, bent = posed.points + state.translation[:, None] - places, self._bent(state)
+        jacobian = error.new_zeros(frames, self.count, 3, len(free))
+        eye = torch.eye(3, dtype=error.dtype).expand(frames, self.count, 3, 3)
+        by_joint = jacobian[..., : 3 * N_JOINTS].unflatten(3, (N_JOINTS, 3))
+        at, joint = self.points.entry_point, self.points.entry_joint
+        by_joint[:, at, :, joint] = self.points.rotation_entries(posed, eye).transpose(0, 1)
+        jacobian[..., : 3 * N_JOINTS] += self.points.corrective_jacobian(posed).flatten(3)
+        jacobian[..., 3 * N_JOINTS : -3] = self.points.coefficient_jacobian(posed, slice(0, N_COEFFICIENTS))
+        jacobian[..., -3:] = eye
+        rows = jacobian.flatten(1, 2)[..., free]
+        gradient = (self.precision * bent)[:, free] + (rows.mT @ error.flatten(1)[..., None])[..., 0]
+        cost = error.square().sum((1, 2)) + (self.precision * bent.square()).sum(1)
+        return cost, rows.mT @ rows + torch.diag(self.precision[free]), gradient
+
+    def params(self, state: _State) -> BodyParams:
+        """As BodyParams has them."""
+        pose, mean = state.pose, self.mean
+        hands = (pose - mean).flatten(1)[:, 3 * (POSE_JOINTS["left_hand_pose"].start - 1) :]
+        parts = {
+            name: pose[:, part.start - 1 : part.stop - 1].flatten(1)
+            for name, part in POSE_JOINTS.items()
+            if name in ("body_pose", "jaw_pose", "leye_pose", "reye_pose")
+        }
+        return BodyParams(
+            betas=state.coefficients[:, :N_BETAS],
+            expression=state.coefficients[:, N_BETAS:],
+            global_orient=rotations.log(state.orient),
+            left_hand_pose=hands[:, :45],
+            right_hand_pose=hands[:, 45:],
+            camera_translation=state.translation,
+            **parts,
+        )
