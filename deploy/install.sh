@@ -21,8 +21,8 @@ if [ -e "$target" ]; then
 fi
 
 "${PYTHON:-python3}" -m venv "$target"
-# torch without CUDA is a tenth of the size; a computer with a GPU sets TORCH_INDEX to nothing.
-: "${TORCH_INDEX=https://download.pytorch.org/whl/cpu}"
+# torch without CUDA is a tenth of the size: TORCH_INDEX is the package index of PyTorch's CPU builds, see pytorch.org.
+: "${TORCH_INDEX=}"
 if [ -n "$TORCH_INDEX" ]; then
     version=$(sed -n 's/^torch==//p' "$source/constraints.txt")
     "$target/bin/pip" install --quiet --no-cache-dir --index-url "$TORCH_INDEX" "torch==$version"
