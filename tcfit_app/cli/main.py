@@ -201,10 +201,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
-    if OPTION not in given:
+    if not _tells_events(given):
         return ended(lambda: _run(given))
     with json_lines(given[0]) as end:
         return end(ended(lambda: _run_told(given)))
+
+
+def _tells_events(given: list[str]) -> bool:
+    """Whether events are asked for; to tcfit bench the option names a file."""
+    kind, _ = COMMANDS.get(given[0] if given else "", (None, None))
+    return OPTION in given and getattr(kind, "json", None) is False
 
 
 def _run_told(given: list[str]) -> int | None:

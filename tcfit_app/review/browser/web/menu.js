@@ -30,7 +30,10 @@ export function openMenu(name, items, x, y) {
   menu.addEventListener("contextmenu", (event) => event.preventDefault());
   menu.style.left = `${fitting(x, menu.offsetWidth, window.innerWidth)}px`;
   menu.style.top = `${fitting(y, menu.offsetHeight, window.innerHeight)}px`;
-  lines(menu)[0]?.focus({ preventScroll: true });
+  const first = lines(menu)[0];
+  if (!first) return;
+  first.tabIndex = 0; // a menu that scrolls must have something that Tab reaches
+  first.focus({ preventScroll: true });
 }
 
 /** @param {number} place @param {number} size @param {number} room */

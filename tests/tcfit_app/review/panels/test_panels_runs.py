@@ -346,7 +346,7 @@ def test_files_are_downloaded(panel_of: Opener):
         with ZipFile(io.BytesIO(got[name])) as archive:
             assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
             assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
-    assert set(EXPORTS) - set(_MADE) == {"obj", "overlay", "side-by-side", "project", "project-with-video"}
+    assert set(EXPORTS) - set(_MADE) == {"obj", "elan", "overlay", "side-by-side", "project", "project-with-video"}
 
 
 def test_run_frames_and_axes_are_chosen(panel_of: Opener):
