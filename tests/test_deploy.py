@@ -52,7 +52,9 @@ def test_compose_sets_what_serving_reads_and_publishes_only_the_proxy():
 def test_the_compose_file_is_yaml():
     yaml = pytest.importorskip("yaml", reason="PyYAML is not installed, which reads the compose file")
     services = yaml.safe_load(COMPOSE)["services"]
-    assert services["tcfit"]["build"] == {"context": "..", "dockerfile": "deploy/Dockerfile"}
+    build = services["tcfit"]["build"]
+    assert build == {"context": "..", "dockerfile": "deploy/Dockerfile", "args": {"TORCH_INDEX": "${TORCH_INDEX:-}"}}
+    assert "\nARG TORCH_INDEX\n" in DOCKERFILE and "${TORCH_INDEX=}" in (DEPLOY / "install.sh").read_text()
     assert set(services["tcfit"]["secrets"]) <= set(yaml.safe_load(COMPOSE)["secrets"])
 
 
