@@ -17,9 +17,9 @@ from tyro.conf import OmitArgPrefixes, arg
 
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import JOINT
+from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
 from fitting_core.fit.grounded import grounding_of_params
-from fitting_core.fit.observations import lifted_keypoints, seen_confidence
-from fitting_core.ground.contacts import stretches
+from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
 from fitting_core.ground.gravity import angles, robust_mean
 from fitting_core.ground.grounding import Grounding, grounding_before_fit
@@ -110,14 +110,14 @@ def _stances(made: MotionClipMade, fits: Path) -> list[Stance]:
         Stance(
             kind=made.sequence.kind,
             of=of,
-            slide=1e3 * float(pdist(feet[start:stop, foot, 0]).max()),
-            seconds=(stop - start) / clip.frame_rate,
-            off_floor=float(np.median(off[start:stop, foot])),
+            slide=1e3 * float(pdist(feet[run, foot, 0]).max()),
+            seconds=len(run) / clip.frame_rate,
+            off_floor=float(np.median(off[run, foot])),
         )
         for of, stands in standing.items()
         for foot in range(2)
-        for start, stop in stretches(stands[:, foot], True)
-        if stop - start >= _SHORTEST * clip.frame_rate
+        for run in runs_where(stands[:, foot])
+        if len(run) >= _SHORTEST * clip.frame_rate
     ]
 
 

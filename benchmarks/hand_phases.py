@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes, Positional
 
-from benchmarks.handshapes import Handshapes, _captioned, _crop, scene
+from benchmarks.handshapes import Handshapes, captioned, hand_picture, scene
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
@@ -153,8 +153,8 @@ def sheet(body: BodyModel) -> np.ndarray:
     at = scene(body, Handshapes(views=("palm",)))
     vertices, cells = Mesh(body, dtype=torch.float64)(at.truth).numpy(), []
     for i, name in enumerate(HANDSHAPES):
-        crops = [_crop(body, vertices[i], at.space[i, LEFT_HAND], "left", degrees) for degrees in (0.0, 80.0)]
-        cells.append(_captioned(np.concatenate(crops, 1), name))
+        crops = [hand_picture(body, vertices[i], at.space[i, LEFT_HAND], "left", degrees) for degrees in (0.0, 80.0)]
+        cells.append(captioned(np.concatenate(crops, 1), name))
     blank = np.full_like(cells[0], 255)
     cells += [blank] * (-len(cells) % 4)
     return np.concatenate([np.concatenate(cells[i : i + 4], 1) for i in range(0, len(cells), 4)])

@@ -224,16 +224,20 @@ def picture(body: BodyModel, at: Scene, fit: BodyParams, found: Errors, view: st
     for n, i in enumerate(frames):
         hands = []
         for s, (side, (_, points)) in enumerate(SIDES.items()):
-            crops = [_crop(body, v[n], at.space[i, points], side, degrees) for degrees in (0.0, 80.0) for v in vertices]
+            crops = [
+                hand_picture(body, v[n], at.space[i, points], side, degrees)
+                for degrees in (0.0, 80.0)
+                for v in vertices
+            ]
             told = f"{found.pixels[i, s]:.1f} px {found.wrist_mm[i, s]:.0f} mm (shape {found.shape_mm[i, s]:.1f})"
-            hands.append(_captioned(np.concatenate(crops, 1), f"{at.names[i][0]}: truth, fit; turned. {told}"))
+            hands.append(captioned(np.concatenate(crops, 1), f"{at.names[i][0]}: truth, fit; turned. {told}"))
         cells.append(np.concatenate(hands, 1))
     half = (len(cells) + 1) // 2
     cells += [np.full_like(cells[0], 255)] * (2 * half - len(cells))
     return np.concatenate([np.concatenate([a, b], 1) for a, b in zip(cells[:half], cells[half:], strict=True)])
 
 
-def _crop(
+def hand_picture(
     body: BodyModel, vertices: Float[np.ndarray, "V 3"], hand: Float[np.ndarray, "21 3"], side: str, degrees: float
 ) -> UInt8[np.ndarray, "H W 3"]:
     """A hand and its forearm alone, nearly without perspective, turned about the vertical through the true hand."""
@@ -246,7 +250,7 @@ def _crop(
     return Renderer(camera).render(seen, body.faces[mine[body.faces].all(1)])
 
 
-def _captioned(image: UInt8[np.ndarray, "H W 3"], text: str) -> UInt8[np.ndarray, "H W 3"]:
+def captioned(image: UInt8[np.ndarray, "H W 3"], text: str) -> UInt8[np.ndarray, "H W 3"]:
     framed = np.pad(image, ((20, 2), (2, 2), (0, 0)), constant_values=255)
     cv2.putText(framed, text, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (20, 20, 20), 1, cv2.LINE_AA)
     return framed

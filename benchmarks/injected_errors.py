@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fitting_core.fit.sides import PAIRED
+from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.keypoints import COUNT, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 
 _SEEN = 0.4

@@ -2,8 +2,9 @@
 
 People of the motion suite's tuning half before a lens of 35 mm, with the suite's measured detector. The camera stands
 still, turns after the person, goes around or past them, or is held in the hand; the last one also with the lens of an
-action camera. A fit is told the path, or takes the camera for one that stands where it was in the first frame. Joints
-are compared in the world, whose floor is level: where an export with `--axes world` has them.
+action camera. A fit is told the path, or the path without its scale, which is estimated then, or takes the camera for
+one that stands where it was in the first frame. Joints are compared in the world, whose floor is level: where an export
+with `--axes world` has them.
 """
 
 import math
@@ -26,11 +27,12 @@ from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.camera import Camera, Lens, World, path_of, project
+from fitting_core.camera import Camera, CameraPath, Lens, World, path_of, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
+from fitting_core.ground.path_scale import estimate_path_scale
 from fitting_core.io.motion.fitted_motion import OWN_WORLD, Motion
 from fitting_core.lens import filmed, straightened_keypoints
 from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
@@ -48,6 +50,8 @@ _DISTANCE, _HEIGHT = 5.0, 1.5
 """Metres of the camera from the person, and above the floor."""
 _BODY = slice(0, JOINT["right_wrist"] + 1)
 _FEET = [JOINT["left_foot"], JOINT["right_foot"]]
+_UNIT = 0.23
+"""Metres of a path's unit, where its scale is not told."""
 _TRUTH_COLOR = (0.75, 0.75, 0.75)
 Poses = tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3"]]
 """x_camera = rotation x_world + translation."""
@@ -125,6 +129,8 @@ class MovingCameras:
     """Of the motion suite."""
     cameras: tuple[str, ...] = tuple(CAMERAS)
     """Of CAMERAS."""
+    told: tuple[str, ...] = ("path", "path without scale", "nothing")
+    """What the fit knows."""
     sheets: Annotated[Path | None, arg(metavar="FOLDER")] = None
     """Where pictures go in which fit and truth are seen from aside, in the world."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -154,7 +160,7 @@ def run(options: MovingCameras) -> None:
         found: dict[str, list[dict[str, float]]] = {}
         for window in options.windows:
             shot = _filmed(window, CAMERAS[name], distortion)
-            for told in ("path", "nothing") if name != "still" else ("nothing",):
+            for told in options.told if name != "still" else ("nothing",):
                 fit = _fitted(shot, told)
                 found.setdefault(told, []).append(_figures(shot, fit))
                 progress(f"{title} {window} {told} {found[told][-1]}")
@@ -214,10 +220,28 @@ class _Fit:
 
 
 def _fitted(shot: _Shot, told: str) -> _Fit:
-    clip = shot.clip if told == "path" else replace(shot.clip, camera=replace(shot.clip.camera, path=None))
+    clip = replace(shot.clip, camera=replace(shot.clip.camera, path=_told(shot.clip, told)))
     params = fit_clip(clip, shot.body, PRESETS["tcfit"]).last.params
     motion = Motion(body=shot.body, params=params, camera=clip.camera, frame_rate=FRAME_RATE, name=clip.name)
     return _Fit(camera=params, world=motion.in_axes(OWN_WORLD))
+
+
+def _told(clip: Clip, told: str) -> CameraPath | None:
+    path, camera = clip.camera.path, clip.camera
+    if path is None or told == "nothing":
+        return None
+    if told == "path":
+        return path
+    in_units = _scaled(path, 1 / _UNIT)
+    found = estimate_path_scale(
+        clip.keypoints.xy, clip.keypoints.confidence, replace(camera, path=in_units), clip.frame_rate
+    )
+    progress(f"{clip.name}: one unit is {_UNIT} m; estimated {found}")
+    return in_units if found is None else _scaled(in_units, found.metres)
+
+
+def _scaled(path: CameraPath, factor: float) -> CameraPath:
+    return replace(path, translation=tuple((factor * x, factor * y, factor * z) for x, y, z in path.translation))
 
 
 def _figures(shot: _Shot, fit: _Fit) -> dict[str, float]:

@@ -15,11 +15,12 @@ from benchmarks.report import Common, progress, report, start
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS
-from fitting_core.fit.common_shape import common_shape
 from fitting_core.fit.events import drained
+from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_clip, shape_events
 from fitting_core.fit.fused import ready
 from fitting_core.fit.result import FitResult
+from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import mpjpe, pa_mpjpe
 from fitting_core.synthetic.studio.world_camera import View
@@ -65,7 +66,8 @@ def person(subject: Subject) -> dict[str, dict[str, float]]:
     body, config = subject_body(subject), PRESETS["tcfit"]
     made = [_clip(subject, motion) for motion in _VIEWS]
     alone = [fit_clip(m.clip, body, config) for m in made]
-    shape = common_shape([(m.clip, fit) for m, fit in zip(made, alone, strict=True)], body, config).betas
+    found = subject_shape([(m.clip, fit) for m, fit in zip(made, alone, strict=True)], body, config)
+    shape = KnownShape(betas=found.betas)
     together = [
         drained(shape_events(m.clip, body, config, fit, shape=shape)) for m, fit in zip(made, alone, strict=True)
     ]

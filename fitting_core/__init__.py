@@ -43,6 +43,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.fit.events import Iteration as Iteration
     from fitting_core.fit.events import PhaseFinished as PhaseFinished
     from fitting_core.fit.events import PhaseStarted as PhaseStarted
+    from fitting_core.fit.evidence.known_shape import KnownShape as KnownShape
     from fitting_core.fit.fitting import fit_clip as fit_clip
     from fitting_core.fit.fitting import fit_events as fit_events
     from fitting_core.fit.fitting import rerun_events as rerun_events
@@ -54,12 +55,14 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.io import read_motion as read_motion
     from fitting_core.io.clip_reader import read_clip as read_clip
     from fitting_core.io.clip_reader import read_keypoints as read_keypoints
+    from fitting_core.io.known_shape import read_known_shape as read_known_shape
     from fitting_core.io.motion.fitted_motion import Motion as Motion
     from fitting_core.io.motion.mesh_sequence import write_obj_sequence as write_obj_sequence
     from fitting_core.io.motion.mesh_sequence import write_ply_sequence as write_ply_sequence
     from fitting_core.io.motion_files import motion_of as motion_of
     from fitting_core.io.motion_files import stored_motion as stored_motion
     from fitting_core.io.motion_files import write_motion as write_motion
+    from fitting_core.io.people_reader import read_people as read_people
     from fitting_core.io.result_files import StoredFit as StoredFit
     from fitting_core.io.result_files import read_fit as read_fit
     from fitting_core.io.result_files import write_result as write_result
@@ -89,14 +92,17 @@ _HOMES = {
     "errors": ("InputError",),
     "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "FramesFitted"),
     "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),
+    "fit.evidence.known_shape": ("KnownShape",),
     "fit.objective_values": ("ObjectiveValues", "evaluate_objective"),
     "fit.refitting": ("refit",),
     "fit.result": ("FitResult", "PhaseResult"),
     "io": ("read_motion",),
     "io.clip_reader": ("read_clip", "read_keypoints"),
+    "io.known_shape": ("read_known_shape",),
     "io.motion.fitted_motion": ("Motion",),
     "io.motion.mesh_sequence": ("write_obj_sequence", "write_ply_sequence"),
     "io.motion_files": ("motion_of", "stored_motion", "write_motion"),
+    "io.people_reader": ("read_people",),
     "io.result_files": ("StoredFit", "read_fit", "write_result"),
     "io.start_reader": ("read_start",),
     "keypoints": ("Keypoints",),

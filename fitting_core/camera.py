@@ -118,6 +118,18 @@ class CameraPath:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PathScale:
+    """How long the unit of a path is, as estimated."""
+
+    metres: float
+    """The likeliest."""
+    deviation: float
+    """Standard deviation of its logarithm: 0.1 is about 10 %."""
+    by: str
+    """From what, in words for the user."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Camera:
     """Pinhole camera without distortion. Camera space: x right, y down, z away from the camera, metres.
 

@@ -154,9 +154,21 @@ def acceleration_error(
     return errors
 
 
-def depth_jitter(points: Float[np.ndarray, "T K 3"], frame_rate: float) -> float:
-    """Mean size of the points' common acceleration along the camera's z axis, m/s^2 (points in metres)."""
-    return acceleration(points[..., 2].mean(1)[:, None, None], frame_rate)
+def depth_jitter(
+    points: Float[np.ndarray, "T K 3"], frame_rate: float, *, view: Float[np.ndarray, "T 3"] | None = None
+) -> float:
+    """Mean size of the points' common acceleration along the camera's line of sight, m/s^2.
+
+    Args:
+        points: Metres.
+        frame_rate: Frames per second.
+        view: Where the camera looks in each frame, unit vectors in the points' space; None: along its z axis.
+    """
+    if len(points) < 3:
+        return 0.0
+    change = np.diff(points.mean(1), 2, axis=0)
+    along = change[:, 2] if view is None else (change * view[1:-1]).sum(1)
+    return float(abs(along).mean()) * frame_rate**2
 
 
 def _mean_length(points: np.ndarray, order: int) -> float:

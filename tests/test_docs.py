@@ -19,6 +19,7 @@ import pytest
 
 from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import write_reference
 from tcfit_app.cli.main import parse
@@ -212,15 +213,19 @@ def test_every_target_of_make_that_is_named_exists():
 def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The files of the examples: walk.mp4, its keypoints as OpenPose writes them, and the truth."""
     moving = motion(4)
-    keypoints = clip_of(moving, noise=2.0).keypoints
     truth = reference_of("walk", "made", shipped_body(), moving, frame_rate=25.0, in_camera=True)
     write_reference(tmp_path / "truth.npz", truth)
-    write_openpose(tmp_path / "keypoints", keypoints, name="walk")
-    video = cv2.VideoWriter(str(tmp_path / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
+    filmed(tmp_path / "walk.mp4", clip_of(moving, noise=2.0).keypoints)
+    monkeypatch.chdir(tmp_path)
+
+
+def filmed(path: Path, keypoints: Keypoints) -> None:
+    """A black video, and beside it its keypoints."""
+    write_openpose(path.with_name("keypoints"), keypoints, name=path.stem)
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
     for _ in range(len(keypoints)):
         video.write(np.zeros((*CAMERA.size[::-1], 3), np.uint8))
     video.release()
-    monkeypatch.chdir(tmp_path)
 
 
 def examples(path: Path) -> list[str]:
@@ -236,6 +241,7 @@ def test_the_pages_with_examples_are_known():
         "engineers.md",
         "library.md",
         "formats.md",
+        "people.md",
     }
 
 
@@ -277,6 +283,17 @@ def test_the_examples_run(
     said = capsys.readouterr().out
     assert all(text in said for text in ("torch.Size([4, 63])", "phase 3: ", "Re-run", "PA-MPJPE", "(4, 55, 3)"))
     assert all(Path(name).stat().st_size > 1000 for name in ("walk.glb", "walk.bvh", "walk.npz", "walk-fit/fit.npz"))
+
+
+def test_the_page_of_several_people_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    monkeypatch.setitem(PRESETS, "tcfit", QUICK)
+    monkeypatch.chdir(tmp_path)
+    filmed(tmp_path / "talk.mp4", clip_of(motion(8), noise=2.0).keypoints)
+    (example,) = examples(DOCS / "people.md")
+    exec(example, {})
+    assert "person 1 (0, 7) ()" in capsys.readouterr().out
 
 
 def test_the_readme_has_the_example_that_runs():

@@ -8,7 +8,6 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import BodyModel
@@ -26,7 +25,9 @@ from fitting_core.fit.events import (
     drained,
     mapped,
 )
-from fitting_core.fit.given_start import GivenStart
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.known_shape import KnownShape
+from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.fit.grounded import grounded, stances_of_params
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
@@ -37,7 +38,6 @@ from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
-from fitting_core.fit.sides import SEEN
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State
@@ -85,8 +85,7 @@ def fit_events(
     config: FitConfig,
     *,
     start: GivenStart | None = None,
-    shape: Float[np.ndarray, "10"] | None = None,
-    shape_from: str = "",
+    shape: KnownShape | None = None,
 ) -> Generator[FitEvent, None, FitResult]:
     """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
 
@@ -96,13 +95,12 @@ def fit_events(
         config: everything else; see `config.PRESETS`.
         start: what another system found in this clip, with which phase 1 begins (`io.start_reader.read_start`); frames
             that it lacks are fitted as without it.
-        shape: betas that are known, which phase 2 takes instead of looking for them.
-        shape_from: where they come from, for the user.
+        shape: one that is known, which phase 2 takes instead of looking for it.
 
     Raises:
         InputError: no frame of the clip shows enough of a person.
     """
-    return (yield from _Fit(clip, body, config, start=start, shape=shape, shape_from=shape_from).run())
+    return (yield from _Fit(clip, body, config, start=start, shape=shape).run())
 
 
 def fit_clip(
@@ -111,11 +109,10 @@ def fit_clip(
     config: FitConfig,
     *,
     start: GivenStart | None = None,
-    shape: Float[np.ndarray, "10"] | None = None,
-    shape_from: str = "",
+    shape: KnownShape | None = None,
 ) -> FitResult:
     """The result of `fit_events`, without the events."""
-    return drained(fit_events(clip, body, config, start=start, shape=shape, shape_from=shape_from))
+    return drained(fit_events(clip, body, config, start=start, shape=shape))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,8 +181,7 @@ def shape_events(
     config: FitConfig,
     start: FitResult,
     *,
-    shape: Float[np.ndarray, "10"] | None = None,
-    shape_from: str = "",
+    shape: KnownShape | None = None,
 ) -> Generator[FitEvent, None, FitResult]:
     """Phase 2 again from a fit's first phase on, and phase 3 under the new shape if `config.last_phase` has one.
 
@@ -195,12 +191,11 @@ def shape_events(
         config: everything else.
         start: its first phase is kept, and what that began with.
         shape: as in `fit_events`.
-        shape_from: as in `fit_events`.
 
     Raises:
         InputError: It has no first phase, or no frame of the clip shows a person.
     """
-    again = _Fit(clip, body, config, start=start.start, shape=shape, shape_from=shape_from)
+    again = _Fit(clip, body, config, start=start.start, shape=shape)
     return (yield from again.run_again(start))
 
 
@@ -235,11 +230,9 @@ class _Fit:
         config: FitConfig,
         *,
         start: GivenStart | None = None,
-        shape: Float[np.ndarray, "10"] | None = None,
-        shape_from: str = "",
+        shape: KnownShape | None = None,
     ) -> None:
-        self.clip, self.body, self.config, self.start = clip, body, config, start
-        self.shape, self.shape_from = shape, shape_from
+        self.clip, self.body, self.config, self.start, self.shape = clip, body, config, start, shape
         self.stages = clip_stages(clip, body, config, start=start)
         self.solver = make_solver(config.solver, config.settings)
         self.phases: list[PhaseResult] = []
@@ -285,9 +278,8 @@ class _Fit:
         start, state = time.perf_counter(), sight.state
         betas = self.stages.parametrisation.columns.betas
         if self.shape is not None:
-            state = state.with_columns(betas, torch.as_tensor(self.shape).to(state.vector).expand(len(state), -1))
-            note = f"shape as given from {self.shape_from}" if self.shape_from else "shape as given"
-            yield self._finish(2, state, start, (note,), poses=poses)
+            state = state.with_columns(betas, torch.as_tensor(self.shape.betas).to(state.vector).expand(len(state), -1))
+            yield self._finish(2, state, start, (self.shape.sentence(),), poses=poses)
             return state
         sampled, frames = yield from _events(fit_shape(sight, self.solver), 2)
         state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))

@@ -8,10 +8,10 @@ from jaxtyping import Float
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.fit.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.evidence.sides import unswapped
+from fitting_core.fit.evidence.stances import Stances, stances
 from fitting_core.fit.result import FitResult
-from fitting_core.fit.sides import unswapped
-from fitting_core.fit.stances import Stances, stances
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.grounding import Grounding, grounding_of
 

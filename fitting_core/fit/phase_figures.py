@@ -12,7 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.given_start import GivenStart
+from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import PhaseResult
 from fitting_core.fit.stages import N_STAGES, Stages

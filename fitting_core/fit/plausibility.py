@@ -4,7 +4,7 @@ import numpy as np
 
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.fit.sides import SEEN
+from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.keypoints import BODY
 
 _FAR, _NEAR = 60.0, 0.25

@@ -15,10 +15,10 @@ from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.given_start import GivenStart
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.observations import Observations
+from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.objective import FrameObjective
-from fitting_core.fit.observations import Observations
-from fitting_core.fit.stances import Stances
 from fitting_core.fit.terms.collision.term import CollidingBody
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition

@@ -15,7 +15,8 @@ and all at once, with a floor through the feet of the lifter's body, `grounding_
 beside `lift`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,6 +24,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
+from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.placing import SEEN, places, rays_of
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
@@ -60,6 +62,10 @@ class Contacts:
     """That it stands still on the ground; 0 where it is not in the image."""
     standing: Bool[np.ndarray, "T 2"]
     """Whether it stands: the probability's decision, without short gaps and flicker."""
+
+    def __getitem__(self, frames: slice) -> Self:
+        """The same for consecutive frames."""
+        return replace(self, probability=self.probability[frames], standing=self.standing[frames])
 
     @property
     def seen(self) -> Bool[np.ndarray, "T 2"]:
@@ -205,14 +211,8 @@ def decided(probability: Float[np.ndarray, "T 2"], frame_rate: float) -> Bool[np
             stands = value > (_STAY if stands else _ENTER)
             found[frame, foot] = stands
         for value, seconds in ((False, _GAP), (True, _SHORTEST)):
-            for start, stop in stretches(found[:, foot], value):
-                inside = start > 0 and stop < len(values)
-                if inside and stop - start < seconds * frame_rate and (value or (values[start:stop] > 0).all()):
-                    found[start:stop, foot] = not value
+            for run in runs_where(found[:, foot] == value):
+                inside = run.start > 0 and run.stop < len(values)
+                if inside and len(run) < seconds * frame_rate and (value or (values[run] > 0).all()):
+                    found[run, foot] = not value
     return found
-
-
-def stretches(values: Bool[np.ndarray, "T"], value: bool) -> list[tuple[int, int]]:
-    """Where runs of equal values, all true or all false, begin and end."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], values == value, [False]]).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -34,9 +34,7 @@ class Grounding:
 
     def __getitem__(self, frames: slice) -> Self:
         """The same for consecutive frames: gravity and floor are the whole clip's."""
-        contacts = self.contacts
-        part = Contacts(probability=contacts.probability[frames], standing=contacts.standing[frames])
-        return replace(self, contacts=part)
+        return replace(self, contacts=self.contacts[frames])
 
     @property
     def text(self) -> str:

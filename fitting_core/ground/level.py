@@ -1,5 +1,6 @@
 """How a camera is held: what turns its space upright, and puts the floor at height 0, or the origin at the user's."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,22 @@ def level_of(grounding: Grounding | None, world: World | None = None) -> Level |
         return None
     gravity, ground = grounding.gravity, grounding.ground
     return Level(turn=upright(gravity.up), height=None if ground is None else ground.offset, text=grounding.text)
+
+
+def best_grounding(groundings: Sequence[Grounding | None]) -> int | None:
+    """Of several people before one camera, whose floor is surest; where nobody has one, whose gravity; None: nobody's.
+
+    Args:
+        groundings: Of their fits.
+    """
+
+    def doubt(k: int) -> tuple[bool, float]:
+        grounding = groundings[k]
+        assert grounding is not None
+        ground = grounding.ground
+        return ground is None, grounding.gravity.deviation if ground is None else ground.deviation
+
+    return min((k for k, one in enumerate(groundings) if one is not None), key=doubt, default=None)
 
 
 def _of_world(world: World, up: Float[np.ndarray, "3"], grounding: Grounding | None) -> Level:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fitting_core.ground.contacts import Contacts, stretches
+from fitting_core.frame_runs import runs_where
+from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 
 _LEAST = 0.2
@@ -77,9 +78,5 @@ def lowest(
 def _of_stretches(heights: Float[np.ndarray, "T 2"], on_it: Bool[np.ndarray, "T 2"]) -> Float[np.ndarray, "n"]:
     """Each contact's own: its frames are off together."""
     return np.array(
-        [
-            np.median(heights[start:stop, foot])
-            for foot in range(on_it.shape[1])
-            for start, stop in stretches(on_it[:, foot], True)
-        ]
+        [np.median(heights[run, foot]) for foot in range(on_it.shape[1]) for run in runs_where(on_it[:, foot])]
     )

@@ -1,10 +1,12 @@
-"""A focal length that nobody gave: told by photographs, or estimated from the clip."""
+"""What nobody said of a camera: its focal length, told by photographs or estimated from the clip; a path's scale."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fitting_core.camera import ESTIMATED, Camera, focal_from_35mm
+from fitting_core.camera import ESTIMATED, Camera, PathScale, focal_from_35mm
 from fitting_core.keypoints import Keypoints
+from fitting_core.lens import straightened_keypoints
 from fitting_core.video.exif import focal_35mm
 from fitting_core.video.frames import image_files
 
@@ -41,3 +43,20 @@ def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera
         return camera
     sure = f"with 80 % confidence between {found.low:.0f} and {found.high:.0f} px"
     return replace(camera, focal=(found.focal, found.focal), source=f"{ESTIMATED}, {sure}")
+
+
+def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:
+    """What estimates the scale of a moving camera's path.
+
+    Args:
+        keypoints: Of the whole clip, as they were filmed: not yet straightened.
+        frame_rate: Frames per second.
+    """
+
+    def scale_of(camera: Camera) -> PathScale | None:
+        from fitting_core.ground.path_scale import estimate_path_scale  # loads torch
+
+        straight, _ = straightened_keypoints(keypoints, camera.lens)
+        return estimate_path_scale(straight.xy, straight.confidence, camera, frame_rate)
+
+    return scale_of

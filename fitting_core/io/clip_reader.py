@@ -1,17 +1,18 @@
 """Read a clip: frames, keypoints and camera put together into what is fitted."""
 
 import shlex
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import Camera, FocalRule, Up
+from fitting_core.camera import Camera, FocalRule, PathScale, Up
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import camera_of, focal_option
-from fitting_core.io.camera_rule import estimated, told_by_photographs
+from fitting_core.io.camera_rule import estimated, scale_by, told_by_photographs
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
 from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
@@ -50,6 +51,126 @@ class _Person:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class CameraGiven:
+    """What a user says of the camera, checked; `read_clip` has the words."""
+
+    file: CameraFile | None
+    focal: tuple[str, float] | None
+    center: tuple[float, float] | None
+    automatic: bool
+    """The focal length is told by photographs, or estimated."""
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        focal_length: float | FocalRule | None,
+        fov: float | None,
+        focal_length_35mm: float | None,
+        center: tuple[float, float] | None,
+        camera: Path | None,
+        camera_name: str | None,
+        camera_unit: float | None,
+        camera_up: Up | None,
+    ) -> "CameraGiven":
+        """Raises InputError where these contradict each other."""
+        focal = focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+        file = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
+        return cls(file=file, focal=focal, center=center, automatic=focal_length == "auto")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """A clip of which it is not yet said who in it is meant."""
+
+    detections: Detections
+    """Of the frames that are used, in pixels."""
+    size: tuple[int, int]
+    frames: ClipFrames
+    images: Path | None
+    name: str
+    given: CameraGiven
+    notes: tuple[str, ...]
+    """On the frames, and on how keypoints were put to them."""
+    later_notes: tuple[str, ...]
+    """On the image size."""
+    rate_notes: tuple[str, ...]
+
+    @property
+    def first_frame(self) -> int:
+        """Its number."""
+        return self.frames.numbers[0]
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames per second."""
+        return self.frames.frame_rate
+
+    def camera(self, keypoints: Keypoints) -> tuple[Camera, tuple[str, ...]]:
+        """The camera, with the focal length and the scale that these keypoints tell if no other is known, and notes."""
+        scale_of = scale_by(keypoints, self.frame_rate)
+        seen, notes = _camera(self.given.file, self.size, self.frames, self.given.center, self.given.focal, scale_of)
+        if self.given.automatic:
+            seen = told_by_photographs(seen, self.images) or estimated(seen, keypoints, self.frame_rate)
+        return seen, notes
+
+    def clip(self, keypoints: Keypoints, camera: Camera, *notes: tuple[str, ...]) -> Clip:
+        """One person's.
+
+        Args:
+            keypoints: Of all frames, as detected.
+            camera: Of them.
+            notes: On the person, on where the keypoints lie, and on the camera.
+        """
+        of_person, of_places, of_camera = notes
+        straight, of_lens = straightened_keypoints(keypoints, camera.lens)
+        after = (*self.later_notes, *of_places, *self.rate_notes, *of_camera, *of_lens)
+        return Clip(
+            keypoints=straight,
+            camera=camera,
+            frame_rate=self.frame_rate,
+            name=self.name,
+            source=self.images,
+            first_frame=self.first_frame,
+            notes=(*self.notes, *of_person, *after),
+        )
+
+
+def read_shot(
+    video: Path | None,
+    keypoints: Path | None,
+    given: CameraGiven,
+    *,
+    keypoint_scale: str,
+    frame_rate: float | None,
+    image_size: tuple[int, int] | None,
+    first_frame: int | None,
+    last_frame: int | None,
+) -> Shot:
+    """Everything of a clip but who is meant; arguments and errors as of `read_clip`."""
+    images, keypoint_path = locate(video, keypoints)
+    detections = read_detections(keypoint_path)
+    footage = _footage(images)
+    size = _known_size(footage, image_size) or detections.size
+    detections, size, size_notes = _in_pixels(_with_contradictions(detections, footage), size, keypoint_scale)
+    timeline = footage.timeline or timeline_of_keypoints(detections)
+    part = chosen(timeline, first_frame, last_frame)
+    rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
+    aligned, notes = align(detections, timeline)
+    return Shot(
+        detections=aligned[part],
+        size=size,
+        frames=ClipFrames(timeline=timeline, part=part, frame_rate=rate),
+        images=images,
+        name=_name(video or keypoint_path),
+        given=given,
+        notes=(*footage.notes, *detections.notes, *notes),
+        later_notes=size_notes,
+        rate_notes=rate_notes,
+    )
+
+
 def read_clip(
     video: Path | None,
     keypoints: Path | None = None,
@@ -86,7 +207,8 @@ def read_clip(
         camera: A calibration file, in place of the four before: any form of fitting_core.io.cameras.reading. Where it
             knows the lens's distortion, the clip is that of straightened pictures.
         camera_name: Which of its cameras, if it has several.
-        camera_unit: Metres that one unit of its world is long.
+        camera_unit: Metres that one unit of its world is long. If nobody says it, it is estimated from the keypoints
+            for a camera that moves, and else 1.
         camera_up: The axis of its world that points against gravity, where it is not as the file has it.
         person: Whoever has this place, from 0, in the first frame whose list of people has it; by default, the most
             prominent person is followed.
@@ -99,32 +221,31 @@ def read_clip(
     Raises:
         InputError: A file is missing or broken, options contradict each other, or nothing was detected.
     """
-    focal = focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
-    calibrated = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
-    images, keypoint_path = locate(video, keypoints)
-    detections = read_detections(keypoint_path)
-    footage = _footage(images)
-    size = _known_size(footage, image_size) or detections.size
-    detections, size, size_notes = _in_pixels(_with_contradictions(detections, footage), size, keypoint_scale)
-    timeline = footage.timeline or timeline_of_keypoints(detections)
-    part = chosen(timeline, first_frame, last_frame)
-    found = _person(detections, timeline, part, person)
-    rate, rate_notes = _frame_rate(frame_rate, footage, detections.frame_rate)
-    inside_notes = _check_inside(found.keypoints, size)
-    frames = ClipFrames(timeline=timeline, part=part, frame_rate=rate)
-    seen, camera_notes = _camera(calibrated, size, frames, center, focal)
-    if focal_length == "auto":
-        seen = told_by_photographs(seen, images) or estimated(seen, found.keypoints, rate)
-    straight, lens_notes = straightened_keypoints(found.keypoints, seen.lens)
-    return Clip(
-        keypoints=straight,
-        camera=seen,
-        frame_rate=rate,
-        name=_name(video or keypoint_path),
-        source=images,
-        first_frame=found.first_frame,
-        notes=(*footage.notes, *found.notes, *size_notes, *inside_notes, *rate_notes, *camera_notes, *lens_notes),
+    given = CameraGiven.of(
+        focal_length=focal_length,
+        fov=fov,
+        focal_length_35mm=focal_length_35mm,
+        center=center,
+        camera=camera,
+        camera_name=camera_name,
+        camera_unit=camera_unit,
+        camera_up=camera_up,
     )
+    shot = read_shot(
+        video,
+        keypoints,
+        given,
+        keypoint_scale=keypoint_scale,
+        frame_rate=frame_rate,
+        image_size=image_size,
+        first_frame=first_frame,
+        last_frame=last_frame,
+    )
+    choice = choose_person(shot.detections, person=person, first_frame=shot.first_frame)
+    inside_notes = check_inside(choice.keypoints, shot.size)
+    seen, camera_notes = shot.camera(choice.keypoints)
+    of_person = (choice.note,) if choice.note else ()
+    return shot.clip(choice.keypoints, seen, of_person, inside_notes, camera_notes)
 
 
 def read_footage(
@@ -191,7 +312,7 @@ def read_keypoints(
     part = chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)
     found = _person(detections, timeline, part, person)
     straight, lens_notes = straightened_keypoints(found.keypoints, clip.camera.lens)
-    return straight, (*found.notes, *scale_notes, *_check_inside(found.keypoints, clip.camera.size), *lens_notes)
+    return straight, (*found.notes, *scale_notes, *check_inside(found.keypoints, clip.camera.size), *lens_notes)
 
 
 def _camera_file(
@@ -227,9 +348,12 @@ def _camera(
     frames: ClipFrames,
     center: tuple[float, float] | None,
     focal: tuple[str, float] | None,
+    scale_of: Callable[[Camera], PathScale | None] | None = None,
 ) -> tuple[Camera, tuple[str, ...]]:
     """The camera, by its calibration or by what a user says of it, and notes."""
-    return (camera_of(size, center, focal), ()) if calibrated is None else read_camera(calibrated, size, frames)
+    if calibrated is None:
+        return camera_of(size, center, focal), ()
+    return read_camera(calibrated, size, frames, scale_of=scale_of)
 
 
 def _person(detections: Detections, timeline: Timeline, part: slice, person: int | None) -> _Person:
@@ -371,7 +495,7 @@ def _frame_rate(option: float | None, footage: _Footage, told: float | None) -> 
     return option, ()
 
 
-def _check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:
+def check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:
     """A note, or an error, where the keypoints do not look as if made on these images."""
     points = keypoints.xy[keypoints.confidence > 0]
     outside = ((points < 0) | (points >= np.array(size))).any(1)

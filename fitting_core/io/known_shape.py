@@ -6,12 +6,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 from fitting_core.files.regular import regular_file
+from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.io.result_files import FIT_NAME
 
 _MOST = 64 * 2**20
@@ -21,10 +21,10 @@ _LARGEST = 50.0
 _EXPECTED = f"expected a result of tcfit, or an npz or JSON file with {N_BETAS} betas"
 
 
-def read_betas(path: Path, *, body_hash: str = "") -> Float[np.ndarray, "10"]:
-    """The betas of a result's folder, its fit.npz or summary.json, or another npz or JSON file that names them so.
+def read_known_shape(path: Path, *, body_hash: str = "") -> KnownShape:
+    """The shape of a result's folder, its fit.npz or summary.json, or another npz or JSON file with `betas`.
 
-    Of more than ten, as AMASS has them, the first ten count: they are ordered by how much of a shape they tell.
+    Of more than ten betas, as AMASS has them, the first ten count: they are ordered by how much of a shape they tell.
 
     Args:
         path: Folder or file.
@@ -51,7 +51,7 @@ def read_betas(path: Path, *, body_hash: str = "") -> Float[np.ndarray, "10"]:
             f"{file}: its betas belong to another body model, where they mean another shape. Fit with the body that it "
             "was made with, or find the shape again."
         )
-    return found[:N_BETAS].copy()
+    return KnownShape(betas=found[:N_BETAS].copy(), source=path.name)
 
 
 def _of_npz(file: Path) -> tuple[Any, str]:

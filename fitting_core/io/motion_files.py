@@ -62,6 +62,7 @@ def motion_of(fit: FitResult, clip: Clip, body: BodyModel, *, phase: int | None 
         frame_rate=clip.frame_rate,
         name=clip.name,
         first_frame=clip.first_frame,
+        contacts=None if fit.grounding is None else fit.grounding.contacts,
         level=level_of(fit.grounding, fit.camera.world),
     )
 
@@ -92,6 +93,7 @@ def stored_motion(fit: StoredFit, body: BodyModel, *, name: str, phase: int | No
         frame_rate=fit.frame_rate,
         name=name,
         first_frame=fit.first_frame,
+        contacts=None if fit.grounding is None else fit.grounding.contacts,
         level=level_of(fit.grounding, fit.camera.world),
     )
 

@@ -18,7 +18,7 @@ from fitting_core.body.points.positions import body_keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.given_start import (
+from fitting_core.fit.evidence.given_start import (
     FOLLOWS,
     GivenStart,
     Placed,
@@ -28,8 +28,8 @@ from fitting_core.fit.given_start import (
     placed,
     with_whole_hands,
 )
-from fitting_core.fit.observations import seen_confidence
-from fitting_core.fit.sides import SEEN
+from fitting_core.fit.evidence.observations import seen_confidence
+from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.io import read_motion
 from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.imported_motion import CoveredFrames, ImportedMotion, cover, from_still

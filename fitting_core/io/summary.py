@@ -17,7 +17,7 @@ from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.toml import as_plain
 from fitting_core.files.regular import legible
-from fitting_core.fit.observations import cut_off
+from fitting_core.fit.evidence.observations import cut_off
 from fitting_core.fit.result import FitResult
 from fitting_core.ground.grounding import Grounding
 from fitting_core.metrics import jitter, reprojection_errors

@@ -32,13 +32,23 @@ def _of_truth(figure: Callable[[np.ndarray, float], float]) -> Callable[[Pair], 
     def value(pair: Pair) -> float | None:
         if pair.reference is None or pair.reference.joints is None or not pair.even or (pair.frames < 0).any():
             return None
-        return figure(pair.reference.joints[pair.frames][:, BODY_JOINTS], pair.estimate.frame_rate)
+        joints = pair.reference.joints[pair.frames][:, BODY_JOINTS]
+        return figure(pair.estimate.still(joints) if pair.in_camera else joints, pair.estimate.frame_rate)
 
     return value
 
 
 def _of_fit(figure: Callable[[np.ndarray, float], float]) -> Callable[[Pair], float | None]:
-    return lambda pair: figure(pair.estimate.joints[:, BODY_JOINTS], pair.estimate.frame_rate)
+    return lambda pair: figure(_still_joints(pair), pair.estimate.frame_rate)
+
+
+def _still_joints(pair: Pair) -> Float[np.ndarray, "T 22 3"]:
+    """The fit's, where a camera that moves does not move them."""
+    return pair.estimate.still(pair.estimate.joints[:, BODY_JOINTS])
+
+
+def _depth_jitter(pair: Pair) -> float:
+    return metrics.depth_jitter(_still_joints(pair), pair.estimate.frame_rate, view=pair.estimate.view)
 
 
 def _bones(pair: Pair) -> float:
@@ -55,13 +65,13 @@ FIGURES: dict[str, FigureKind] = {
     "jerk_truth": FigureKind(
         title="Jitter of the truth, third difference", unit="m/s³", value=_of_truth(metrics.jerk), better=""
     ),
-    "depth_jitter": FigureKind(title="Depth jitter", unit="m/s²", value=_of_fit(metrics.depth_jitter)),
+    "depth_jitter": FigureKind(title="Depth jitter", unit="m/s²", value=_depth_jitter),
     "bone_length_variation": FigureKind(title="Bone length variation", unit="%", value=_bones),
     "shape_variation": FigureKind(
         title="Shape variation", unit="", value=lambda p: metrics.shape_variation(p.estimate.params.betas.numpy())
     ),
 }
-"""Those that are no mean of a curve."""
+"""Those that are no mean of a curve. How points move is measured in still space: a camera's own motion is none."""
 
 
 def figures() -> dict[str, FigureKind]:

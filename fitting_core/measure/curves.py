@@ -17,8 +17,8 @@ PointMetric = Callable[[np.ndarray, np.ndarray, list[int]], np.ndarray]
 Curve = Callable[[Pair], Float[np.ndarray, "T"] | None]
 
 
-def _on_points(metric: PointMetric, *, placed: bool) -> Curve:
-    """A metric of points, frame by frame on those that are known there."""
+def _on_points(metric: PointMetric, *, placed: bool, rooted: bool = False) -> Curve:
+    """A metric of points, frame by frame on those that are known there; with `rooted`, where the root is."""
 
     def curve(pair: Pair) -> Float[np.ndarray, "T"] | None:
         if pair.points is None or (placed and not pair.in_camera):
@@ -28,7 +28,7 @@ def _on_points(metric: PointMetric, *, placed: bool) -> Curve:
         values = np.full(len(estimate), np.nan)
         for pattern in np.unique(known, axis=0):
             frames, kept = (known == pattern).all(1), np.flatnonzero(pattern)
-            if len(kept) >= _FEWEST and pattern[roots].all():
+            if len(kept) >= _FEWEST and (not rooted or pattern[roots].all()):
                 own_roots = np.searchsorted(kept, roots).tolist()
                 values[frames] = metric(estimate[frames][:, kept], truth[frames][:, kept], own_roots)
         return values if np.isfinite(values).any() else None
@@ -40,7 +40,8 @@ def _acceleration_error(pair: Pair) -> Float[np.ndarray, "T"] | None:
     if pair.points is None or not pair.in_camera or not pair.even:
         return None
     estimate, truth, roots = pair.points
-    rooted = metrics.rooted(estimate, roots), metrics.rooted(truth, roots)
+    still = pair.estimate.still(estimate), pair.estimate.still(truth)
+    rooted = metrics.rooted(still[0], roots), metrics.rooted(still[1], roots)
     whole = np.asarray(np.isfinite(truth[pair.frames >= 0]).all((0, 2)))
     chosen = whole if whole.any() else np.ones(len(whole), bool)
     return metrics.acceleration_error(rooted[0][:, chosen], rooted[1][:, chosen], pair.estimate.frame_rate)
@@ -107,7 +108,7 @@ CURVES: dict[str, CurveKind] = {
     "pa_mpjpe": CurveKind(
         title="PA-MPJPE", unit="mm", values=_on_points(lambda e, t, r: metrics.pa_mpjpe(e, t), placed=False)
     ),
-    "mpjpe": CurveKind(title="MPJPE", unit="mm", values=_on_points(metrics.mpjpe, placed=True)),
+    "mpjpe": CurveKind(title="MPJPE", unit="mm", values=_on_points(metrics.mpjpe, placed=True, rooted=True)),
     "joint_error": CurveKind(
         title="Joint error in the camera",
         unit="mm",
@@ -128,4 +129,5 @@ CURVES: dict[str, CurveKind] = {
     "volume": CurveKind(title="Volume", unit="dm³", values=lambda p: p.volumes, statistics=("mean", "std"), better=""),
     "true_volume": CurveKind(title="Volume of the truth", unit="dm³", values=lambda p: p.true_volumes, better=""),
 }
-"""By name. Joints are the 22 of trunk and limbs, or the 12 keypoints of the limbs where a reference has no joints."""
+"""By name. Joints are the 22 of trunk and limbs; where a reference is no body, the 12 keypoints of the limbs, and what
+it has of joints and markers."""

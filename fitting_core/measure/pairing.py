@@ -8,7 +8,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.markers.marker_set import marker_places
+from fitting_core.body.model import JOINT, JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera, project
@@ -20,7 +21,11 @@ _NEAR = 0.01
 """Metres: points nearer to the camera's plane, or behind it, are in no image."""
 BODY_JOINTS = list(range(JOINT["right_wrist"] + 1))
 """The 22 joints of trunk and limbs."""
+_FINE = set(JOINTS[JOINT["right_wrist"] + 1 :])
+"""Joints of fingers and face, which do not count where joints are compared, whatever has them."""
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
+_PELVIS = (("pelvis",), ("left_hip", "right_hip"), ("LASI", "RASI", "LPSI", "RPSI"), ("LASI", "RASI", "SACR"))
+"""What stands for the root where hips are no keypoints of a reference: the first of these that it has."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,6 +47,16 @@ class Estimate:
         """Camera space, metres."""
         return joints_in_space(self.body, self.params)
 
+    def still(self, points: Float[np.ndarray, "T K 3"]) -> Float[np.ndarray, "T K 3"]:
+        """Points of camera space in still space, in which a camera that moves does not move them (see `CameraPath`)."""
+        return points if self.camera is None else self.camera.to_still(points)
+
+    @property
+    def view(self) -> Float[np.ndarray, "T 3"]:
+        """Where the camera looks in each frame, unit vectors in still space."""
+        ahead = np.tile([0.0, 0.0, 1.0], (len(self.params), 1))
+        return ahead if self.camera is None else self.camera.turned_to_still(ahead)
+
     @cached_property
     def keypoints(self) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
         """In camera space, metres, and which of them the body has."""
@@ -60,6 +75,32 @@ def pixels_of(camera: Camera, points: Float[np.ndarray, "T K 3"]) -> Float[np.nd
     shown = points[..., 2] > _NEAR
     there = np.where(shown[..., None], points, 1.0)
     return np.where(shown[..., None], project(camera, torch.as_tensor(there)).numpy(), np.nan)
+
+
+def comparable(
+    estimate: Estimate, reference: Reference
+) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "R K 3"], list[int]]:
+    """The points that both have, each at its own moments, and which of them are the root.
+
+    Joints of trunk and limbs of a reference that is a body; else keypoints of the limbs, such joints, and markers.
+    """
+    if reference.joints is not None:
+        return estimate.joints[:, BODY_JOINTS], reference.joints[:, BODY_JOINTS], [JOINT["pelvis"]]
+    points, exists = estimate.keypoints
+    known = np.isfinite(reference.points).all(-1).any(0) & exists
+    chosen = [i for i in kp.LIMBS if known[i]]
+    estimated, true = points[:, chosen], reference.points[:, chosen]
+    roots = [chosen.index(i) for i in _HIPS if i in chosen]
+    if reference.markers is not None and reference.marker_places is not None:
+        counted = [i for i, target in enumerate(reference.markers.targets.values()) if target not in _FINE]
+        markers = reference.markers.only(tuple(reference.markers.names[i] for i in counted))
+        on = list(markers.targets.values())
+        places = marker_places(estimate.body, estimate.params, markers)
+        estimated = np.concatenate([estimated, places], 1)
+        true = np.concatenate([true, reference.marker_places[:, counted]], 1)
+        for pelvis in _PELVIS:
+            roots = roots or [len(chosen) + on.index(name) for name in pelvis if set(pelvis) <= set(on)]
+    return estimated, true, roots or list(range(true.shape[1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,17 +129,8 @@ class Pair:
         """Estimated and true points (T, K, 3), NaN where none are known, and which of them are the root."""
         if self.reference is None:
             return None
-        if self.reference.joints is not None:
-            return (
-                self.estimate.joints[:, BODY_JOINTS],
-                self.matched(self.reference.joints[:, BODY_JOINTS]),
-                [JOINT["pelvis"]],
-            )
-        points, exists = self.estimate.keypoints
-        known = np.isfinite(self.reference.points).all(-1).any(0) & exists
-        chosen = [i for i in kp.LIMBS if known[i]]
-        roots = [chosen.index(i) for i in _HIPS if i in chosen] or list(range(len(chosen)))
-        return points[:, chosen], self.matched(self.reference.points[:, chosen]), roots
+        estimated, true, roots = comparable(self.estimate, self.reference)
+        return estimated, self.matched(true), roots
 
     def matched(self, values: np.ndarray) -> np.ndarray:
         """The reference's values at the fit's frames; NaN where there are none."""

@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterable
 
+from fitting_core.frame_runs import runs
+
 _NUMBERED = re.compile(r"^(?P<prefix>.*?)(?P<number>\d+)$", re.DOTALL)
 
 
@@ -27,17 +29,6 @@ def image_numbers(stems: Iterable[str]) -> dict[int, int]:
     if len({prefix for prefix, _ in names}) > 1:
         return {}
     return {number: t for t, (_, number) in enumerate(names) if number is not None}
-
-
-def runs(frames: Iterable[int]) -> list[range]:
-    """Ascending frame numbers as runs that follow each other."""
-    found: list[range] = []
-    for frame in frames:
-        if found and frame == found[-1].stop:
-            found[-1] = range(found[-1].start, frame + 1)
-        else:
-            found.append(range(frame, frame + 1))
-    return found
 
 
 def spans(frames: list[int], most: int = 5) -> str:

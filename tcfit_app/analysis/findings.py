@@ -14,10 +14,10 @@ from scipy.ndimage import median_filter
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.fit.observations import lifted_keypoints, seen_confidence
-from fitting_core.fit.sides import PAIRED, SEEN, unswapped
+from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.evidence.sides import PAIRED, SEEN, unswapped
+from fitting_core.frame_runs import runs_where
 from fitting_core.plugins import Plugin, added
-from fitting_core.video.frame_names import runs
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
@@ -247,7 +247,7 @@ def _frozen(fit: PosedFit) -> Iterator[Finding]:
     for limb in dict.fromkeys(LIMB_OF.values()):
         own = [joint for joint in LIMB_OF if LIMB_OF[joint] == limb]
         others = [joint for joint in range(kp.BODY.stop) if LIMB_OF[joint] != limb and usual[joint] > 0]
-        for run in runs(np.flatnonzero(still[:, own].sum(1) >= _STILL_JOINTS).tolist()):
+        for run in runs_where(still[:, own].sum(1) >= _STILL_JOINTS):
             frames = list(run)
             shares = (steps[np.ix_(frames, others)] / usual[others]).ravel()
             shares = shares[np.isfinite(shares)]

@@ -13,8 +13,8 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import project
 from fitting_core.clip import Clip
+from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.fit.result import FitResult, PhaseResult
-from fitting_core.fit.sides import PAIRED, unswapped
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors

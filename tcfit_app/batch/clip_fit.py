@@ -25,13 +25,13 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
-from fitting_core.fit.common_shape import common_shape
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.result import FitResult
+from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.io.clip_reader import read_clip
-from fitting_core.io.known_shape import read_betas
+from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
 from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, fingerprint_of, missing_input, unchanged
@@ -200,7 +200,7 @@ def write_first(work: Work) -> Figures:
 
 
 class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
-    """shape.json, which `read_betas` reads too."""
+    """shape.json, which `read_known_shape` reads too."""
 
     subject: str
     betas: list[float]
@@ -220,7 +220,7 @@ def write_shape(work: Work) -> Figures:
     if not members:
         raise InputError(f"{work.task.subject}: the files of all its clips have gone; its shape cannot be found again.")
     clips = [(_clip_of(member), read_run(member.out / FIRST_NAME, member.config)) for member in members]
-    found = common_shape(clips, work.body, work.task.config)
+    found = subject_shape(clips, work.body, work.task.config)
     content = FoundShape(
         subject=work.task.subject,
         betas=found.betas.tolist(),
@@ -324,15 +324,14 @@ _WRITERS: dict[Form, Callable[[Work], Figures]] = {
 
 def _run_fit(work: Work, clip: Clip) -> FitResult:
     task, body = work.task, work.body
-    shape = None if task.fit.shape is None else read_betas(task.fit.shape, body_hash=body.hash)
-    shape_from = "" if task.fit.shape is None else task.fit.shape.name
+    shape = None if task.fit.shape is None else read_known_shape(task.fit.shape, body_hash=body.hash)
     start = start_of(task.fit.begin, clip, body, Bodies(task.fit.body.models))
     # Corrected keypoints, as a project may have them, have another first phase.
     if task.start is not None and clip is work.clip:
         first = dataclasses.replace(read_run(task.start / FIRST_NAME, task.config), start=start)
-        events = shape_events(clip, body, task.config, first, shape=shape, shape_from=shape_from)
+        events = shape_events(clip, body, task.config, first, shape=shape)
     else:
-        events = fit_events(clip, body, task.config, start=start, shape=shape, shape_from=shape_from)
+        events = fit_events(clip, body, task.config, start=start, shape=shape)
     return drained(mapped(events, work.report))
 
 

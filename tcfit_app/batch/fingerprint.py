@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.clip_reader import locate
-from fitting_core.io.known_shape import read_betas
+from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.options.fit import CameraOptions, ClipOptions, StartOptions
 from tcfit_app.options.preparing import body_file
@@ -102,7 +102,7 @@ def _common(
 def _betas(path: Path) -> list[float] | None:
     """The shape itself: found again as it was, it changes nothing. None where there is none yet, or no more."""
     try:
-        return read_betas(path).tolist()
+        return read_known_shape(path).betas.tolist()
     except InputError:
         return None
 

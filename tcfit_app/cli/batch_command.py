@@ -11,7 +11,7 @@ from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.errors import InputError
-from fitting_core.io.known_shape import read_betas
+from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.fingerprint import SHAPE_NAME, missing_input
 from tcfit_app.batch.local import Crew, Ended, LocalProcesses, News
@@ -221,7 +221,7 @@ def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
         for column, path in missing_input(task):
             complaints.add(task.line, f"{path} does not exist.", column)
         if task.fit.shape is not None:
-            _check_for(task, complaints, "shape", read_betas, task.fit.shape)
+            _check_for(task, complaints, "shape", read_known_shape, task.fit.shape)
     to_do += [task for task in course.waiting() if not done_record(with_shape(task, course.folder))]
     for task in to_do:
         may = task.fit.overwrite or task.form == "project"

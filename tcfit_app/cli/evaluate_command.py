@@ -8,6 +8,7 @@ from pathlib import Path
 
 import torch
 
+from fitting_core.body.markers.files import read_marker_set
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
 from fitting_core.errors import InputError
 from fitting_core.io.result_files import read_fit
@@ -21,6 +22,7 @@ from tcfit_app.evaluation.ablations import Setting, run_ablations
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, MotionChoices, evaluated_fit
 from tcfit_app.evaluation.evaluating import drawable, evaluated
 from tcfit_app.evaluation.files import REPORT_NAME, print_table, write_evaluation
+from tcfit_app.evaluation.reference_time import AUTO, in_time, seconds_of
 from tcfit_app.evaluation.suite_runs import (
     SuiteTask,
     fitted_body,
@@ -60,13 +62,15 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     fit = evaluated_fit(options.fit, run=options.run, models=options.models, choices=choices)
     reference = fit.reference
     if options.reference is not None:
-        world = None if fit.camera is None else fit.camera.world
-        reference = read_reference(options.reference, camera=options.camera, world=world, search=options.models)
+        reference = read_reference(
+            options.reference,
+            camera=options.camera,
+            seen_by=fit.camera,
+            search=options.models,
+            markers=None if options.markers is None else read_marker_set(options.markers),
+        )
     fit = fit.beside(reference)
-    if options.reference_first_frame is not None:
-        if reference is None:
-            raise InputError(f"--reference-first-frame: {options.fit} has no reference: give --reference too.")
-        reference = reference.starting_at(options.reference_first_frame, fit.frame_rate)
+    reference = in_time(reference, fit, first_frame=options.reference_first_frame, offset=options.reference_offset)
     done = _counted(fit, options.every)
     evaluation = evaluated(fit, reference, every=options.every, models=options.models, done=done)
     evaluation = replace(evaluation, settings=evaluation.settings | {"Command": command})
@@ -114,12 +118,28 @@ def _check(options: EvaluateOptions) -> None:
         raise InputError("--ablations vary settings on the suite: give --suite too.")
     if options.camera is not None and options.reference is None:
         raise InputError("--camera says where the camera stands in a reference's world: give --reference too.")
+    if options.reference_offset is not None and options.reference_first_frame is not None:
+        raise InputError("--reference-offset and --reference-first-frame say the same: leave one of them out.")
+    if options.reference_offset is not None and options.reference_offset != AUTO:
+        seconds_of(options.reference_offset)
+    if options.markers is not None and options.reference is None:
+        raise InputError("--markers says what the points of a reference are: give --reference too.")
     for name in ("every", "jobs"):
         if getattr(options, name) < 1:
             raise InputError(f"--{name} is {getattr(options, name)}; expected 1 or more.")
 
 
-_OF_A_FIT = ("reference", "run", "camera", "reference_first_frame", "person", "frame_rate", "body_model")
+_OF_A_FIT = (
+    "reference",
+    "run",
+    "camera",
+    "reference_first_frame",
+    "reference_offset",
+    "markers",
+    "person",
+    "frame_rate",
+    "body_model",
+)
 """Options that have no meaning for a suite."""
 
 

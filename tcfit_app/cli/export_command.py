@@ -3,30 +3,33 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import torch
 from tqdm import tqdm
 
+from fitting_core.body.markers.files import read_marker_set
+from fitting_core.body.markers.marker_set import STANDARD
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.motion.keys import check_bound
+from fitting_core.io.motion.rigs.mapping import read_mapping
 from fitting_core.io.motion_files import stored_motion
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
 from tcfit_app.analysis.meshes import Meshes
-from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
+from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import file_name, write_export
 from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import DEFAULTS, Export, exports
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Fits
-from tcfit_app.options.export import ExportOptions
+from tcfit_app.options.export import LIST, ExportOptions
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.run_record import BodyRecord, named
-
-_LIST = "list"
 
 
 def run_export(options: ExportOptions) -> None:
@@ -36,21 +39,39 @@ def run_export(options: ExportOptions) -> None:
         InputError: The options name something that is not there, or that cannot be written.
         KeyboardInterrupt: Cancelled; files that were whole by then stay.
     """
-    if options.formats == (_LIST,):
+    if options.formats == (LIST,):
         print(listed())
         return
     torch.set_num_threads(1)
-    formats = _formats(options.formats)
+    formats = formats_of(options.formats)
+    if options.keys is not None:
+        _check_keys(options.keys, formats)
     if options.path is None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
-    with source_of(options.path, options) as source:
+    if options.rig is not None:
+        read_mapping(options.rig)  # for the same reason as all that is looked at before the first file
+    markers = STANDARD if options.markers is None else read_marker_set(options.markers)
+    with source_of(options.path, options) as found:
+        source = replace(found, markers=markers)
         whole = source if options.frames is None else source[frames_of(options.frames, source)]
-        targets = {name: _target(name, whole, options) for name in formats}
+        targets = {name: target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            emit(Step(step=name, title=exports()[name].title))
-            _write(exports()[name], whole, path, told(name), zipped=options.zip)
-            emit(StepDone(step=name))
-            emit_wrote(path, kind=name)
+            write_one(name, whole, path, zipped=options.zip)
+
+
+def write_one(name: str, source: ExportSource, path: Path, *, zipped: bool) -> None:
+    """Write one export, and say so.
+
+    Args:
+        name: Of EXPORTS.
+        source: What is exported.
+        path: Where to.
+        zipped: A folder is packed into one file.
+    """
+    emit(Step(step=name, title=exports()[name].title))
+    _write(exports()[name], source, path, told(name), zipped=zipped)
+    emit(StepDone(step=name))
+    emit_wrote(path, kind=name)
 
 
 def listed() -> str:
@@ -61,12 +82,21 @@ def listed() -> str:
     return "\n".join(lines)
 
 
-def _formats(wished: tuple[str, ...]) -> tuple[str, ...]:
+def formats_of(wished: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of exports as wished. Raises InputError if one is not known."""
     known = exports()
     unknown = [name for name in wished if name not in known]
     if unknown:
         raise InputError(f"--formats {' '.join(unknown)}: not known; expected some of {', '.join(known)}.")
     return tuple(dict.fromkeys(wished or DEFAULTS))
+
+
+def _check_keys(millimetres: float, formats: tuple[str, ...]) -> None:
+    """Raises InputError for a bound that is none, or where nothing has keys."""
+    check_bound(millimetres / 1000)
+    keyed = [name for name, export in exports().items() if export.keys]
+    if not set(keyed) & set(formats):
+        raise InputError(f"--keys: none of {', '.join(formats)} has keys; expected --formats with {', '.join(keyed)}.")
 
 
 @contextmanager
@@ -106,7 +136,13 @@ def _of_project(project: Project, options: ExportOptions) -> ExportSource:
         known_clip=clip,
         project=project.folder,
         axes=options.axes,
+        keys_within=_keys_within(options),
+        rig=options.rig,
     )
+
+
+def _keys_within(options: ExportOptions) -> float | None:
+    return None if options.keys is None else options.keys / 1000
 
 
 def _exported(fits: Fits, bodies: Bodies, name: str | None, phase: int | None) -> ExportedFit | None:
@@ -130,7 +166,15 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
     name = _clip_name(path)
     body = Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash))
     motion = stored_motion(stored, body, name=name, phase=options.phase)
-    return ExportSource(name=name, known_motion=motion, axes=options.axes)
+    within = _keys_within(options)
+    return ExportSource(
+        name=name,
+        known_motion=motion,
+        known_grounding=stored.grounding,
+        axes=options.axes,
+        keys_within=within,
+        rig=options.rig,
+    )
 
 
 def _clip_name(path: Path) -> str:
@@ -148,22 +192,25 @@ def _clip_name(path: Path) -> str:
 
 def frames_of(wished: str, source: ExportSource) -> slice:
     """Frames by their numbers in the video, both ends included."""
-    motion = source.known_motion
-    first = motion.first_frame if motion is not None else source.clip.first_frame
-    count = len(motion) if motion is not None else len(source.clip)
-    last = first + count - 1
-    start, colon, stop = wished.partition(":")
-    try:
-        begin = int(start) if start else first
-        end = (int(stop) if stop else last) if colon else begin
-    except ValueError:
-        raise InputError(f"--frames {wished}: expected FIRST:LAST, two numbers of frames.") from None
+    begin, end = numbers_of(wished)
+    first, last = source.span
+    begin, end = first if begin is None else begin, last if end is None else end
     if not first <= begin <= end <= last:
         raise InputError(f"--frames {wished}: expected frames from {first} to {last}, the first not behind the last.")
     return slice(begin - first, end - first + 1)
 
 
-def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
+def numbers_of(wished: str) -> tuple[int | None, int | None]:
+    """First and last frame as given; None: left out."""
+    start, colon, stop = wished.partition(":")
+    try:
+        begin = int(start) if start else None
+        return begin, ((int(stop) if stop else None) if colon else begin)
+    except ValueError:
+        raise InputError(f"--frames {wished}: expected FIRST:LAST, two numbers of frames.") from None
+
+
+def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     """Where an export goes; raises InputError where it cannot be made or would replace something."""
     export = exports()[name]
     if source.known_motion is not None and export.needs != "motion":
@@ -171,8 +218,12 @@ def _target(name: str, source: ExportSource, options: ExportOptions) -> Path:
             f"--formats {name}: {source.name} is a result of tcfit fit, which has neither keypoints nor video. Give a "
             "project instead: tcfit new makes one."
         )
+    if reason := export.missing():
+        raise InputError(f"--formats {name}: {reason}")
     if source.known_motion is None and export.needs != "keypoints":
         source.fit  # noqa: B018 - told before anything is written
+    if export.own_rig:
+        _ = source.own_rig  # told before anything is written
     path = options.out / file_name(export, source.name, zipped=options.zip)
     if path.exists() and not options.overwrite:
         raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")
@@ -183,12 +234,14 @@ def _write(export: Export, source: ExportSource, path: Path, tell: Progress, *, 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with bar(export.title, tell) as progress:
-            write_export(export, source, path, progress, zipped=zipped)
+            note = write_export(export, source, path, progress, zipped=zipped)
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
         ) from error
-    print(f"Wrote {path}", flush=True)
+    print(f"Wrote {path}" + (f": {note}" if note else ""), flush=True)
+    if note:
+        emit(Note(text=f"{path.name}: {note}"))
 
 
 @contextmanager

@@ -13,8 +13,11 @@ from tqdm import tqdm
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
@@ -50,25 +53,62 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     """
     config = fit_config(options.method)
     check_out(options.out, overwrite=options.overwrite)
-    prepare_solver(config, options.threads)
-    body = load_body(body_file(options.body))
+    body = prepared_body(options, config)
     shape = None if options.shape is None else read_shape(options.shape, body)
     clip = clip_of(options)
     start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
-    _tell(_inputs(clip, body))
+    return fit_into(options.out, clip, body, config, options, start=start, shape=shape, command=command)
+
+
+def prepared_body(options: FitOptions, config: FitConfig) -> BodyModel:
+    """The body that the options name, when threads and device are ready for it.
+
+    Raises:
+        InputError: There is none, or the device is not there.
+    """
+    prepare_solver(config, options.threads)
+    return load_body(body_file(options.body))
+
+
+def fit_into(
+    folder: Path,
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    options: FitOptions,
+    *,
+    start: GivenStart | None = None,
+    shape: KnownShape | None = None,
+    command: str = "",
+) -> Outcome:
+    """Fit a clip, write the result into a folder, and say so; the options say what else is wished.
+
+    Args:
+        folder: For the result.
+        clip: What is fitted.
+        body: With which body.
+        config: The method.
+        options: The command line.
+        start: What the fit begins with.
+        shape: The person's, where it is known.
+        command: The command line as text, for the record.
+
+    Raises:
+        InputError: The folder cannot be written.
+        KeyboardInterrupt: Cancelled; the phases that had finished have been written.
+    """
+    tell(_inputs(clip, body))
     if start is not None:
-        _tell([start.about.sentence()])
-    events = fit_events(
-        clip, body, config, start=start, shape=shape, shape_from="" if options.shape is None else options.shape.name
-    )
-    fit, summary = _fit_and_write(events, clip, body, options.out, last_phase=config.last_phase, command=command)
-    _tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
+        tell([start.about.sentence()])
+    events = fit_events(clip, body, config, start=start, shape=shape)
+    fit, summary = _fit_and_write(events, clip, body, folder, last_phase=config.last_phase, command=command)
+    tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]
-    if options.overlay and _overlay_written(options.out / OVERLAY_NAME, fit, clip, body):
+    if options.overlay and _overlay_written(folder / OVERLAY_NAME, fit, clip, body):
         written.append(OVERLAY_NAME)
-    _emit_result(options.out, clip, fit, summary, written)
-    print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {options.out}"]))
+    _emit_result(folder, clip, fit, summary, written)
+    print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {folder}"]))
     return Outcome(fit=fit, body=body, summary=summary)
 
 
@@ -87,7 +127,7 @@ def _fit_and_write(
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event
     except BaseException:
-        _tell([_what_stayed(finished, folder)])
+        tell([_what_stayed(finished, folder)])
         raise
     assert finished is not None
     return finished.so_far, summary
@@ -115,7 +155,7 @@ def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
         write_comparison(path, fit, clip, body, progress=told("overlay"))
         emit(StepDone(step="overlay"))
     except (InputError, OSError) as error:
-        _tell([f"No {path.name} was written, but the fit is complete. {error}"])
+        tell([f"No {path.name} was written, but the fit is complete. {error}"])
         return False
     return True
 
@@ -137,7 +177,8 @@ def report(summary: dict[str, Any]) -> list[str]:
     return lines if summary["ground"] is None else [*lines, summary["ground"]["text"]]
 
 
-def _tell(lines: Iterable[str]) -> None:
+def tell(lines: Iterable[str]) -> None:
+    """Say something on the standard error."""
     for line in lines:
         print(line, file=sys.stderr, flush=True)
 

@@ -14,13 +14,14 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config.schema import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
+from fitting_core.io.people_file import holds_people
 from tcfit_app.cli.ending import ended, prepare_streams
 from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, version
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.detect import DetectOptions
 from tcfit_app.options.evaluate import EvaluateOptions
-from tcfit_app.options.export import ExportOptions
+from tcfit_app.options.export import LIST, ExportOptions
 from tcfit_app.options.fit import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
 from tcfit_app.options.import_ import ImportOptions
 from tcfit_app.options.paths import check_paths
@@ -62,6 +63,11 @@ class Doctor:
 
 
 def _fit(options: FitOptions, command: str) -> None:
+    if options.people is not None:
+        from tcfit_app.cli.fit_people import run_fit_people
+
+        run_fit_people(options, command=command)
+        return
     from tcfit_app.cli.fit_command import run_fit
 
     run_fit(options, command=command)
@@ -80,6 +86,11 @@ def _review(options: ReviewOptions, command: str) -> None:
 
 
 def _export(options: ExportOptions, command: str) -> None:
+    if options.path is not None and options.formats != (LIST,) and holds_people(options.path):
+        from tcfit_app.cli.export_people import run_export_people
+
+        run_export_people(options.path, options)
+        return
     from tcfit_app.cli.export_command import run_export
 
     run_export(options)

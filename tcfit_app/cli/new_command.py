@@ -10,8 +10,9 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
-from tcfit_app.options.clip_input import clip_of, clip_options, described, notes_of, refusal
+from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
+from tcfit_app.project.new_people import create_people
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
@@ -20,7 +21,8 @@ from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
 
 SUFFIX = ".tcfit"
-_FOCAL_OPTIONS = ("--focal-length", "--fov", "--focal-length-35mm", "--camera")
+_FOCAL_OPTIONS = {"--focal-length", "--fov", "--focal-length-35mm", "--camera"}
+_CENTER_OPTIONS = {"--center", "--camera"}
 
 
 def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
@@ -35,6 +37,8 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     """
     if options.video is not None and is_packed(options.video):
         return _unpacked(options.video, options, reopen=reopen)
+    if isinstance(options, NewOptions) and options.people is not None:
+        return _made_of_everybody(options)
     clip = clip_of(options)
     folder = options.out or folder_of(clip)
     if reopen and is_project(folder):
@@ -54,10 +58,30 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     return folder
 
 
+def _made_of_everybody(options: NewOptions) -> Path:
+    """A folder of projects, one for each person."""
+    if options.truth != ReferenceOptions():
+        raise InputError(
+            f"--people {options.people} makes projects of everybody, and --reference would be one person's: leave it "
+            "out, and give it to the project that it is about."
+        )
+    people = everybody_of(options)
+    folder = options.out or _folder_named(people[0].name)
+    print("\n".join(described(people[0].clip)[1:]), file=sys.stderr)
+    for one in people:
+        print("\n".join(notes_of(one.clip)), file=sys.stderr, flush=True)
+    create_people(folder, people, copy_media=options.copy_video)
+    of = ", ".join(f"{one.about.folder} ({len(one.clip)} frames)" for one in people)
+    print(f"Made the projects of {len(people)} people in {folder}: {of}")
+    return folder
+
+
 def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
     """The project in a file that `tcfit export --formats project` made."""
     if options.keypoints is not None or options.copy_video:
         raise InputError(f"{path} is a project, which has its keypoints: leave out --keypoints and --copy-video.")
+    if isinstance(options, NewOptions) and options.people is not None:
+        raise InputError(f"{path} is a project, which is of one person: leave out --people.")
     if given := clip_options(options):
         raise InputError(f"{path}: is a project already. {refusal(given)}")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
@@ -85,15 +109,19 @@ def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
         return None
     from fitting_core.measure.references.files import read_reference
 
-    found = read_reference(options.reference, camera=options.reference_camera, world=clip.camera.world)
+    found = read_reference(options.reference, camera=options.reference_camera, seen_by=clip.camera)
     first = options.reference_first_frame
     return found if first is None else found.starting_at(first, clip.frame_rate)
 
 
 def folder_of(clip: Clip) -> Path:
     """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
+    return _folder_named(clip.name)
+
+
+def _folder_named(name: str) -> Path:
     # A name becomes a folder here only: not one part of it may lead elsewhere.
-    return Path(name_of_file(clip.name).replace("/", "_").replace("\\", "_") + SUFFIX)
+    return Path(name_of_file(name).replace("/", "_").replace("\\", "_") + SUFFIX)
 
 
 def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
@@ -112,8 +140,7 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
     choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
     if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):
         raise InputError(f"{folder}: is a project of another clip than {clip.source}. {choice}")
-    told = not set(_FOCAL_OPTIONS).isdisjoint(given)
-    if given and _frames_and_camera(made, told) != _frames_and_camera(clip, told):
+    if given and _frames_and_camera(made, given) != _frames_and_camera(clip, given):
         raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
     # Without --camera they come as they were filmed.
     lens = made.camera.lens if clip.camera.lens is None else None
@@ -139,11 +166,13 @@ def check_same_packed(folder: Path, path: Path) -> None:
         raise InputError(f"{folder}: is another project than the one in {path}. Give --out for a new one.")
 
 
-def _frames_and_camera(clip: Clip, focal: bool) -> tuple[object, ...]:
-    """Without the words that say where the focal length comes from; without itself where nobody asked for one."""
+def _frames_and_camera(clip: Clip, given: Sequence[str]) -> tuple[object, ...]:
+    """Without the words that say where the focal length comes from, and of the camera only what the options ask for:
+    one that a calibration gave is not there where the clip is named without it."""
     camera = clip.camera
-    asked = (camera.focal, camera.lens, camera.world, camera.path) if focal else None
-    return clip.first_frame, len(clip), clip.frame_rate, asked, camera.center, camera.size
+    asked = None if _FOCAL_OPTIONS.isdisjoint(given) else (camera.focal, camera.lens, camera.world, camera.path)
+    center = None if _CENTER_OPTIONS.isdisjoint(given) else camera.center
+    return clip.first_frame, len(clip), clip.frame_rate, camera.size, asked, center
 
 
 def _detected(keypoints: Keypoints) -> bool:

@@ -18,6 +18,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.io.people_file import holds_people, read_people
 from tcfit_app.options.fit import ReferenceOptions, ReviewOptions, ServerOptions
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
@@ -27,6 +28,7 @@ from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
+    from tcfit_app.project.people import OpenPeople
     from tcfit_app.project.project import Project
 
 
@@ -39,6 +41,13 @@ def run_review(options: ReviewOptions) -> None:
     check_folders(options.server, models=options.models)
     entry_of(options.server)  # told before a project is made
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
+    if options.video is not None and holds_people(options.video):
+        with _served(read_people(options.video).name, options.server) as server:
+            load_app()
+            with _people(options) as people:
+                project = people.chosen(options.clip.person)
+                _review(project, server, options.server, models=options.models, fit=fit, people=people)
+        return
     if options.video is not None and is_project(options.video):
         with _served(options.video.stem, options.server) as server:
             body = body_ahead(options.video)
@@ -127,6 +136,7 @@ def _review(
     models: Path | None,
     fit: FitConfig | None,
     body: Future[BodyModel | None] | None = None,
+    people: "OpenPeople | None" = None,
 ) -> None:
     load_app()
     import torch
@@ -134,23 +144,27 @@ def _review(
     from fitting_core.fit.fused import ready
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
+    from tcfit_app.review.session.group import Group
     from tcfit_app.review.session.session import Session
 
     torch.set_num_threads(1)  # the fits, in threads of their own, need the other cores
     # Until then they are computed in torch.
     threading.Thread(target=ready.prepare, args=(tell,), daemon=True).start()
     _log_warnings()
-    session = Session(project, Bodies(models, body))
-    app = ReviewApp(session, server.viser, files=options.files)
+    bodies = Bodies(models, body)
+    sessions = [Session(one, bodies) for one in ([project] if people is None else [one for _, one in people.projects])]
+    session = next(one for one in sessions if one.project is project)
+    app = ReviewApp(session, server.viser, files=options.files, group=people and Group(people, sessions))
     try:
-        if fit is not None and project.has_detections and not session.fits.runs and not project.read_only:
-            session.fit_everything(fit, kind="smplx", gender="neutral")
+        for one in sessions:
+            if fit is not None and one.project.has_detections and not one.fits.runs and not one.project.read_only:
+                one.fit_everything(fit, kind="smplx", gender="neutral")
         app.run()
     except KeyboardInterrupt:
         tell("Ending the review ...")
     finally:
         app.close()
-    tell(f"The review has ended. Everything is saved in {project.folder}")
+    tell(f"The review has ended. Everything is saved in {project.folder if people is None else people.folder}")
 
 
 def _take_reference(project: "Project", options: ReferenceOptions) -> None:
@@ -183,6 +197,22 @@ def opened(options: ReviewOptions) -> "Project":
 
         folder = make_project(options, reopen=True)
     return open_project(folder, read_only=options.read_only)
+
+
+def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
+    """The projects in a folder of several people, opened."""
+    from tcfit_app.options.clip_input import clip_options, refusal
+    from tcfit_app.project.people import opened_people
+
+    folder = options.video
+    assert folder is not None
+    if options.keypoints is not None:
+        raise InputError(f"{folder} has the projects of several people, with their keypoints: leave out --keypoints.")
+    if options.truth != ReferenceOptions():
+        raise InputError(f"{folder} has several people, and a reference is of one: open that one's project with it.")
+    if given := [option for option in clip_options(options) if option != "--person"]:
+        raise InputError(f"{folder}: has projects already. {refusal(given)}")
+    return opened_people(folder, lambda one: open_project(one, read_only=options.read_only), tell)
 
 
 def open_project(folder: Path, *, read_only: bool = False) -> "Project":

@@ -94,7 +94,8 @@ def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ..
     notes = list(reference.notes)
     if not reference.in_camera:
         notes.append(
-            "The reference stands in a world of its own: only form is compared. With --camera positions and depth are."
+            "The reference stands in a world of its own: only form is compared. With --camera positions and depth are, "
+            "unless the clip's camera moves."
         )
     if not reference.is_even(frame_rate):
         notes.append(

@@ -27,8 +27,8 @@ def file_name(export: Export, name: str, *, zipped: bool) -> str:
     return names.file_name(name, export.suffix + ".zip" * (export.many and zipped))
 
 
-def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> None:
-    """Write an export; it appears when it is whole, and whatever is raised leaves nothing.
+def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> str | None:
+    """Write an export; it appears when it is whole, and whatever is raised leaves nothing. What one should know of it.
 
     Args:
         export: which format.
@@ -45,17 +45,18 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
     progress(0.0)
     if not export.many:
         with replacing(path) as draft:
-            export.write(source, draft, progress)
+            told = export.write(source, draft, progress)
     elif not zipped:
         with _replacing_folder(path) as folder:
-            export.write(source, folder, progress)
+            told = export.write(source, folder, progress)
     else:
         with replacing(path) as draft:
             folder = draft.with_name(f"{draft.name}.files")
             folder.mkdir()
-            export.write(source, folder, lambda share: progress((1 - _ZIPPING) * share))
+            told = export.write(source, folder, lambda share: progress((1 - _ZIPPING) * share))
             _zip(folder, draft, lambda share: progress(1 - _ZIPPING + _ZIPPING * share))
     progress(1.0)
+    return told
 
 
 @contextmanager
@@ -93,9 +94,12 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
             progress(done / len(files))
 
 
-def content_of(export: Export, source: ExportSource, progress: Progress) -> bytes:
-    """An export as one file's content, of which nothing stays on the disk. As `write_export`."""
+def content_of(export: Export, source: ExportSource, progress: Progress) -> tuple[bytes, str | None]:
+    """An export as one file's content, of which nothing stays on the disk, and what one should know of it.
+
+    As `write_export`.
+    """
     with scratch_folder() as folder:
         path = folder / f"export{export.suffix}"
-        write_export(export, source, path, progress, zipped=True)
-        return path.read_bytes()
+        told = write_export(export, source, path, progress, zipped=True)
+        return path.read_bytes(), told

@@ -8,14 +8,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from fitting_core.body.markers.marker_set import STANDARD, MarkerSet
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import level_of
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
+from fitting_core.video.frames import image_files
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.fitting.fits import Shown
@@ -43,6 +46,7 @@ class ExportedFit:
             frame_rate=clip.frame_rate,
             name=clip.name,
             first_frame=clip.first_frame,
+            contacts=None if self.fit.grounding is None else self.fit.grounding.contacts,
             level=level_of(self.fit.grounding, self.shown.camera.world),
         )
 
@@ -96,15 +100,32 @@ class ExportSource:
     """With the keypoints as they stand."""
     known_motion: Motion | None = None
     """Of a result of `tcfit fit`, which has no project."""
+    known_grounding: Grounding | None = None
+    """Of the same."""
     project: Path | None = None
     axes: str | None = None
     """A name of AXES, or OWN_WORLD; None: what programs that read the format expect."""
+    keys_within: float | None = None
+    """Of formats with keys: only those are kept that are needed for joints to stay so near, metres; None: all."""
+    rig: Path | None = None
+    """The mapping file of a rig of the user's."""
+    markers: MarkerSet = STANDARD
+    """What stands for the markers of a laboratory."""
 
     @property
     def clip(self) -> Clip:
         """The project's."""
         assert self.known_clip is not None, "formats that need a clip are not offered for a result"
         return self.known_clip
+
+    @property
+    def images(self) -> tuple[Path, ...]:
+        """A clip's images, whose names tell a reader more than a number: that may be in the name of another one."""
+        clip = self.known_clip
+        if clip is None:  # a result alone
+            return ()
+        images = image_files(clip.source)[clip.first_frame : clip.first_frame + len(clip)]
+        return images if len({image.stem for image in images}) == len(clip) else ()
 
     @property
     def fit(self) -> ExportedFit:
@@ -114,15 +135,41 @@ class ExportSource:
         return self.chosen
 
     @property
+    def grounding(self) -> Grounding | None:
+        """Of the fit; None where nobody looked."""
+        return self.known_grounding if self.known_motion is not None else self.fit.fit.grounding
+
+    @property
     def folder(self) -> Path:
         """The project's."""
         assert self.project is not None, "formats that need a project are not offered for a result"
         return self.project
 
+    @property
+    def span(self) -> tuple[int, int]:
+        """Numbers in the video of its first and last frame."""
+        motion = self.known_motion
+        first = motion.first_frame if motion is not None else self.clip.first_frame
+        count = len(motion) if motion is not None else len(self.clip)
+        return first, first + count - 1
+
+    def between(self, begin: int | None, end: int | None) -> "ExportSource | None":
+        """Its frames with these numbers in the video, both ends included and None all; None if it has none of them."""
+        first, last = self.span
+        start, stop = max(first, first if begin is None else begin), min(last, last if end is None else end)
+        return self[start - first : stop - first + 1] if start <= stop else None
+
     def motion(self, axes: str) -> Motion:
         """The motion in the wished axes, or in these."""
         motion = self.known_motion or self.fit.motion(self.clip)
         return motion.in_axes(self.axes or axes)
+
+    @property
+    def own_rig(self) -> Path:
+        """The mapping file. Raises InputError if there is none."""
+        if self.rig is None:
+            raise InputError("This export needs your rig: give its mapping file by --rig (see docs/rigs.md).")
+        return self.rig
 
     def __getitem__(self, frames: slice) -> "ExportSource":
         """Consecutive frames of everything but the project itself."""

@@ -1,4 +1,4 @@
-"""What can be exported: one function for each format, and the table of them for command line and app."""
+"""What can be exported: the table of all formats, for command line and app."""
 
 import re
 from collections.abc import Callable
@@ -6,36 +6,43 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-import numpy as np
-
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
-from fitting_core.io.keypoints.openpose import write_openpose
-from fitting_core.io.keypoints.pose_file import write_pose
-from fitting_core.io.motion.animation_npz import write_animation_npz
-from fitting_core.io.motion.bvh import write_bvh
-from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
-from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
-from fitting_core.io.motion.smplifyx import write_smplifyx
-from fitting_core.io.motion_files import MOTION_FILES
-from fitting_core.io.result_files import fit_arrays
-from fitting_core.lens import filmed_keypoints
+from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.plugins import Plugin, added
-from fitting_core.video.frames import image_files
+from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
-from tcfit_app.exports.figures import (
-    as_json,
-    clip_stated,
-    write_figures_csv,
-    write_figures_json,
-    write_report,
-    write_summary,
+from tcfit_app.exports.figures import write_figures_csv, write_figures_json, write_report, write_summary
+from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write_pose_file
+from tcfit_app.exports.laboratory import (
+    write_angles,
+    write_contact_table,
+    write_joints_trc,
+    write_marker_c3d,
+    write_markers_trc,
+    write_opensim,
 )
-from tcfit_app.exports.overlay_video import write_side_by_side
+from tcfit_app.exports.motions import (
+    write_character,
+    write_frames,
+    write_obj,
+    write_params,
+    write_ply,
+    write_result,
+    write_skeleton,
+)
+from tcfit_app.exports.rigs import (
+    on_bvh,
+    on_glb,
+    write_avatar,
+    write_avatar_motion,
+    write_rig_bvh,
+    write_rig_glb,
+)
 from tcfit_app.exports.source import ExportSource
+from tcfit_app.exports.videos import write_a_beside_b, write_overlay
 from tcfit_app.project.packed import pack
 
-Group = Literal["Motion", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
+Group = Literal["Motion", "Rigs", "Laboratory", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
 Needs = Literal["motion", "run", "keypoints"]
 """Any fit; a project with a run; a project."""
 
@@ -49,11 +56,18 @@ class Export:
     suffix: str
     """Behind the clip's name. Of a folder it begins with a hyphen."""
     hint: str
-    write: Callable[[ExportSource, Path, Progress], None]
-    """Writes the file, or into the folder, which exists and is empty. What it raises leaves nothing that is offered."""
+    write: Callable[[ExportSource, Path, Progress], str | None]
+    """Writes the file, or into the folder, which exists and is empty; what a person should know of it, if anything.
+    What it raises leaves nothing that is offered."""
     needs: Needs = "motion"
     both: bool = False
     """It shows A and B, whichever is chosen."""
+    keys: bool = False
+    """It has an animation with keys, of which there can be fewer."""
+    missing: Callable[[], str] = str
+    """What has to be installed before it can be written; empty when it is."""
+    own_rig: bool = False
+    """It needs the mapping file of a rig of the user's."""
 
     @property
     def many(self) -> bool:
@@ -61,124 +75,16 @@ class Export:
         return self.suffix.startswith("-")
 
 
-# --- motion ---
-
-
-def _glb(source: ExportSource, path: Path, progress: Progress) -> None:
-    from fitting_core.io.motion.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
-
-    write_glb(path, source.motion(MOTION_FILES[".glb"].axes), progress)
-
-
-def _npz(source: ExportSource, path: Path, progress: Progress) -> None:
-    write_animation_npz(path, source.motion(MOTION_FILES[".npz"].axes))
-
-
-def _bvh(source: ExportSource, folder: Path, progress: Progress) -> None:
-    motion = source.motion(MOTION_FILES[".bvh"].axes)
-    (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
-    write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
-
-
-def _smplifyx(source: ExportSource, folder: Path, progress: Progress) -> None:
-    motion = source.motion("camera").in_axes("camera")  # the pickles have no other
-    numbered = [f"{file_stem(motion.name)}_{motion.first_frame + t:06d}" for t in range(len(motion))]
-    write_smplifyx(
-        folder,
-        motion.params,
-        stems=[image.stem for image in _images(source)] or numbered,
-        camera=motion.camera,
-        body=motion.body,
-        frame_rate=motion.frame_rate,
-        embedding=None if source.chosen is None else source.chosen.embedding,
-        progress=progress,
-    )
-
-
-def _fit(source: ExportSource, path: Path, progress: Progress) -> None:
-    fit = source.fit
-    complete = fit.shown.run.state == "finished"
-    np.savez_compressed(path, allow_pickle=False, **fit_arrays(fit.fit, source.clip, fit.body, complete=complete))
-
-
-# --- meshes ---
-
-
-def _obj(source: ExportSource, folder: Path, progress: Progress) -> None:
-    write_obj_sequence(folder, source.motion("y-up"), progress)
-
-
-def _ply(source: ExportSource, folder: Path, progress: Progress) -> None:
-    write_ply_sequence(folder, source.motion("z-up"), progress)
-
-
-# --- video ---
-
-
-def _overlay(source: ExportSource, path: Path, progress: Progress) -> None:
-    _video(source, [source.fit], path, progress)
-
-
-def _side_by_side(source: ExportSource, path: Path, progress: Progress) -> None:
-    _video(source, list(source.compared) or [source.fit], path, progress)
-
-
-def _video(source: ExportSource, fits: list, path: Path, progress: Progress) -> None:
-    panels = [(fit.shown.title, fit.shown.params, fit.body, fit.shown.camera) for fit in fits]
-    write_side_by_side(path, source.clip, panels, progress=lambda frames: progress(frames / len(source.clip)))
-
-
-# --- keypoints ---
-
-
-def _openpose(source: ExportSource, folder: Path, progress: Progress) -> None:
-    clip = source.clip
-    write_openpose(
-        folder,
-        filmed_keypoints(clip.keypoints, clip.camera.lens),
-        name=file_stem(clip.name),
-        first_frame=clip.first_frame,
-        image_stems=[image.stem for image in _images(source)],
-    )
-    (folder / "clip.json").write_bytes(as_json(clip_stated(clip)))
-
-
-def _coco(source: ExportSource, path: Path, progress: Progress) -> None:
-    clip = source.clip
-    write_coco_wholebody(
-        path,
-        filmed_keypoints(clip.keypoints, clip.camera.lens),
-        name=clip.name,
-        size=clip.camera.size,
-        frame_rate=clip.frame_rate,
-        first_frame=clip.first_frame,
-        image_names=[image.name for image in _images(source)],
-    )
-
-
-def _pose(source: ExportSource, path: Path, progress: Progress) -> None:
-    clip = source.clip
-    keypoints = filmed_keypoints(clip.keypoints, clip.camera.lens)
-    write_pose(path, keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)
-
-
-def _images(source: ExportSource) -> tuple[Path, ...]:
-    """A clip's images, whose names tell a reader more than a number: that may be in the name of another one."""
-    clip = source.known_clip
-    if clip is None:  # a result alone
-        return ()
-    images = image_files(clip.source)[clip.first_frame : clip.first_frame + len(clip)]
-    return images if len({image.stem for image in images}) == len(clip) else ()
-
-
 # --- the project ---
 
 
-def _project(source: ExportSource, path: Path, progress: Progress) -> None:
+def write_project(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The project as one file."""
     pack(source.folder, path, progress=progress)
 
 
-def _project_with_video(source: ExportSource, path: Path, progress: Progress) -> None:
+def write_project_with_video(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The project as one file with its video."""
     pack(source.folder, path, with_media=True, progress=progress)
 
 
@@ -188,57 +94,166 @@ EXPORTS: dict[str, Export] = {
         group="Motion",
         suffix=".glb",
         hint="Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres",
-        write=_glb,
+        write=write_character,
+        keys=True,
+    ),
+    "fbx": Export(
+        title="Character (FBX)",
+        group="Motion",
+        suffix=".fbx",
+        hint="As GLB, for Unreal, Unity, Maya, MotionBuilder; written by an installed Blender; y up, centimetres",
+        write=write_fbx,
+        missing=missing,
     ),
     "npz": Export(
         title="SMPL-X (npz)",
         group="Motion",
         suffix=".smplx.npz",
         hint="SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up",
-        write=_npz,
+        write=write_params,
     ),
     "bvh": Export(
         title="Skeleton (BVH)",
         group="Motion",
         suffix="-bvh",
         hint="55 joints in metres and degrees; by default y up",
-        write=_bvh,
+        write=write_skeleton,
     ),
     "smplifyx": Export(
         title="SMPLify-X (pkl)",
         group="Motion",
         suffix="-smplifyx",
         hint="A pickle for each frame, as SMPLify-X writes its results; in camera space",
-        write=_smplifyx,
+        write=write_frames,
     ),
     "fit": Export(
         title="Result (fit.npz)",
         group="Motion",
         suffix=".fit.npz",
         hint="As tcfit fit writes it: every phase, joints and camera, in camera space",
-        write=_fit,
+        write=write_result,
         needs="run",
+    ),
+    "mixamo": Export(
+        title="Mixamo (GLB)",
+        group="Rigs",
+        suffix=".mixamo.glb",
+        hint="The person on Mixamo's skeleton, with their own bone lengths, from a T pose; y up, metres",
+        write=on_glb("MIXAMO"),
+    ),
+    "mixamo-bvh": Export(
+        title="Mixamo (BVH)",
+        group="Rigs",
+        suffix=".mixamo.bvh",
+        hint="Mixamo's skeleton with the person's bone lengths, from a T pose; y up, centimetres",
+        write=on_bvh("MIXAMO"),
+    ),
+    "unreal": Export(
+        title="Unreal (GLB)",
+        group="Rigs",
+        suffix=".unreal.glb",
+        hint="The person on the mannequin's skeleton, with their own bone lengths, from its A pose; y up, metres",
+        write=on_glb("UNREAL"),
+    ),
+    "unreal-bvh": Export(
+        title="Unreal (BVH)",
+        group="Rigs",
+        suffix=".unreal.bvh",
+        hint="The mannequin's skeleton with the person's bone lengths, from its A pose; y up, centimetres",
+        write=on_bvh("UNREAL"),
+    ),
+    "vrm": Export(
+        title="Avatar (VRM)",
+        group="Rigs",
+        suffix=".vrm",
+        hint="The person as a VRM 1.0 avatar in T pose; VRM holds no motion, which VRM animation has",
+        write=write_avatar,
+    ),
+    "vrma": Export(
+        title="VRM animation",
+        group="Rigs",
+        suffix=".vrma",
+        hint="The motion for any VRM 1.0 avatar, with the face for that of this person",
+        write=write_avatar_motion,
+    ),
+    "rig-glb": Export(
+        title="Own rig (GLB)",
+        group="Rigs",
+        suffix=".rig.glb",
+        hint="Your own character with this motion, scaled to it: feet stand, hands touch; by a mapping file",
+        write=write_rig_glb,
+        own_rig=True,
+    ),
+    "rig-bvh": Export(
+        title="Own rig (BVH)",
+        group="Rigs",
+        suffix=".rig.bvh",
+        hint="Your own rig's skeleton with this motion, in its unit and lengths; by a mapping file",
+        write=write_rig_bvh,
+        own_rig=True,
+    ),
+    "trc": Export(
+        title="Joints (TRC)",
+        group="Laboratory",
+        suffix=".joints.trc",
+        hint="55 joint centres for OpenSim: text, millimetres, by default y up",
+        write=write_joints_trc,
+    ),
+    "trc-markers": Export(
+        title="Markers (TRC)",
+        group="Laboratory",
+        suffix=".markers.trc",
+        hint="Markers on the skin, named as in Plug-in Gait, for OpenSim: text, millimetres, by default y up",
+        write=write_markers_trc,
+    ),
+    "c3d": Export(
+        title="Markers (C3D)",
+        group="Laboratory",
+        suffix=".c3d",
+        hint="Markers, joint centres, foot strikes and feet off, in millimetres, by default z up",
+        write=write_marker_c3d,
+    ),
+    "contacts": Export(
+        title="Contacts (CSV)",
+        group="Laboratory",
+        suffix=".contacts.csv",
+        hint="When which foot stands, in frames and seconds",
+        write=write_contact_table,
+    ),
+    "angles": Export(
+        title="Joint angles (CSV)",
+        group="Laboratory",
+        suffix=".angles.csv",
+        hint="Degrees by frame, with ISB's axes and signs, which the file states; empty where not determined",
+        write=write_angles,
+    ),
+    "mot": Export(
+        title="OpenSim (MOT)",
+        group="Laboratory",
+        suffix=".mot",
+        hint="Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs",
+        write=write_opensim,
     ),
     "obj": Export(
         title="OBJ sequence",
         group="Meshes",
         suffix="-obj",
         hint="The fit's own vertices, correctives included; by default y up",
-        write=_obj,
+        write=write_obj,
     ),
     "ply": Export(
         title="PLY sequence",
         group="Meshes",
         suffix="-ply",
         hint="As OBJ, binary: a third of the size; by default z up",
-        write=_ply,
+        write=write_ply,
     ),
     "overlay": Export(
         title="Overlay",
         group="Video",
         suffix=".overlay.mp4",
         hint="The chosen fit and the keypoints over the video",
-        write=_overlay,
+        write=write_overlay,
         needs="run",
     ),
     "side-by-side": Export(
@@ -246,7 +261,7 @@ EXPORTS: dict[str, Export] = {
         group="Video",
         suffix=".side-by-side.mp4",
         hint="A and B beside each other over the video, with the keypoints",
-        write=_side_by_side,
+        write=write_a_beside_b,
         needs="run",
         both=True,
     ),
@@ -255,7 +270,7 @@ EXPORTS: dict[str, Export] = {
         group="Keypoints",
         suffix="-keypoints",
         hint="JSON, a file for each frame, with all corrections",
-        write=_openpose,
+        write=write_openpose_folder,
         needs="keypoints",
     ),
     "coco": Export(
@@ -263,7 +278,7 @@ EXPORTS: dict[str, Export] = {
         group="Keypoints",
         suffix=".coco-wholebody.json",
         hint="COCO-WholeBody: 133 points in one JSON file, with all corrections",
-        write=_coco,
+        write=write_coco,
         needs="keypoints",
     ),
     "pose": Export(
@@ -271,7 +286,7 @@ EXPORTS: dict[str, Export] = {
         group="Keypoints",
         suffix=".pose",
         hint="The sign-language field's binary format with OpenPose's points, with all corrections",
-        write=_pose,
+        write=write_pose_file,
         needs="keypoints",
     ),
     "elan": Export(
@@ -321,7 +336,7 @@ EXPORTS: dict[str, Export] = {
         group="Project",
         suffix=".tcfit.zip",
         hint="Corrections, runs and marks as one file, which tcfit review opens; without a video that is only linked",
-        write=_project,
+        write=write_project,
         needs="keypoints",
     ),
     "project-with-video": Export(
@@ -329,7 +344,7 @@ EXPORTS: dict[str, Export] = {
         group="Project",
         suffix=".video.tcfit.zip",
         hint="As one file, with the video or images, so that it can be given to others",
-        write=_project_with_video,
+        write=write_project_with_video,
         needs="keypoints",
     ),
 }
@@ -367,10 +382,10 @@ def _is_sound(plugin: Plugin[Export]) -> bool:
 _SUFFIX = re.compile(r"[.-][A-Za-z0-9][A-Za-z0-9._-]*")
 
 
-def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], None]:
+def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], str | None]:
     """Its writing, whose faults come as InputError; but what `progress` raises, by which users cancel, goes through."""
 
-    def write(source: ExportSource, path: Path, progress: Progress) -> None:
+    def write(source: ExportSource, path: Path, progress: Progress) -> str | None:
         ended: list[BaseException] = []
 
         def advance(share: float) -> None:
@@ -381,7 +396,7 @@ def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress],
                 raise
 
         try:
-            plugin.thing.write(source, path, advance)
+            return plugin.thing.write(source, path, advance)
         except (InputError, OSError):
             raise
         except Exception as error:

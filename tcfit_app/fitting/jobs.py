@@ -4,15 +4,13 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
-from jaxtyping import Float
-
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_events, shape_events
-from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.refitting import refit_events
 from fitting_core.fit.result import FitResult
 from tcfit_app.project.frame_words import in_words
@@ -48,10 +46,7 @@ class FitEverything:
     config: FitConfig
     begun_with: GivenStart | None = None
     """What another system found."""
-    shape: Float[np.ndarray, "10"] | None = None
-    """Betas that are known."""
-    shape_from: str = ""
-    """Where they come from, for the user."""
+    shape: KnownShape | None = None
 
     @property
     def title(self) -> str:
@@ -71,7 +66,6 @@ class FitEverything:
             self.config,
             start=self.begun_with,
             shape=self.shape,
-            shape_from=self.shape_from,
         )
 
 
@@ -109,10 +103,7 @@ class FitShape:
     body: BodyModel
     config: FitConfig
     start: FitResult
-    shape: Float[np.ndarray, "10"] | None = None
-    """Betas that are known."""
-    shape_from: str = ""
-    """Where they come from, for the user."""
+    shape: KnownShape | None = None
 
     @property
     def title(self) -> str:
@@ -126,7 +117,7 @@ class FitShape:
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """See `fitting.shape_events`; starts from the first phase's poses."""
-        return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape, shape_from=self.shape_from)
+        return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape)
 
 
 @dataclass(kw_only=True)

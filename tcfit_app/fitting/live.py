@@ -29,12 +29,12 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.observations import cut_off
+from fitting_core.fit.evidence.sides import other_side
 from fitting_core.fit.fitting import Refit, rerun_events
-from fitting_core.fit.given_start import GivenStart
 from fitting_core.fit.objective import FrameObjective
-from fitting_core.fit.observations import cut_off
 from fitting_core.fit.phases.consistency import coupled
-from fitting_core.fit.sides import other_side
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.data import Data

@@ -9,9 +9,10 @@ from jaxtyping import Float
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.given_start import GivenStart
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.result import FitResult
-from fitting_core.io.known_shape import read_betas
+from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.start_reader import start_from_fit
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.starts import start_of
@@ -28,10 +29,7 @@ class Known:
     given: Given = field(default_factory=Given)
     """What was chosen."""
     start: GivenStart | None = None
-    shape: Float[np.ndarray, "10"] | None = None
-    """Betas."""
-    shape_from: str = ""
-    """Where they come from, for the user."""
+    shape: KnownShape | None = None
 
 
 NOTHING = Known()
@@ -52,8 +50,8 @@ def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodi
         InputError: Something is gone, cannot be read, or is of no use for this clip and body.
     """
     start = None if given.start is None else _start(given.start, project, clip, body, bodies)
-    shape, shape_from = (None, "") if given.shape is None else _shape(given.shape, project, body)
-    return Known(given=given, start=start, shape=shape, shape_from=shape_from)
+    shape = None if given.shape is None else _shape(given.shape, project, body)
+    return Known(given=given, start=start, shape=shape)
 
 
 def _start(source: Source, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart:
@@ -79,30 +77,28 @@ def _start(source: Source, project: Project, clip: Clip, body: BodyModel, bodies
     )
 
 
-def _shape(source: Source, project: Project, body: BodyModel) -> tuple[Float[np.ndarray, "10"], str]:
-    """Betas, and where they come from."""
+def _shape(source: Source, project: Project, body: BodyModel) -> KnownShape:
     if source.run is None:
-        path = Path(source.path)
-        return read_shape(path, body), path.name
+        return read_shape(Path(source.path), body)
     run, fit = _loaded(project, source.run)
-    return _betas(run, fit, body), run.name
+    return KnownShape(betas=_betas(run, fit, body), source=run.name)
 
 
-def read_shape(path: Path, body: BodyModel) -> Float[np.ndarray, "10"]:
-    """The betas of a person from a project, of which the newest fit counts, or from what `read_betas` reads.
+def read_shape(path: Path, body: BodyModel) -> KnownShape:
+    """The shape of a person from a project, of which the newest fit counts, or from what `read_known_shape` reads.
 
     Raises:
         InputError: There is nothing, it has no shape, or that of another body.
     """
     if not is_project(path):
-        return read_betas(path, body_hash=body.hash)
+        return read_known_shape(path, body_hash=body.hash)
     with Project.open(path, read_only=True) as project:
         runs = [run for run in project.runs.all() if run.stored]
         if not runs:
             raise InputError(f"{path}: has no fit yet, so it tells no shape. Fit it first, or choose another.")
         run = newest(runs)
         try:
-            return _betas(run, project.runs.load(run.id), body)
+            return KnownShape(betas=_betas(run, project.runs.load(run.id), body), source=path.name)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
 

@@ -2,13 +2,14 @@
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from fitting_core.camera import World
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip, read_footage
+from fitting_core.io.people_reader import PersonInClip, read_people
 from tcfit_app.options.fit import CameraOptions, ClipOptions, FitOptions, NewOptions, ReviewOptions, camera_for
 
 
@@ -20,6 +21,36 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
     Raises:
         InputError: Files or options cannot be used.
     """
+    details, translated = _details(options)
+    try:
+        clip = _read(options, details)
+    except InputError as error:
+        raise InputError(translated(str(error))) from error
+    return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
+
+
+def everybody_of(options: FitOptions | NewOptions) -> list[PersonInClip]:
+    """Read everybody in the clip, each as a clip; words as of `clip_of`.
+
+    Raises:
+        InputError: Files or options cannot be used, or are of one person.
+    """
+    if options.clip.person is not None:
+        raise InputError(f"--people {options.people} and --person {options.clip.person}: give one of them.")
+    details, translated = _details(options)
+    del details["person"]
+    try:
+        people = read_people(options.video, options.keypoints, **details)
+    except InputError as error:
+        raise InputError(translated(str(error))) from error
+    return [
+        dataclasses.replace(one, clip=dataclasses.replace(one.clip, notes=tuple(map(translated, one.clip.notes))))
+        for one in people
+    ]
+
+
+def _details(options: FitOptions | NewOptions | ReviewOptions) -> tuple[dict[str, Any], Callable[[str], str]]:
+    """What the library is asked for, and what turns its words for them into the command line's."""
     camera = camera_for(options.camera, options.method if isinstance(options, FitOptions) else None)
     details = dataclasses.asdict(camera) | dataclasses.asdict(options.clip)
     names = re.compile(r"\b(" + "|".join(name for name in details if "_" in name) + r")\b")
@@ -27,11 +58,7 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
     def translated(text: str) -> str:
         return names.sub(lambda name: "--" + name[0].replace("_", "-"), text)
 
-    try:
-        clip = _read(options, details)
-    except InputError as error:
-        raise InputError(translated(str(error))) from error
-    return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
+    return details, translated
 
 
 def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, Any]) -> Clip:

@@ -8,6 +8,9 @@ from tyro.conf import Positional, arg
 
 from tcfit_app.options.fit import shown
 
+LIST = "list"
+"""In place of formats: show all of them."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExportOptions:
@@ -18,7 +21,7 @@ class ExportOptions:
     """
 
     path: Annotated[Positional[Path | None], arg(metavar="PROJECT|RESULT", help_behavior_hint="(required)")] = None
-    """A project's folder, or a result's: its folder or fit.npz."""
+    """A project's folder, or a result's: its folder or fit.npz; or a folder of several people."""
     formats: Annotated[tuple[str, ...], shown("FORMAT ...", "glb npz bvh")] = ()
     """What to write; --formats list shows all of them."""
     out: Annotated[Path, shown("DIR", "this folder")] = Path()
@@ -35,8 +38,15 @@ class ExportOptions:
         Literal["camera", "y-up", "z-up", "world"] | None,
         shown("{camera,y-up,z-up,world}", "as readers of the format expect"),
     ] = None
-    """World of npz, bvh, obj and ply. camera: x right, y down, z away, the camera at the origin. y-up and z-up are
+    """World of motions and meshes. camera: x right, y down, z away, the camera at the origin. y-up and z-up are
     upright, with the floor at height 0, where that is known; or in the world of --camera. world: its own axes."""
+    keys: Annotated[float | None, shown("MM", "one for each frame")] = None
+    """Keep only the keys of an animation that are needed for every joint, finger tip and toe to stay so near in space
+    to where it is with all of them, millimetres. 2 to 5 suit most."""
+    rig: Annotated[Path | None, shown("FILE", "none")] = None
+    """Your own rig for rig-glb and rig-bvh: a TOML file that names its GLB or BVH, and what its joints stand for."""
+    markers: Annotated[Path | None, shown("FILE", "as in Plug-in Gait")] = None
+    """Markers of trc-markers and c3d: a TOML or JSON file of names and vertices of the body's mesh."""
     zip: bool = False
     """Write a zip where a format is a folder of files."""
     json: bool = False

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -24,7 +24,7 @@ class ReferenceOptions:
     """What fits are compared with, where something is known; kept in the project."""
 
     reference: Annotated[Path | None, shown("PATH", "none")] = None
-    """3D points (npz, or TRC of OpenSim), an AMASS-style npz, a truth.npz, or another fit.npz."""
+    """3D points (npz, TRC, C3D), an AMASS-style npz, a truth.npz, or another fit.npz."""
     reference_camera: Annotated[Path | None, shown("FILE.npz", "as the clip's camera is calibrated")] = None
     """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
     reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
@@ -96,7 +96,7 @@ class CameraOptions:
     OpenCV's YAML, XML or JSON, a transforms.json, or COLMAP's cameras.txt."""
     camera_name: Annotated[str | None, shown("NAME", "the only one")] = None
     """Which camera of that file."""
-    camera_unit: Annotated[float | None, shown("METRES", "1")] = None
+    camera_unit: Annotated[float | None, shown("METRES", "1, estimated if it moves")] = None
     """Length of one unit of that file's world: 0.001 where it is in millimetres."""
     camera_up: Annotated[Up | None, shown("{x,y,z,-x,-y,-z}", "as the file has it; z for TOML")] = None
     """The axis of that file's world that points up."""
@@ -171,6 +171,8 @@ class FitOptions:
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. A result that lies there is replaced."""
+    people: Annotated[Literal["all"] | None, shown("all", "one person")] = None
+    """Fit everybody, each into a folder of --out: person-1, person-2, ... as they appear, from left to right."""
     shape: Annotated[Path | None, shown("PATH", "found from the clip")] = None
     """The person's shape, where it is known: the folder of a result, a project, or an npz or JSON file with betas."""
     overwrite: bool = False
@@ -202,6 +204,8 @@ class NewOptions:
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """The project's folder, which may not exist yet."""
+    people: Annotated[Literal["all"] | None, shown("all", "one person")] = None
+    """Make a project of everybody: a folder with people.json and the projects person-1, person-2, ..."""
     copy_video: bool = False
     """Copy the video or images into the project, so that it can be given to others."""
     clip: ClipOptions = field(default_factory=ClipOptions)
@@ -235,7 +239,7 @@ class ReviewOptions:
     """
 
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
-    """A project's folder; or what `tcfit new` takes."""
+    """A project's folder, or that of a clip's people; or what `tcfit new` takes."""
     keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
     """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None

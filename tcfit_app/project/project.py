@@ -9,6 +9,7 @@ A project is a folder:
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
 | reference.npz | what fits are compared with, where something is known |
 | handshapes.toml | the user's own set of handshapes, where there is one |
+| rig/ | the user's own rig and its mapping file, where there is one; not in a packed project |
 | media/ | the video or images, if they were copied; else the database knows where they are |
 | project.lock | held by the one process that writes |
 
@@ -109,7 +110,10 @@ class Project:
             folder.parent.mkdir(parents=True, exist_ok=True)
             with drafting(folder) as draft:
                 draft.mkdir()
-                write_clip(draft, folder, clip, copy_media=copy_media)
+                link = None
+                if clip.source:
+                    link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
+                write_clip(draft, clip, link=link)
                 check_free(folder)
                 if folder.exists():
                     folder.rmdir()

@@ -5,6 +5,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +14,13 @@ import viser
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.page import Page
+from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
-from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.shared.shared_video import Videos
+from tcfit_app.review.tab.browser_tab import BrowserTab
+from tcfit_app.review.tab.people import Someone, alone, together
+from tcfit_app.review.tab.tab import REMEMBERED
 from tcfit_app.server.gated_viser import is_here
 from tcfit_app.server.page_files import PageFiles
 
@@ -29,26 +34,48 @@ _log = logging.getLogger(__name__)
 
 
 class ReviewApp:
-    """Draws a session in every tab that is connected to a server.
+    """Draws one person's project, or those of a clip's people, in every tab that is connected to a server.
 
     Args:
-        session: the open project.
+        session: the open project; of several people that of the one who is shown first.
         server: behind its gate.
         files: the folder that alone pages may name files of; None: see `PageFiles`.
+        group: all people, if there are several.
     """
 
-    def __init__(self, session: Session, server: viser.ViserServer, *, files: Path | None = None) -> None:
+    def __init__(
+        self,
+        session: Session,
+        server: viser.ViserServer,
+        *,
+        files: Path | None = None,
+        group: Group | None = None,
+    ) -> None:
         self.session, self._server, self._files = session, server, files
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
-        self.data = DrawingData(session, lambda: self.post(lambda: None))
+        self.people = self._people(group)
+        self._first = next(someone for someone in self.people if someone.session is session)
+        self.data = self._first.data
         self.pages: dict[int, Page] = {}
-        self._remembered: dict[str, TabState] = {}
-        self._faults = Faults(self._tell)
-        session.tell = self._tell
-        session.tasks.arrived = session.worker.reports.arrived = lambda: self.post(lambda: None)
+        """By client: of the person whom it shows."""
+        self._pages: dict[int, dict[int, Page]] = {}
+        """By client: of all whom it has shown, by their numbers."""
+        self._shown: dict[str, int] = {}
+        """Whom tabs have shown last, by their own names."""
+        self._faults = Faults(lambda notice: self._tell(self._first, notice))
+        for someone in self.people:
+            someone.session.tell = partial(self._tell, someone)
+            someone.session.tasks.arrived = someone.session.worker.reports.arrived = self._wake
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
+
+    def _people(self, group: Group | None) -> tuple[Someone, ...]:
+        if group is None:
+            return (alone(DrawingData(self.session, self._wake)),)
+        sessions = [member.session for member in group.members]
+        videos = Videos([session.project.clip for session in sessions], self._wake)
+        return together(group, [DrawingData(session, self._wake, videos) for session in sessions])
 
     async def _connected(self, client: viser.ClientHandle) -> None:
         self.post(lambda: self._open(client))
@@ -60,22 +87,57 @@ class ReviewApp:
         """Do something on the drawing thread, soon; from any thread."""
         self._commands.put(command)
 
+    def _wake(self) -> None:
+        """Draw soon."""
+        self.post(lambda: None)
+
     def _take(self, command: Callable[[], None]) -> None:
         """Something that a page asks for: a strange one asks for more than can be done."""
         if self._commands.qsize() < MOST_COMMANDS:
             self.post(command)
 
     def _open(self, client: viser.ClientHandle) -> None:
-        files = PageFiles(here=is_here(self._server, client.client_id), root=self._files)
-        self.pages[client.client_id] = Page(client, self.data, self._take, self._remembered, files)
+        number = client.client_id
+        browser = BrowserTab(client, PageFiles(here=is_here(self._server, number), root=self._files))
+        browser.go_to = lambda someone: self._go_to(number, someone)
+        browser.has_come = lambda: self._go_back(number)
+        self.pages[number] = Page(browser, self._first, self._take)
+        self._pages[number] = {self._first.number: self.pages[number]}
+
+    def _go_to(self, client: int, someone: Someone) -> None:
+        """Show somebody else in a tab."""
+        page, known = self.pages.get(client), self._pages.get(client, {})
+        if page is None or page.tab.someone is someone:
+            return
+        page.leave()
+        if someone.number not in known:
+            known[someone.number] = Page(page.tab.browser, someone, self._take)
+        self.pages[client] = known[someone.number]
+        self.pages[client].come_from(page)
+        self._remember(page.tab.browser.name, someone)
+
+    def _go_back(self, client: int) -> None:
+        """A tab that was loaded anew shows whom it has shown before."""
+        page = self.pages.get(client)
+        if page is not None and (known := self._shown.get(page.tab.browser.name or "")) is not None:
+            self._go_to(client, self.people[known])
+
+    def _remember(self, name: str | None, someone: Someone) -> None:
+        if name is not None:
+            self._shown.pop(name, None)
+            self._shown[name] = someone.number
+            while len(self._shown) > REMEMBERED:
+                del self._shown[next(iter(self._shown))]
 
     def _close(self, client: int) -> None:
-        if (page := self.pages.pop(client, None)) is not None:
+        self.pages.pop(client, None)
+        for page in self._pages.pop(client, {}).values():
             page.close()
 
-    def _tell(self, notice: Notice) -> None:
+    def _tell(self, about: Someone, notice: Notice) -> None:
         for page in self.pages.values():
-            page.tab.notify(notice)
+            other = page.tab.someone is not about
+            page.tab.notify(replace(notice, title=f"{about.name}: {notice.title}") if other else notice)
 
     def run(self) -> None:
         """Draw until `stop` is called."""
@@ -83,7 +145,8 @@ class ReviewApp:
         while not self._stop.is_set():
             self._obey(TICK if self._moving() else REST)
             now = time.monotonic()
-            self._faults.attempt("take the worker's news", self.session.take_news, now)
+            for someone in self.people:
+                self._faults.attempt(f"take the worker's news {someone.name}", someone.session.take_news, now)
             for number, page in list(self.pages.items()):
                 self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
 
@@ -94,10 +157,12 @@ class ReviewApp:
 
     def close(self) -> None:
         """End all work. What was done is on the disk."""
-        for page in self.pages.values():
-            page.close()
-        self.session.close()
-        self.data.close()
+        for client in list(self._pages):
+            self._close(client)
+        for someone in self.people:
+            someone.session.close()
+        for someone in self.people:
+            someone.data.close()
 
     def _moving(self) -> bool:
         return any(page.tab.state.playing for page in self.pages.values())

@@ -1,10 +1,13 @@
-"""One browser tab as a whole: built here, given the page's events, drawn. What its parts share is `tab/tab.py`."""
+"""One browser tab as a whole: built here, given the page's events, drawn. What its parts share is `tab/tab.py`.
+
+Where a clip has several people, a tab has a page for each of them that it has shown, and one of them is drawn.
+"""
 
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-import viser
+import msgspec
 
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.body_regions import full_name
@@ -21,10 +24,10 @@ from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures, binding
 from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
-from tcfit_app.review.shared.drawing_data import DrawingData
-from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.panels.person_choice import PersonChoice
+from tcfit_app.review.tab.browser_tab import BrowserTab
+from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.tab import Do, Tab
-from tcfit_app.server.page_files import PageFiles
 from tcfit_app.server.serving import set_theme
 from tcfit_app.server.uploads import too_large
 
@@ -37,37 +40,69 @@ SKELETON = Skeleton(
 
 
 class Page:
-    """Builds a tab's parts, hands them the page's events, and draws them. Arguments as of `Tab`."""
+    """Builds the parts of a tab that shows one person, hands them the page's events, and draws them. Arguments as of
+    `Tab`."""
 
-    def __init__(
-        self, client: viser.ClientHandle, data: DrawingData, do: Do, remembered: dict[str, TabState], files: PageFiles
-    ) -> None:
-        self.tab = Tab(client, data, do, self.receive, remembered, files)
+    def __init__(self, browser: BrowserTab, someone: Someone, do: Do) -> None:
+        self.tab = Tab(browser, someone, do)
         self.gestures = Gestures(self.tab)
         self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
-        self.tab.channel.send("skeleton", SKELETON)
-        self.tab.channel.send("keys", Keys(bindings=bindings()))
         self.picture, self.timeline, self.status = Picture(self.tab), Timeline(self.tab), Status(self.gestures)
         self._key_window = KeyWindow(self.tab)
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
         """The drag's body that was sent last."""
+        self._begin()
+
+    def _begin(self) -> None:
+        """From now on the browser's tab shows this."""
+        browser = self.tab.browser
+        browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
+        self.tab.channel.send("skeleton", SKELETON)
+        self.tab.channel.send("keys", Keys(bindings=bindings()))
+
+    def come_from(self, other: "Page") -> None:
+        """Take the place of another person's page in the same tab."""
+        self.tab.come_from(other.tab)
+        self.picture.resized(*self.tab.browser.size)
+        self._begin()
+        self._show_panels(True)
+
+    def leave(self) -> None:
+        """Make room for another person's page. What was begun goes on, and can be come back to."""
+        self.gestures.correcting.abandon()
+        self.tab.pause()
+        self.tab.set(keys=False)
+        self._key_window.draw()
+        self._show_panels(False)
+
+    def _show_panels(self, on: bool) -> None:
+        if "panels" in self.__dict__:  # they are made when they are first drawn
+            self._tabs.visible = on
+            self._person.show(on)
 
     @cached_property
     def panels(self) -> list[Panel]:
         """Beside the picture, and made after it: they take half a second in the browser."""
         self._add_commands()
         gui, made = self.tab.client.gui, []
-        tabs = gui.add_tab_group()
+        self._person = PersonChoice(self.tab)
+        self._tabs = gui.add_tab_group()
         for kind in PANELS if self.tab.session.project.has_detections else WITHOUT_KEYPOINTS:
-            with tabs.add_tab(kind.title, kind.icon):
+            with self._tabs.add_tab(kind.title, kind.icon):
                 made.append(kind(self.gestures))
         return made
 
     def _add_commands(self) -> None:
-        for action in (action for action in ACTIONS.values() if not action.held):
-            command = self.tab.client.gui.add_command(action.title, description=action.key_text)
-            command.on_trigger(lambda _, action=action: self.tab.do(lambda: self._run(action)))
+        browser = self.tab.browser
+        if browser.has_commands:
+            return
+        browser.has_commands = True
+        for name, action in ACTIONS.items():
+            if not action.held:
+                command = browser.client.gui.add_command(action.title, description=action.key_text)
+                chosen = page_events.Key(action=name, repeat=False)
+                command.on_trigger(lambda _, chosen=chosen: browser.receive(chosen))
 
     # --- events of the page ---
 
@@ -76,11 +111,23 @@ class Page:
         RECEIVERS[type(event)](self, event)
 
     def _hello(self, event: page_events.Hello) -> None:
-        self.tab.greet(event.tab, event.browser)
+        browser = self.tab.browser
+        browser.greet(event.tab, event.browser, (event.width, event.height))
         set_theme(self.tab.client.gui, dark=event.dark)
         self.picture.resized(event.width, event.height)
+        self.tab.greet()
         if not event.hinted and self.tab.session.project.has_detections:
             self.tab.show_first_steps()
+        browser.has_come()
+
+    def _resized(self, event: page_events.Resized) -> None:
+        self.tab.browser.size = (event.width, event.height)
+        self.picture.resized(event.width, event.height)
+
+    def _go_to(self, event: page_events.GoToPerson) -> None:
+        everybody = self.tab.someone.everybody
+        if event.person < len(everybody):
+            self.tab.browser.go_to(everybody[event.person])
 
     def _key(self, event: page_events.Key) -> None:
         action = ACTIONS.get(event.action)
@@ -117,6 +164,9 @@ class Page:
 
     def _open_link(self, event: page_events.OpenLink) -> None:
         self.tab.doing = "Open the link"
+        if event.person is not None:
+            self.tab.browser.go_to(self.tab.someone.numbered(event.person))
+            return self.tab.browser.receive(msgspec.structs.replace(event, person=None))
         self.gestures.noting.open_link(event.frame, event.run, event.phase)
 
     def _select(self, event: page_events.Select) -> None:
@@ -155,7 +205,9 @@ class Page:
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
         self._attempt("show the first steps", self._draw_first_steps, now)
-        for panel in self.panels:
+        panels = self.panels
+        self._attempt("draw the choice of the person", self._person.draw, now)
+        for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
 
     def _attempt(self, what: str, draw: Callable[[], object], now: float) -> None:
@@ -195,7 +247,7 @@ class Page:
 
 RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Hello: Page._hello,
-    page_events.Resized: lambda page, event: page.picture.resized(event.width, event.height),
+    page_events.Resized: Page._resized,
     page_events.Theme: lambda page, event: set_theme(page.tab.client.gui, dark=event.dark),
     page_events.Key: Page._key,
     page_events.Seek: Page._seek,
@@ -211,5 +263,6 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Press: lambda page, event: page.tab.buttons.take(event),
     page_events.TooLarge: Page._tell_too_large,
     page_events.Gesture: lambda page, event: page.tab.scene.cameras.touched(),
+    page_events.GoToPerson: Page._go_to,
     page_events.Drawn: lambda page, event: page.tab.playback.drawn(event.frame),
 }

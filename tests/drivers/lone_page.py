@@ -24,6 +24,8 @@ from tcfit_app.review.browser.page_events import Key, Press
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
+from tcfit_app.review.tab.browser_tab import BrowserTab
+from tcfit_app.review.tab.people import alone
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.server.page_files import PageFiles
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
@@ -185,7 +187,7 @@ def lone_page(
         for stored in session.fits.showable():
             with suppress(InputError):
                 session.fits.fit(stored)  # which the drawing thread would not wait for
-        page = Page(cast(viser.ClientHandle, client), data, run, {}, PageFiles(here=True))
+        page = Page(BrowserTab(cast(viser.ClientHandle, client), PageFiles(here=True)), alone(data), run)
         yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue

@@ -13,10 +13,12 @@ import numpy as np
 from fitting_core.config.schema import PRESETS
 from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.project.people import OpenPeople
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.page import Page
+from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
 
@@ -59,8 +61,8 @@ class Reviewing:
 
     @property
     def session(self) -> Session:
-        """The project's."""
-        return self.app.session
+        """Of whom the tab shows."""
+        return self.page.tab.session
 
     @property
     def page(self) -> Page:
@@ -113,20 +115,38 @@ class Reviewing:
 @contextmanager
 def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, title: str = "test") -> Iterator[Reviewing]:
     """Serve a project and open it in a tab."""
-    with Project.open(folder, read_only=read_only) as project:
-        server = review_server(title, port=0, open_browser=False, scripts=web_files(), say=lambda text: None)
-        with server as running:
-            app = ReviewApp(Session(project, Bodies()), running.viser)
-            thread = threading.Thread(target=app.run)
-            thread.start()
-            try:
-                yield opened(app, running, browser)
-            finally:
-                app.stop()
-                thread.join(PATIENCE)
-                app.close()
-                for context in browser.contexts:
-                    context.close()
+    with (
+        Project.open(folder, read_only=read_only) as project,
+        serving(title, lambda server: ReviewApp(Session(project, Bodies()), server.viser)) as (app, running),
+    ):
+        try:
+            yield opened(app, running, browser)
+        finally:
+            for context in browser.contexts:
+                context.close()
+
+
+@contextmanager
+def serving(title: str, made: Callable[[ReviewServer], ReviewApp]) -> Iterator[tuple[ReviewApp, ReviewServer]]:
+    """Let an app draw, behind a server."""
+    server = review_server(title, port=0, open_browser=False, scripts=web_files(), say=lambda text: None)
+    with server as running:
+        app = made(running)
+        thread = threading.Thread(target=app.run)
+        thread.start()
+        try:
+            yield app, running
+        finally:
+            app.stop()
+            thread.join(PATIENCE)
+            app.close()
+
+
+def reviewed_people(people: OpenPeople, server: ReviewServer, *, first: int = 0) -> ReviewApp:
+    """The app of a clip's people."""
+    bodies = Bodies()
+    sessions = [Session(project, bodies) for _, project in people.projects]
+    return ReviewApp(sessions[first], server.viser, group=Group(people, sessions))
 
 
 def opened(app: ReviewApp, server: ReviewServer, browser: "Browser", *, script: str = "") -> Reviewing:

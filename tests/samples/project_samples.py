@@ -39,8 +39,10 @@ from tcfit_app.project.edits.kinds import (
     SetConfidence,
     SetDepth,
     SwapSides,
+    TakeOver,
     Unlock,
 )
+from tcfit_app.project.edits.taken_over import packed
 from tcfit_app.project.storage.run_record import BodyRecord
 
 FRAMES = 6
@@ -181,6 +183,14 @@ def _locks(draw: st.DrawFn) -> Lock:
     return Lock(frames=draw(_FRAMES), joints=joints, turn=draw(st.tuples(*[turn] * len(joints))))
 
 
+@st.composite
+def _taken_over(draw: st.DrawFn) -> TakeOver:
+    frames, joints = draw(_FRAMES), draw(_JOINTS)
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    xy, confidence = rng.uniform(-1e4, 1e4, (len(frames), len(joints), 2)), rng.random((len(frames), len(joints)))
+    return TakeOver(frames=frames, joints=joints, source="person 2", packed=packed(xy, confidence))
+
+
 def _pinned(edit: SetDepth) -> Pin:
     places = tuple((10.0 * joint, 20.0) for joint in edit.joints)
     return Pin(frames=edit.frames, joints=edit.joints, xy=places, depth=edit.depth)
@@ -215,6 +225,7 @@ def edits() -> st.SearchStrategy[Edit]:
         _depths(),
         _depths().map(_pinned),
         _locks(),
+        _taken_over(),
         st.builds(Unlock, frames=_FRAMES, joints=_LOCKABLE),
         st.builds(ClearDepth, frames=_FRAMES, joints=_BODY_JOINTS),
         st.builds(Nudge, **where, by=st.tuples(_PIXELS, _PIXELS)),

@@ -94,7 +94,6 @@ class FinishedRun:
         *,
         start: object = None,
         shape: object = None,
-        shape_from: str = "",
     ) -> Iterator[FitEvent]:
         """In place of `fit_events`, for what a command does with a fit of these options: the same again, at once."""
         for event in self.events:

@@ -104,11 +104,11 @@ def fit_shape(sight: Sight, solver: Solver) -> Generator[Step, None, tuple[State
     Returns:
         The sampled frames' state (their betas are beta'), and which frames they are.
     """
-    sampled, (frames,) = yield from fit_common_shape([sight], solver, sight.stages.config.shape_sample)
+    sampled, (frames,) = yield from fit_subject_shape([sight], solver, sight.stages.config.shape_sample)
     return sampled, frames
 
 
-def fit_common_shape(
+def fit_subject_shape(
     sights: Sequence[Sight], solver: Solver, sample: ShapeSample
 ) -> Generator[Step, None, tuple[State, list[Tensor]]]:
     """The same over frames of several clips of one person.

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera, CameraPath, Lens, Up, Vector, World, path_of
+from fitting_core.camera import Camera, CameraPath, Lens, PathScale, Up, Vector, World, path_of
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration
@@ -56,7 +56,11 @@ class CameraFile:
 
 
 def read_camera(
-    file: CameraFile, size: tuple[int, int], frames: ClipFrames | None = None
+    file: CameraFile,
+    size: tuple[int, int],
+    frames: ClipFrames | None = None,
+    *,
+    scale_of: Callable[[Camera], PathScale | None] | None = None,
 ) -> tuple[Camera, tuple[str, ...]]:
     """The camera of images of a size, and notes on how it was read.
 
@@ -64,6 +68,8 @@ def read_camera(
         file: Which camera of which file.
         size: Width and height in pixels.
         frames: What it filmed, for one that moves; None: the images that the file has poses of.
+        scale_of: Estimates the metres of one unit, if the camera moves and neither file nor user says it, from the
+            camera in units.
 
     Raises:
         InputError: The file cannot be read, has several cameras and none of that name, was made for images of another
@@ -83,17 +89,13 @@ def read_camera(
         poses, path_notes = _poses(sized, frames)
     except ValueError as error:
         raise InputError(f"{file.path}: {_titled(chosen)}{error}.") from error
-    world, path, world_notes = _world(file, chosen, poses)
     name = f", camera {chosen.name}" if chosen.name else ""
-    camera = Camera(
-        focal=sized.focal,
-        center=sized.center,
-        size=size,
-        source=legible(f"{_SOURCE} {file.path.name}{name}, as given"),
-        lens=lens,
-        world=world,
-        path=path,
-    )
+    source = legible(f"{_SOURCE} {file.path.name}{name}, as given")
+    camera = Camera(focal=sized.focal, center=sized.center, size=size, source=source, lens=lens)
+    world, path, world_notes = _world(file, chosen, poses)
+    if path is not None and scale_of is not None and not _has_scale(file, chosen):
+        world, path, world_notes = _world(file, chosen, poses, scale_of(replace(camera, path=path)))
+    camera = replace(camera, world=world, path=path)
     notes = (*size_notes, *lens_notes, *path_notes, *world_notes)
     return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
 
@@ -216,7 +218,7 @@ def _poses(camera: Calibration, frames: ClipFrames | None) -> tuple[Poses | None
 
 
 def _world(
-    file: CameraFile, camera: Calibration, poses: Poses | None
+    file: CameraFile, camera: Calibration, poses: Poses | None, scale: PathScale | None = None
 ) -> tuple[World | None, CameraPath | None, tuple[str, ...]]:
     """Where the camera stands, or where it begins and how it moves, in metres."""
     rotation, translation = camera.rotation, camera.translation
@@ -230,14 +232,14 @@ def _world(
                 "file with rotation and translation."
             )
         return None, None, ()
-    unit = file.unit or 1.0
+    unit = file.unit or (1.0 if scale is None else scale.metres)
     world = World(
         rotation=(_vector(rotation[0]), _vector(rotation[1]), _vector(rotation[2])),
         translation=_vector(translation * unit),
         up=file.up or camera.up,
     )
     path = None if poses is None or not poses.move else _path(poses, unit)
-    return world, path, tuple(_world_notes(file, camera, world, path))
+    return world, path, tuple(_world_notes(file, camera, world, path, scale))
 
 
 def _path(poses: Poses, unit: float) -> CameraPath:
@@ -246,13 +248,25 @@ def _path(poses: Poses, unit: float) -> CameraPath:
     return path_of(turns, unit * (poses.translation - turns @ poses.translation[0]))
 
 
-def _world_notes(file: CameraFile, camera: Calibration, world: World, path: CameraPath | None) -> Iterator[str]:
-    scaled = file.unit is not None or camera.has_unit
+def _has_scale(file: CameraFile, camera: Calibration) -> bool:
+    return file.unit is not None or camera.has_unit
+
+
+def _world_notes(
+    file: CameraFile, camera: Calibration, world: World, path: CameraPath | None, scale: PathScale | None
+) -> Iterator[str]:
+    scaled = _has_scale(file, camera)
     if path is not None:
         length = float(np.linalg.norm(np.diff(path.places, axis=0), axis=1).sum())
         turned = np.degrees(Rotation.from_matrix(path.to_still).magnitude().max())
         yield f"moves: {length:.2f} m along its path, turned by up to {turned:.0f} degrees from where it begins."
-    if path is not None and not scaled:
+    if scale is not None:
+        yield (
+            f"moves in a world without a scale; by {scale.by}, one unit is {scale.metres:.3g} m "
+            f"(± {scale.deviation:.0%}). If you know better, give camera_unit (a length that you know, divided by what "
+            "it is in the file's world)."
+        )
+    elif path is not None and not scaled:
         yield (
             "moves in a world without a scale, and its unit is taken for a metre. If that is wrong, the person slides "
             "and comes out as too fast or too slow: give camera_unit, the metres of one unit (a length that you know, "

@@ -8,19 +8,17 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.detections import Detections
-from fitting_core.keypoints import BODY, COUNT, Keypoints
+from fitting_core.io.keypoints.people.sightings import Sighting, distances, offset, sightings
+from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.video.frame_names import spans
 from fitting_core.video.tracks import Track, follow
 
-# Distances are in units of a person's size, the weighted root mean square distance of the keypoints from their centre:
-# about a quarter of the body height for somebody upright.
+# Distances are in units of a person's size.
 _REACH = 1.0
 """How far the same person's keypoints can lie from one frame to the next, on average."""
 _REACH_GROWTH = 0.1
 """What every frame without a detection adds to it."""
 _MOST_REACH = 2.5
-_COMMON_POINTS = 3
-"""With fewer keypoints in common, centres are compared instead."""
 _RIVAL = 0.7
 """Share of the chosen track's score from which another person is worth a warning."""
 
@@ -37,33 +35,7 @@ class PersonChoice:
     """The choice in words for the user; empty where there was none to make."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """A detection, with its centre and size."""
-
-    entry: int
-    """Its place in the frame's list of people."""
-    body: Float[np.ndarray, "25 3"]
-    centre: Float[np.ndarray, "2"]
-    size: float
-    confidence: float
-
-    @classmethod
-    def of(cls, entry: int, points: Float[np.ndarray, "137 3"]) -> "_Seen":
-        # The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body.
-        used = points[BODY] if (points[BODY, 2] > 0).any() else points
-        centre = np.average(used[:, :2], axis=0, weights=used[:, 2])
-        squares = ((used[:, :2] - centre) ** 2).sum(1)
-        size = float(np.sqrt(np.average(squares, weights=used[:, 2])))
-        return cls(entry=entry, body=points[BODY], centre=centre, size=size, confidence=float(used[:, 2].mean()))
-
-    @property
-    def prominence(self) -> float:
-        """Size times confidence."""
-        return self.size * self.confidence
-
-
-_Track = Track[_Seen]
+_Track = Track[Sighting]
 
 
 def choose_person(detections: Detections, *, person: int | None = None, first_frame: int = 0) -> PersonChoice:
@@ -87,7 +59,7 @@ def choose_person(detections: Detections, *, person: int | None = None, first_fr
             f"No keypoint is detected in any of the {len(detections)} frames of {detections.source}. "
             "Check that the detector ran on the right video, and lower its threshold if it did."
         )
-    tracks = follow([_people(frame) for frame in detections.frames], prices=_prices, offset=_offset)
+    tracks = follow([sightings(frame) for frame in detections.frames], prices=_prices, offset=offset)
     if person is not None:
         chosen, start = _asked(detections, tracks, person)
         note = _describe_asked(chosen, len(detections), first_frame, person, start)
@@ -130,38 +102,11 @@ def _entry(track: _Track, frame: int) -> int | None:
     return None if seen is None else seen.entry
 
 
-def _people(frame: Float[np.ndarray, "P 137 3"]) -> list[_Seen]:
-    return [_Seen.of(entry, points) for entry, points in enumerate(frame) if (points[:, 2] > 0).any()]
-
-
-def _prices(people: Sequence[_Seen], tracks: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
+def _prices(people: Sequence[Sighting], tracks: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
     """Distances in sizes, infinite where they are out of reach."""
     gaps = np.array([frame - track.frame - 1 for track in tracks])
-    distances = _distances(people, tracks, frame)
-    return np.where(distances <= np.minimum(_REACH + _REACH_GROWTH * gaps, _MOST_REACH), distances, np.inf)
-
-
-def _distances(people: Sequence[_Seen], tracks: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
-    """Mean distance of common body points, or else of the centres, in sizes of the larger of the two."""
-    shifts = np.array([track.shift(frame) for track in tracks])
-    a = np.array([one.body for one in people])[:, None]
-    b = np.array([track.seen.body for track in tracks])[None]
-    weights = np.sqrt(a[..., 2] * b[..., 2])
-    apart = np.linalg.norm(a[..., :2] - b[..., :2] - shifts[:, None], axis=-1)
-    of_points = (weights * apart).sum(-1) / np.maximum(weights.sum(-1), 1e-9)
-    centres = np.array([one.centre for one in people])[:, None] - [track.seen.centre for track in tracks]
-    of_centres = np.linalg.norm(centres - shifts, axis=-1)
-    sizes = np.maximum.outer([one.size for one in people], [track.seen.size for track in tracks])
-    enough = (weights > 0).sum(-1) >= _COMMON_POINTS
-    return np.where(enough, of_points, of_centres) / np.maximum(sizes, 1e-9)
-
-
-def _offset(before: _Seen, after: _Seen) -> Float[np.ndarray, "2"]:
-    """Mean motion of common body points; (0, 0) where they are too few to say."""
-    weights = np.sqrt(before.body[:, 2] * after.body[:, 2])
-    if (weights > 0).sum() < _COMMON_POINTS:
-        return np.zeros(2)
-    return np.average(after.body[:, :2] - before.body[:, :2], axis=0, weights=weights)
+    apart = distances(people, tracks, frame)
+    return np.where(apart <= np.minimum(_REACH + _REACH_GROWTH * gaps, _MOST_REACH), apart, np.inf)
 
 
 def _found(track: _Track, count: int, first_frame: int) -> str:

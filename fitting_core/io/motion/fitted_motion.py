@@ -15,6 +15,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.camera import Camera, CameraPath, World
 from fitting_core.errors import InputError
+from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import Level
 
 Progress = Callable[[float], None]
@@ -57,6 +58,8 @@ class Motion:
     """Number of the first frame in the video, from 0."""
     axes: str = "camera"
     """A name of AXES, or OWN_WORLD."""
+    contacts: Contacts | None = None
+    """Which foot stands in each of the T frames; None where nobody looked."""
     level: Level | None = None
     """How the camera is held: by it y-up and z-up are upright, and their floor is at 0. None: as if it were level."""
 
@@ -67,7 +70,11 @@ class Motion:
         """Consecutive frames."""
         start, _, _ = frames.indices(len(self))
         return replace(
-            self, params=self.params[frames], camera=self.camera[frames], first_frame=self.first_frame + start
+            self,
+            params=self.params[frames],
+            camera=self.camera[frames],
+            contacts=None if self.contacts is None else self.contacts[frames],
+            first_frame=self.first_frame + start,
         )
 
     @cached_property

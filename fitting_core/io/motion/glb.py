@@ -7,137 +7,221 @@ rate, first frame, intrinsics, gender, axes, the largest deviation from the fit)
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.model import JOINTS, N_JOINTS
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
+from fitting_core.io.motion.gltf_buffer import Buffer
+from fitting_core.io.motion.keys import Keys
 from fitting_core.io.motion.rig import Deviation, Rig, deviation, rig_of
+from fitting_core.io.motion.rig_keys import with_fewer_keys
 
 _AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)
-"""Nodes: the rig as a whole, what is skinned, the camera, and the joints one after the other."""
-_COLOR = [0.62, 0.68, 0.76, 1.0]
-_TYPES = {
-    np.dtype(np.float32): gltf.FLOAT,
-    np.dtype(np.uint32): gltf.UNSIGNED_INT,
-    np.dtype(np.uint8): gltf.UNSIGNED_BYTE,
-}
-_SHAPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (16,): gltf.MAT4}
+"""Nodes: the rig as a whole, what is skinned, the camera, and the joints one after the other. Those of the next person
+follow, without a camera."""
+_THINNING = 0.3
+"""Share of the whole time that finding the keys takes."""
+_COLORS = ([0.62, 0.68, 0.76, 1.0], [0.80, 0.62, 0.50, 1.0], [0.55, 0.72, 0.58, 1.0], [0.74, 0.60, 0.76, 1.0])
 
 
-def write_glb(path: Path, motion: Motion, progress: Progress | None = None) -> Deviation:
-    """Write a motion; how far its vertices will be from the fit's where a program shows it.
+@dataclass(frozen=True, kw_only=True)
+class WrittenGlb:
+    """What a program shows of a file."""
+
+    deviation: Deviation
+    """How far its vertices are from the fit's."""
+    keys: Keys | None
+    """Those of the animation; None: one for each frame."""
+
+
+def write_glb(
+    path: Path, motion: Motion, progress: Progress | None = None, *, within: float | None = None
+) -> WrittenGlb:
+    """Write a motion.
+
+    Args:
+        path: Of the file, which is replaced.
+        motion: In any axes.
+        progress: See `Progress`.
+        within: Only the keys are kept that are needed for joints, finger tips and toes to stay so near to where they
+            are with all keys, metres; None: all are.
 
     Raises:
+        InputError: The bound is none.
         OSError: The file cannot be written; nothing is left of it.
     """
-    upright = motion.in_axes(_AXES)
-    rig = rig_of(upright)
-    found = deviation(rig, upright, progress)
+    return write_people_glb(path, [motion], name=motion.name, progress=progress, within=within)[0]
+
+
+def write_people_glb(
+    path: Path,
+    motions: Sequence[Motion],
+    *,
+    name: str,
+    progress: Progress | None = None,
+    within: float | None = None,
+) -> list[WrittenGlb]:
+    """Write the motions of several people of one clip, each as `write_glb` writes one.
+
+    Args:
+        path: The file.
+        motions: Of one frame rate, camera and level; their frames are numbered in one video.
+        name: Of the clip.
+        progress: Takes the share that is done.
+        within: As in `write_glb`.
+
+    Raises:
+        InputError: The bound is none.
+        OSError: The file cannot be written; nothing is left of it.
+    """
+    tell = progress or (lambda _: None)
+    people: list[_Person] = []
+    for k, motion in enumerate(motions):
+        nodes = _ONE if k == 0 else _ONE.later(1 + k * (2 + N_JOINTS))
+        people.append(_person(motion.in_axes(_AXES), nodes, within, partial(_part_of, tell, k, len(motions))))
     with replacing(path) as draft:
-        _document(rig, upright, found).save_binary(str(draft))
-    return found
+        _document(people, name).save_binary(str(draft))
+    return [WrittenGlb(deviation=one.deviation, keys=one.rig.keys) for one in people]
 
 
-class _Buffer:
-    """The file's data, array by array."""
-
-    def __init__(self, document: gltf.GLTF2) -> None:
-        self._document, self._parts, self._size = document, [], 0
-
-    def add(self, array: np.ndarray, target: int | None = None, *, bounds: bool = False) -> int:
-        """Append an array; the number of its accessor."""
-        array = np.ascontiguousarray(array)
-        content = array.tobytes()
-        document = self._document
-        document.bufferViews.append(
-            gltf.BufferView(buffer=0, byteOffset=self._size, byteLength=len(content), target=target)
-        )
-        accessor = gltf.Accessor(
-            bufferView=len(document.bufferViews) - 1,
-            componentType=_TYPES[array.dtype],
-            count=len(array),
-            type=_SHAPES[array.shape[1:]],
-        )
-        if bounds:
-            accessor.min, accessor.max = (np.atleast_1d(f(array, 0)).tolist() for f in (np.min, np.max))
-        document.accessors.append(accessor)
-        padding = -len(content) % 4
-        self._parts += [content, bytes(padding)]
-        self._size += len(content) + padding
-        return len(document.accessors) - 1
-
-    def close(self) -> None:
-        """Make it the document's."""
-        self._document.buffers = [gltf.Buffer(byteLength=self._size)]
-        self._document.set_binary_blob(b"".join(self._parts))
+def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
+    tell((k + share) / count)
 
 
-def _document(rig: Rig, motion: Motion, found: Deviation) -> gltf.GLTF2:
-    said = stated(motion) | {
-        "largest_deviation_m": round(found.largest, 7),
-        "mean_deviation_m": round(found.mean, 7),
-        "deviation": "of the skinned vertices from the fit's, over all frames",
-    }
+@dataclass(frozen=True)
+class _Nodes:
+    """One person's."""
+
+    root: int
+    mesh: int
+    first_joint: int
+
+    def later(self, start: int) -> "_Nodes":
+        """Those of somebody whose first node has this number."""
+        return _Nodes(start, start + 1, start + 2)
+
+
+_ONE = _Nodes(_ROOT, _MESH, _FIRST_JOINT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Person:
+    """Somebody in the file."""
+
+    motion: Motion
+    rig: Rig
+    deviation: Deviation
+    nodes: _Nodes
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """What the file says."""
+        return stated(self.motion) | {
+            "largest_deviation_m": round(self.deviation.largest, 7),
+            "mean_deviation_m": round(self.deviation.mean, 7),
+            "deviation": "of the skinned vertices from the fit's, over all frames",
+            "keys": "every frame" if self.rig.keys is None else self.rig.keys.text,
+        }
+
+
+def _person(motion: Motion, nodes: _Nodes, within: float | None, tell: Progress) -> _Person:
+    rig = rig_of(motion)
+    thinning = 0.0 if within is None else _THINNING
+    if within is not None:
+        rig = with_fewer_keys(rig, motion, within, lambda share: tell(thinning * share))
+    found = deviation(rig, motion, lambda share: tell(thinning + (1 - thinning) * share))
+    return _Person(motion=motion, rig=rig, deviation=found, nodes=nodes)
+
+
+def _document(people: list[_Person], name: str) -> gltf.GLTF2:
+    said = people[0].stated if len(people) == 1 else {"name": name, "people": [one.stated for one in people]}
+    tops = [node for one in people for node in (one.nodes.root, one.nodes.mesh)]
     document = gltf.GLTF2(
         asset=gltf.Asset(version="2.0", generator="tcfit", extras=said),
         scene=0,
-        scenes=[gltf.Scene(name=motion.name, nodes=[_ROOT, _MESH, _CAMERA], extras=said)],
-        nodes=_nodes(rig, motion),
-        cameras=[_camera(motion)],
-        materials=[_material()],
+        scenes=[gltf.Scene(name=name, nodes=[*tops[:2], _CAMERA, *tops[2:]], extras=said)],
+        nodes=_nodes(people),
+        cameras=[_camera(people[0].motion)],
+        materials=[_material(k) for k in range(len(people))],
     )
-    buffer = _Buffer(document)
-    document.meshes = [_mesh(rig, buffer)]
-    inverse = np.tile(np.eye(4, dtype=np.float32), (N_JOINTS, 1, 1))
-    inverse[:, 3, :3] = -rig.joints  # column-major: the translation is the last row here
-    joints = [_FIRST_JOINT + j for j in range(N_JOINTS)]
-    document.skins = [
-        gltf.Skin(joints=joints, skeleton=_FIRST_JOINT, inverseBindMatrices=buffer.add(inverse.reshape(-1, 16)))
-    ]
-    document.animations = [_animation(rig, motion, buffer)]
+    buffer = Buffer(document)
+    document.meshes = [_mesh(one.rig, buffer, k) for k, one in enumerate(people)]
+    document.skins = [_skin(one, buffer) for one in people]
+    document.animations = [_animation(people, name, buffer)]
     buffer.close()
     return document
 
 
-def _nodes(rig: Rig, motion: Motion) -> list[gltf.Node]:
+def _skin(one: _Person, buffer: Buffer) -> gltf.Skin:
+    inverse = np.tile(np.eye(4, dtype=np.float32), (N_JOINTS, 1, 1))
+    inverse[:, 3, :3] = -one.rig.joints  # column-major: the translation is the last row here
+    first = one.nodes.first_joint
+    return gltf.Skin(
+        joints=[first + j for j in range(N_JOINTS)],
+        skeleton=first,
+        inverseBindMatrices=buffer.add(inverse.reshape(-1, 16)),
+    )
+
+
+def _nodes(people: list[_Person]) -> list[gltf.Node]:
+    nodes: list[gltf.Node] = []
+    for k, one in enumerate(people):
+        name = "body" if len(people) == 1 else f"{one.motion.name} body"
+        nodes.append(gltf.Node(name=one.motion.name, children=[one.nodes.first_joint]))
+        nodes.append(gltf.Node(name=name, mesh=k, skin=k))
+        nodes += [_camera_node(people)] if k == 0 else []
+        nodes += _joint_nodes(one)
+    return nodes
+
+
+def _joint_nodes(one: _Person) -> list[gltf.Node]:
+    rig, first = one.rig, one.nodes.first_joint
     offsets = rig.joints.copy()
     offsets[1:] -= rig.joints[rig.parents[1:]]
     offsets[0] = rig.places[0]
-    joints = [
+    return [
         gltf.Node(
             name=JOINTS[j],
             translation=offsets[j].tolist(),
             rotation=rig.turns[0, j].tolist(),
-            children=[_FIRST_JOINT + int(child) for child in np.flatnonzero(rig.parents == j)],
+            children=[first + int(child) for child in np.flatnonzero(rig.parents == j)],
         )
         for j in range(N_JOINTS)
     ]
-    return [
-        gltf.Node(name=motion.name, children=[_FIRST_JOINT]),
-        gltf.Node(name="body", mesh=0, skin=0),
-        _camera_node(motion),
-        *joints,
-    ]
 
 
-def _camera_node(motion: Motion) -> gltf.Node:
+def _camera_node(people: list[_Person]) -> gltf.Node:
     """Where the camera stands. That of glTF looks along -z with y up: the one here along z with y down."""
-    places, turns = _camera_poses(motion)
+    _, places, turns = _camera_poses(people)
     return gltf.Node(name="camera", camera=0, translation=places[0].tolist(), rotation=turns[0].tolist())
 
 
-def _camera_poses(motion: Motion) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
-    """Where it is and how it is turned, a unit quaternion, once or in each frame."""
-    turn = motion.camera_to_world.reshape(-1, 3, 3) @ np.diag([1.0, -1.0, -1.0])
-    return motion.camera_place.reshape(-1, 3), _without_jumps(Rotation.from_matrix(turn).as_quat())
+def _camera_poses(
+    people: list[_Person],
+) -> tuple[list[int], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+    """Frames by number, where the camera is in them, and how it is turned (quaternions); of one that stands, once."""
+    places: dict[int, np.ndarray] = {}
+    turns: dict[int, np.ndarray] = {}
+    for motion in (one.motion for one in people):
+        for t, place in enumerate(motion.camera_place.reshape(-1, 3)):
+            places[motion.first_frame + t] = place
+        for t, turn in enumerate(motion.camera_to_world.reshape(-1, 3, 3)):
+            turns[motion.first_frame + t] = turn @ np.diag([1.0, -1.0, -1.0])
+    frames = sorted(places)
+    quaternions = Rotation.from_matrix([turns[frame] for frame in frames]).as_quat()
+    return frames, np.array([places[frame] for frame in frames]), _without_jumps(quaternions)
 
 
 def _without_jumps(quaternions: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
@@ -158,14 +242,16 @@ def _camera(motion: Motion) -> gltf.Camera:
     )
 
 
-def _material() -> gltf.Material:
+def _material(person: int) -> gltf.Material:
     return gltf.Material(
-        name="body",
-        pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=_COLOR, metallicFactor=0.0, roughnessFactor=0.7),
+        name="body" if person == 0 else f"body {person + 1}",
+        pbrMetallicRoughness=gltf.PbrMetallicRoughness(
+            baseColorFactor=_COLORS[person % len(_COLORS)], metallicFactor=0.0, roughnessFactor=0.7
+        ),
     )
 
 
-def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
+def _mesh(rig: Rig, buffer: Buffer, person: int) -> gltf.Mesh:
     vertices = gltf.ARRAY_BUFFER
     attributes = gltf.Attributes(
         POSITION=buffer.add(rig.vertices, vertices, bounds=True),
@@ -176,7 +262,7 @@ def _mesh(rig: Rig, buffer: _Buffer) -> gltf.Mesh:
     primitive = gltf.Primitive(
         attributes=attributes,
         indices=buffer.add(rig.faces.astype(np.uint32).ravel(), gltf.ELEMENT_ARRAY_BUFFER),
-        material=0,
+        material=person,
         targets=[gltf.Attributes(POSITION=buffer.add(shape, vertices, bounds=True)) for shape in rig.morphs.directions],
     )
     mesh = gltf.Mesh(
@@ -195,23 +281,41 @@ def _normals(rig: Rig) -> Float[np.ndarray, "V 3"]:
     return np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)
 
 
-def _animation(rig: Rig, motion: Motion, buffer: _Buffer) -> gltf.Animation:
-    times = buffer.add((np.arange(len(motion)) / motion.frame_rate).astype(np.float32), bounds=True)
-    animation = gltf.Animation(name=motion.name, samplers=[], channels=[])
+def _animation(people: list[_Person], name: str, buffer: Buffer) -> gltf.Animation:
+    animation = gltf.Animation(name=name, samplers=[], channels=[])
+    rate = people[0].motion.frame_rate
+    begins = min(one.motion.first_frame for one in people)
+    ends = max(one.motion.first_frame + len(one.motion) for one in people)
+    times: dict[bytes, int] = {}
 
-    def add(node: int, path: str, values: np.ndarray) -> None:
-        output = buffer.add(values.astype(np.float32))
-        animation.samplers.append(gltf.AnimationSampler(input=times, output=output, interpolation="LINEAR"))
+    def times_of(frames: Int[np.ndarray, "n"]) -> int:
+        at = ((frames - begins) / rate).astype(np.float32)
+        if at.tobytes() not in times:
+            times[at.tobytes()] = buffer.add(at, bounds=True)
+        return times[at.tobytes()]
+
+    def add(frames: Int[np.ndarray, "n"], node: int, path: str, values: np.ndarray, how: str = "LINEAR") -> None:
+        output = buffer.add(values.astype(np.float32).ravel() if path == "weights" else values.astype(np.float32))
+        animation.samplers.append(gltf.AnimationSampler(input=times_of(frames), output=output, interpolation=how))
         target = gltf.AnimationChannelTarget(node=node, path=path)
         animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
-    if motion.camera.path is not None:
-        places, turns = _camera_poses(motion)
-        add(_CAMERA, "translation", places)
-        add(_CAMERA, "rotation", turns)
-    add(_FIRST_JOINT, "translation", rig.places)
-    for j in range(N_JOINTS):
-        add(_FIRST_JOINT + j, "rotation", rig.turns[:, j])
-    if rig.morphs.names:
-        add(_MESH, "weights", rig.morphs.weights.ravel())
+    if people[0].motion.camera.path is not None:
+        frames, places, turns = _camera_poses(people)
+        add(np.array(frames), _CAMERA, "translation", places)
+        add(np.array(frames), _CAMERA, "rotation", turns)
+    for one in people:
+        rig, keys, nodes = one.rig, one.rig.keys, one.nodes
+        first, last = one.motion.first_frame, one.motion.first_frame + len(one.motion)
+        for node, path, values, kept in (
+            (nodes.first_joint, "translation", rig.places, keys and keys.places),
+            *((nodes.first_joint + j, "rotation", rig.turns[:, j], keys and keys.turns[j]) for j in range(N_JOINTS)),
+            *([(nodes.mesh, "weights", rig.morphs.weights, keys and keys.weights)] if rig.morphs.names else []),
+        ):
+            at = np.arange(len(one.motion)) if kept is None else kept
+            add(first + at, node, path, values[at])
+        if (first, last) != (begins, ends):
+            turning = sorted({begins, first, min(last, ends - 1)})
+            there = np.array([[float(first <= frame < last)] * 3 for frame in turning])
+            add(np.array(turning), nodes.root, "scale", there, "STEP")
     return animation

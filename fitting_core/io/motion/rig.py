@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS
 from fitting_core.io.motion.fitted_motion import CHUNK, Motion, Progress
+from fitting_core.io.motion.keys import Keys
 from fitting_core.io.motion.morphs import Morphs, corrective_morphs, expression_morphs, joined
 
 WEIGHTS = 4
@@ -36,6 +37,8 @@ class Rig:
     places: Float[np.ndarray, "T 3"]
     """Of the root joint in the world, metres."""
     morphs: Morphs
+    keys: Keys | None = None
+    """Where the channels have keys, if not in all frames: what lies between is what is played there."""
 
     def vertices_of(self, frames: slice) -> Float[np.ndarray, "T V 3"]:
         """What a program shows that skins linearly, metres."""

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from fitting_core.body.geometry import unit
 from fitting_core.body.model import JOINT
+from fitting_core.frame_runs import runs_where
 from fitting_core.measure.hands.spans import Span, spans_of, without_short
 
 Side = Literal["left", "right"]
@@ -108,8 +109,8 @@ def _moving(speed: Float[np.ndarray, "T"], rule: PhaseRule, frame_rate: float) -
     """Hysteresis: frames above `slow` in a stretch that reaches `fast`; then what is too short goes."""
     faster = speed > rule.slow
     reached = np.zeros(len(speed), bool)
-    for span in spans_of(["x" if above else "" for above in faster]):
-        reached[span.frames] = speed[span.frames].max() >= rule.fast
+    for run in runs_where(faster):
+        reached[run] = speed[run].max() >= rule.fast
     still = ~reached
     # A stop at the clip's first or last frame goes on outside of it.
     inner = without_short(still, math.ceil(rule.hold * frame_rate))
@@ -119,6 +120,6 @@ def _moving(speed: Float[np.ndarray, "T"], rule: PhaseRule, frame_rate: float) -
 
 def _touching_an_end(still: Bool[np.ndarray, "T"]) -> Bool[np.ndarray, "T"]:
     ends = np.zeros(len(still), bool)
-    for span in spans_of(["x" if s else "" for s in still]):
-        ends[span.frames] = span.frames.start == 0 or span.frames.stop == len(still)
+    for run in runs_where(still):
+        ends[run] = run.start == 0 or run.stop == len(still)
     return ends

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
+from fitting_core.frame_runs import runs_where
+
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
@@ -24,16 +26,10 @@ def spans_of(labels: Sequence[str]) -> list[Span]:
     return [span for span in found if span.label]
 
 
-def runs(where: Bool[np.ndarray, "T"]) -> list[slice]:
-    """The stretches of frames that are true."""
-    edges = np.flatnonzero(np.diff(np.r_[0, where.astype(int), 0]))
-    return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
-
-
 def without_short(where: Bool[np.ndarray, "T"], shortest: int) -> Bool[np.ndarray, "T"]:
     """The same without stretches of fewer frames than `shortest`."""
     kept = where.copy()
-    for run in runs(where):
-        if run.stop - run.start < shortest:
+    for run in runs_where(where):
+        if len(run) < shortest:
             kept[run] = False
     return kept

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import World
+from fitting_core.body.markers.marker_set import MarkerSet
+from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.io.result_files import FIT_NAME
@@ -79,58 +81,92 @@ FORMS = (
         for keys in (("poses", "trans"), ("root_orient", "pose_body", "trans"))
     ),
 )
-"""Tried in this order. TRC, which is text, stands beside."""
+"""Of npz, tried in this order."""
+POINT_FILES = {".trc": ("OpenSim TRC", "trc:read_trc"), ".c3d": ("C3D", "c3d_file:read_c3d")}
+"""By the name's ending: what it is, and module and function that read its points."""
 
 
 def read_reference(
-    path: Path, *, camera: Path | None = None, world: World | None = None, search: Path | None = None
+    path: Path,
+    *,
+    camera: Path | None = None,
+    seen_by: Camera | None = None,
+    search: Path | None = None,
+    markers: MarkerSet | None = None,
 ) -> Reference:
     """Read what a fit is to be compared with.
 
     Args:
-        path: A file of one of FORMS, a .trc file, or a folder with a truth.npz or fit.npz.
+        path: A file of one of FORMS, a .trc or .c3d file, or a folder with a truth.npz or fit.npz.
         camera: npz with R and t of the clip's camera in the reference's world, where that is not the camera's space.
-        world: Where the clip's camera stands, as its calibration says: without `camera`, a reference that stands
-            nowhere else is taken to stand in that world too, and a note says so; unless it is not before the camera.
+        seen_by: The clip's camera. Where its calibration says where it stands, a reference that stands nowhere else is,
+            without `camera`, taken to stand in that world too, and a note says so; unless it is not before the camera.
+            No world puts a reference before a camera that moves: of such a one only the form is compared.
         search: A body model file or a folder that alone is searched for the reference's body.
+        markers: What the points of a .trc or .c3d file are, where their names do not tell.
 
     Raises:
-        InputError: It cannot be read as any of these, or its body model is not there.
+        InputError: It cannot be read as any of these, or its body model is not there; or a camera is given that stands
+            still, where the clip's moves.
     """
+    moves = seen_by is not None and seen_by.path is not None
+    if camera is not None and moves:
+        raise InputError(
+            f"{camera}: is a camera that stands still, and the clip's moves; expected a reference in the space of the "
+            "clip's camera, frame by frame, or one whose form alone is compared. Leave the camera out."
+        )
     file = _file(path)
-    found = _read(file, None if camera is None else read_world_camera(camera), search)
-    return found if found.in_camera or world is None else _in_world(found, file, world, search)
+    form = _form(file, markers)
+
+    def read(camera: WorldCamera | None) -> Reference:
+        return form(Source(path=file, camera=camera, search=search))
+
+    found = read(None if camera is None else read_world_camera(camera))
+    world = None if seen_by is None or moves else seen_by.world
+    return found if found.in_camera or world is None else _in_world(found, read, world)
 
 
-def _in_world(found: Reference, file: Path, world: World, search: Path | None) -> Reference:
+def _in_world(found: Reference, read: Callable[[WorldCamera], Reference], world: World) -> Reference:
     """The same before the clip's camera, where the world of the camera's calibration puts it there."""
     camera = WorldCamera(rotation=np.array(world.rotation, float), translation=np.array(world.translation, float))
-    depth = camera(found.points)[..., 2]
+    depth = camera(found.all_points)[..., 2]
     if not 0 < np.nanmedian(depth) <= reference_points.FARTHEST:
         where = "It is not before the clip's camera in the world of the camera's calibration"
         return replace(found, notes=(*found.notes, f"{where}: only form is compared."))
-    placed = _read(file, camera, search)
+    placed = read(camera)
     return replace(placed, notes=(*placed.notes, "It is taken to stand in the world of the camera's calibration."))
 
 
-def _read(file: Path, camera: WorldCamera | None, search: Path | None) -> Reference:
-    """By what is in it."""
-    if file.suffix.lower() == ".trc":
-        return reference_points.read_trc(file, camera)
+def _form(file: Path, markers: MarkerSet | None) -> Callable[[Source], Reference]:
+    """What reads it, by its name's ending or by what is in it."""
+    if read := POINT_FILES.get(file.suffix.lower()):
+        return lambda source: _of_points(source, markers, *read)
+    if markers is not None:
+        raise InputError(f"{file}: --markers says what points of TRC and C3D are. Leave it out, or give such a file.")
     names = _names(file)
     for form in FORMS:
         if all(key in names for key in form.keys):
-            try:
-                return form.read(Source(path=file, camera=camera, search=search))
-            except (KeyError, IndexError, TypeError) as error:
-                raise InputError(f"{file}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
-            except ValueError as error:
-                if isinstance(error, InputError):
-                    raise
-                raise InputError(f"{file}: is {form.title}, but damaged ({error}). Take it from a backup.") from error
+            return lambda source: _of_arrays(source, form)
     found = ", ".join(names[:8]) or "nothing"
     known = "; ".join(form.title for form in FORMS)
-    raise InputError(f"{file}: holds {found}; expected {known}; or a .trc file.")
+    raise InputError(f"{file}: holds {found}; expected {known}; or a .trc or .c3d file.")
+
+
+def _of_points(source: Source, markers: MarkerSet | None, kind: str, reader: str) -> Reference:
+    module, name = reader.split(":")
+    points = getattr(import_module(f"fitting_core.io.points.{module}"), name)(source.path)
+    return reference_points.reference_of_points(source.path, kind, points, source.camera, markers)
+
+
+def _of_arrays(source: Source, form: ReferenceForm) -> Reference:
+    try:
+        return form.read(source)
+    except (KeyError, IndexError, TypeError) as error:
+        raise InputError(f"{source.path}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{source.path}: is {form.title}, but damaged ({error}). Take it from a backup.") from error
 
 
 def _file(path: Path) -> Path:
@@ -148,4 +184,4 @@ def _names(file: Path) -> tuple[str, ...]:
     try:
         return npz_names(file)
     except (OSError, ValueError) as error:
-        raise InputError(f"{file}: is no npz archive ({error}); expected one, or a .trc file.") from error
+        raise InputError(f"{file}: is no npz archive ({error}); expected one, or a .trc or .c3d file.") from error

@@ -1,7 +1,6 @@
-"""References of points alone: npz with `points` and `names`, and OpenSim's TRC."""
+"""References of points alone, by the names that keypoints, markers and joints have: npz, TRC and C3D."""
 
 import re
-from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -9,8 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
+from fitting_core.body.markers.places import PLACES
+from fitting_core.body.model import JOINT
 from fitting_core.errors import InputError
-from fitting_core.files.regular import regular_file
+from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.measure.references.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.synthetic.studio.world_camera import WorldCamera
 
@@ -18,7 +20,6 @@ FEWEST = 4
 """Known points without which nothing can be aligned."""
 _SIDED = "shoulder elbow wrist hip knee ankle eye ear bigtoe smalltoe heel".split()
 _MIDDLE = {"nose": "nose", "neck": "neck", "midhip": "mid_hip", "chip": "mid_hip", "hip": "mid_hip"}
-_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _LIMBS = {
     ("shoulder", "hip"): 0.50,
     ("hip", "knee"): 0.43,
@@ -27,12 +28,16 @@ _LIMBS = {
     ("elbow", "wrist"): 0.26,
 }
 """Metres between joints of an adult."""
+_SIDES = ("left", "right")
+_SPINE = {"pelvis", "spine1", "spine2", "spine3"}
+"""Beside these, left_hip and others are SMPL-X's joints, which lie centimetres from the keypoints of the same names."""
+_NEAR = {"shoulder": "SHO", "hip": "ASI", "knee": "KNE", "ankle": "ANK", "elbow": "ELB", "wrist": "WRA"}
+"""The marker that is near a limb's end."""
 _GROWN = (0.25, 2.0)
 """Shares of these that the limbs of people and their measurement may have: infants' are a quarter, feet make 3.3."""
 _MISTAKEN = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281}
 FARTHEST = 300.0
 """Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
-_TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
 
 def keypoint_named(name: str) -> int | None:
@@ -46,30 +51,49 @@ def keypoint_named(name: str) -> int | None:
     return known.get(plain)
 
 
-def in_places(
-    path: Path, points: Float[np.ndarray, "T n 3"], names: Sequence[str]
-) -> tuple[Float[np.ndarray, "T 137 3"], tuple[str, ...]]:
-    """Named points in the places of the keypoints, and what is to be said about those that have none.
+def matched(
+    path: Path, points: NamedPoints, own: MarkerSet | None = None
+) -> tuple[Float[np.ndarray, "T 137 3"], MarkerSet, Float[np.ndarray, "T M 3"], tuple[str, ...]]:
+    """Named points in the places of the keypoints, those that are markers or joints, and what is to be said of others.
+
+    Args:
+        path: For messages.
+        points: By names of OpenPose's keypoints, of markers of the standard set, or of SMPL-X's joints if those of the
+            spine are there.
+        own: The user's names, which go before these.
 
     Raises:
         InputError: Too few names are known, or one stands for a keypoint that another one is.
     """
     placed = np.full((len(points), kp.COUNT, 3), np.nan)
     owner: dict[int, str] = {}
-    for i, name in enumerate(names):
+    targets: dict[str, Target] = {}
+    own_targets = {} if own is None else own.targets
+    of_body = set(points.names) >= _SPINE
+    for i, name in enumerate(points.names):
         index = keypoint_named(name)
-        if index is None:
-            continue
-        if index in owner:
-            raise InputError(f"{path}: {owner[index]} and {name} are both {kp.NAMES[index]}. Leave one of them out.")
-        owner[index], placed[:, index] = name, points[:, i]
-    if len(owner) < FEWEST:
+        if name in own_targets:
+            targets[name] = own_targets[name]
+        elif of_body and name in JOINT:
+            targets[name] = name
+        elif index is not None:
+            if index in owner:
+                raise InputError(
+                    f"{path}: {owner[index]} and {name} are both {kp.NAMES[index]}. Leave one of them out."
+                )
+            owner[index], placed[:, index] = name, points.places[:, i]
+        elif name.upper() in PLACES:
+            targets[name] = name.upper()
+    if (count := len(owner) + len(targets)) < FEWEST:
         raise InputError(
-            f"{path}: names {len(owner)} known points ({', '.join(names[:8])}); expected at least {FEWEST} of "
-            "OpenPose's, such as RShoulder or right_shoulder. Rename its points."
+            f"{path}: names {count} known points ({', '.join(points.names[:8])[:200]}); expected at least {FEWEST} of "
+            "OpenPose's, such as RShoulder or right_shoulder, of the markers of Plug-in Gait, such as LKNE, or of "
+            "SMPL-X's joints. Rename its points, or say with --markers what they are."
         )
-    unknown = [name for name in names if name not in owner.values()]
-    return placed, (f"not used, as no keypoint has its name: {', '.join(unknown)}",) if unknown else ()
+    unknown = [name for name in points.names if name not in owner.values() and name not in targets]
+    notes = (f"not used, as no keypoint has its name: {', '.join(unknown)[:300]}",) if unknown else ()
+    places = points.places[:, [points.names.index(name) for name in targets]]
+    return placed, MarkerSet(targets, RADIUS if own is None else own.radius), places, notes
 
 
 def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | None) -> Reference:
@@ -83,97 +107,70 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
         raise InputError(
             f"{path}: has points of the shape {points.shape} and {len(names)} names; expected (frames, names, 3)."
         )
-    rate = stated_rate(path, arrays, ("fps", "frame_rate"))
-    return _reference(path, "3D points", points, names, camera, rate, stated_first_frame(path, arrays))
+    named = NamedPoints(
+        names=tuple(names),
+        places=points,
+        frame_rate=stated_rate(path, arrays, ("fps", "frame_rate")) or 0.0,
+        first_frame=stated_first_frame(path, arrays),
+    )
+    return reference_of_points(path, "3D points", named, camera)
 
 
-def read_trc(path: Path, camera: WorldCamera | None) -> Reference:
-    """OpenSim's text format.
+def reference_of_points(
+    path: Path, kind: str, points: NamedPoints, camera: WorldCamera | None, markers: MarkerSet | None = None
+) -> Reference:
+    """A reference of points alone.
+
+    Args:
+        path: Where they were read.
+        kind: Of file, in words.
+        points: In the file's world; a frame rate of 0 is not known.
+        camera: Where the clip's camera stands in that.
+        markers: What the user says that points are.
 
     Raises:
-        InputError: It is no such file, or a line of it has another form than the header says.
+        InputError: Too few of them have known names, or they are not in metres or not before the camera.
     """
-    try:
-        lines = regular_file(path).read_text(encoding="utf-8", errors="strict").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); expected {_TRC}.") from error
-    if len(lines) < 6 or not lines[0].startswith("PathFileType"):
-        raise InputError(f"{path}: does not begin as such files do; expected {_TRC}.")
-    header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
-    names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
-    unit = header.get("Units", "").strip()
-    try:
-        rate, declared = float(header["DataRate"]), int(header["NumMarkers"])
-    except (KeyError, ValueError) as error:
-        raise InputError(f"{path}: its second and third line give no {error}; expected {_TRC}.") from error
-    if unit not in _UNITS or not 0 < rate < np.inf or declared != len(names):
-        raise InputError(
-            f"{path}: says {declared} markers in {unit or 'no unit'} at {rate:g} per second, and names {len(names)}; "
-            "expected as many names, mm, cm or m, and a rate above 0."
-        )
-    rows = [(5 + i, line.split("\t")) for i, line in enumerate(lines[5:], 1) if line.strip()]
-    times, points = _rows(path, rows, len(names))
-    # Programs that cut a trial begin it at 0 again as often as not.
-    first = round(times[0] * rate) or None
-    return _reference(path, "OpenSim TRC", _UNITS[unit] * points, names, camera, rate, first)
-
-
-def _rows(path: Path, rows: list[tuple[int, list[str]]], markers: int) -> tuple[list[float], np.ndarray]:
-    times, points = [], np.full((len(rows), 3 * markers), np.nan)
-    for i, (number, cells) in enumerate(rows):
-        values = [cell.strip() for cell in cells[2 : 2 + 3 * markers]]
-        try:
-            times.append(float(cells[1]))
-            points[i, : len(values)] = [float(value) if value else np.nan for value in values]
-            if not np.isfinite(times[-1]) or np.isinf(points[i]).any():
-                raise ValueError("a time or place is infinite or no number")
-        except (ValueError, IndexError) as error:
-            raise InputError(f"{path}: line {number} cannot be read ({error}); expected {_TRC}.") from error
-    if not rows:
-        raise InputError(f"{path}: has no frames; expected {_TRC}.")
-    return times, points.reshape(len(rows), markers, 3)
-
-
-def _reference(
-    path: Path,
-    kind: str,
-    points: np.ndarray,
-    names: Sequence[str],
-    camera: WorldCamera | None,
-    rate: float | None,
-    first_frame: int | None,
-) -> Reference:
-    placed, notes = in_places(path, points, names)
-    if not np.isfinite(placed).any():
+    placed, known, places, notes = matched(path, points, markers)
+    if not np.isfinite(placed).any() and not np.isfinite(places).any():
         raise InputError(f"{path}: has no finite point in any frame; expected places in metres, NaN where unknown.")
-    _check_metres(path, placed)
+    _check_metres(path, placed, known, places)
     if camera is not None:
-        placed = camera(placed)
-        if np.nanmedian(placed[..., 2]) <= 0:
-            raise InputError(
-                f"{path}: lies behind the camera; expected points in the world of --camera's R and t. Files for "
-                "OpenSim often have y up where a calibration has z up: exchange the axes in one of them."
-            )
-        if np.nanmedian(placed[..., 2]) > FARTHEST:
-            raise InputError(
-                f"{path}: lies {np.nanmedian(placed[..., 2]):.0f} m in front of the camera; expected less than "
-                f"{FARTHEST:g} m. Give t of --camera in metres."
-            )
+        placed, places = camera(placed), camera(places)
+        _check_before(path, np.concatenate([placed, places], 1)[..., 2])
     return Reference(
         name=path.name,
         kind=kind,
-        frame_rate=rate,
-        first_frame=first_frame or 0,
-        first_frame_known=first_frame is not None,
+        frame_rate=points.frame_rate or None,
+        first_frame=points.first_frame or 0,
+        first_frame_known=points.first_frame is not None,
         in_camera=camera is not None,
         points=placed,
-        notes=notes,
+        markers=known if len(known) else None,
+        marker_places=places if len(known) else None,
+        notes=(*points.notes, *notes),
     )
 
 
-def _check_metres(path: Path, placed: Float[np.ndarray, "T 137 3"]) -> None:
+def _check_before(path: Path, depth: np.ndarray) -> None:
+    """Raises InputError for points behind the camera, or farther off than anybody is filmed."""
+    if np.nanmedian(depth) <= 0:
+        raise InputError(
+            f"{path}: lies behind the camera; expected points in the world of --camera's R and t. Files for "
+            "OpenSim often have y up where a calibration has z up: exchange the axes in one of them."
+        )
+    if np.nanmedian(depth) > FARTHEST:
+        raise InputError(
+            f"{path}: lies {np.nanmedian(depth):.0f} m in front of the camera; expected less than "
+            f"{FARTHEST:g} m. Give t of --camera in metres."
+        )
+
+
+def _check_metres(
+    path: Path, placed: Float[np.ndarray, "T 137 3"], markers: MarkerSet, places: Float[np.ndarray, "T M 3"]
+) -> None:
     """Raises InputError for limbs that no person has; where no limb has both its ends, nothing can be told."""
-    found = _limb_lengths(placed)
+    found = _limb_lengths(_ends(placed, markers, places))
     share = float(np.median([length / _LIMBS[limb] for (limb, _), length in found.items()])) if found else 1.0
     if _GROWN[0] <= share <= _GROWN[1]:
         return
@@ -181,16 +178,28 @@ def _check_metres(path: Path, placed: Float[np.ndarray, "T 137 3"]) -> None:
     unit = next((name for name, factor in _MISTAKEN.items() if 0.5 < share / factor < 1.5), None)
     advice = f"They look like {unit}: divide them by {_MISTAKEN[unit]:g}." if unit else "Scale the points to metres."
     raise InputError(
-        f"{path}: {side}_{start} and {side}_{end} are {length:.3g} m apart; expected metres (in a TRC file, the unit "
-        f"that its header says), in which these are some {_LIMBS[start, end]:g} m apart. {advice}"
+        f"{path}: {side}_{start} and {side}_{end} are {length:.3g} m apart; expected metres (in a TRC or C3D file, the "
+        f"unit that it says), in which these are some {_LIMBS[start, end]:g} m apart. {advice}"
     )
 
 
-def _limb_lengths(placed: Float[np.ndarray, "T 137 3"]) -> dict[tuple[tuple[str, str], str], float]:
+def _ends(
+    placed: Float[np.ndarray, "T 137 3"], markers: MarkerSet, places: Float[np.ndarray, "T M 3"]
+) -> dict[str, Float[np.ndarray, "T 3"]]:
+    """Of limbs, such as left_knee, by keypoint, joint, or the marker that is near."""
+    near = {f"{side}_{part}": f"{side[0].upper()}{marker}" for side in _SIDES for part, marker in _NEAR.items()}
+    found = {}
+    for end, marker in near.items():
+        names = [i for i, on in enumerate(markers.targets.values()) if on in (end, marker)]
+        found[end] = places[:, names[0]] if names else placed[:, kp.INDEX[end]]
+    return found
+
+
+def _limb_lengths(ends: dict[str, Float[np.ndarray, "T 3"]]) -> dict[tuple[tuple[str, str], str], float]:
     """Medians over the frames, by limb and side, of those that are known in any."""
     found = {}
-    for limb, side in product(_LIMBS, ("left", "right")):
-        start, end = (placed[:, kp.INDEX[f"{side}_{joint}"]] for joint in limb)
+    for limb, side in product(_LIMBS, _SIDES):
+        start, end = (ends[f"{side}_{part}"] for part in limb)
         lengths = np.linalg.norm(end - start, axis=-1)
         if np.isfinite(lengths).any():
             found[limb, side] = float(np.nanmedian(lengths))

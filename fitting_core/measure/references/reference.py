@@ -9,7 +9,9 @@ import torch
 from jaxtyping import Float, Int
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.markers.marker_set import MarkerSet
+from fitting_core.body.markers.places import PLACES
+from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.files.npz import write_npz
@@ -48,6 +50,10 @@ class Reference:
     """The keypoints of `fitting_core.keypoints`; NaN where nothing is known."""
     joints: Float[np.ndarray, "T 55 3"] | None = None
     """SMPL-X's joints."""
+    markers: MarkerSet | None = None
+    """Markers and joints that were measured beside the keypoints, or in their place."""
+    marker_places: Float[np.ndarray, "T M 3"] | None = None
+    """There if `markers` is; NaN where one was not seen."""
     params: BodyParams | None = None
     body: BodyOf | None = None
     """There if `params` is."""
@@ -58,9 +64,15 @@ class Reference:
         assert self.points.shape[1:] == (kp.COUNT, 3)
         assert self.joints is None or self.joints.shape == (len(self.points), N_JOINTS, 3)
         assert (self.params is None) == (self.body is None)
+        assert (self.markers is None) == (self.marker_places is None)
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def all_points(self) -> Float[np.ndarray, "T 137+M 3"]:
+        """Keypoints and markers."""
+        return self.points if self.marker_places is None else np.concatenate([self.points, self.marker_places], 1)
 
     def starting_at(self, frame: int, frame_rate: float) -> "Reference":
         """The same where its first frame is said to be this one of a video of that many frames per second."""
@@ -140,7 +152,8 @@ def write_reference(path: Path, reference: Reference) -> None:
     """Write a reference as npz; `read_stored` has it back.
 
     Keys: format, name, kind, frame_rate (0: as the clip's), first_frame, first_frame_known, in_camera,
-    notes, points, and where they are known joints, the fields of `BodyParams`, body_kind, body_gender, body_hash.
+    notes, points, and where they are known joints, marker_names, marker_targets, marker_radius, marker_places,
+    the fields of `BodyParams`, body_kind, body_gender, body_hash.
     """
     arrays: dict[str, object] = {
         "format": FORMAT,
@@ -155,6 +168,10 @@ def write_reference(path: Path, reference: Reference) -> None:
     }
     if reference.joints is not None:
         arrays["joints"] = reference.joints
+    if reference.markers is not None and reference.marker_places is not None:
+        targets = [str(on) for on in reference.markers.targets.values()]
+        arrays |= {"marker_names": np.array(reference.markers.names), "marker_targets": np.array(targets)}
+        arrays |= {"marker_radius": reference.markers.radius, "marker_places": reference.marker_places}
     if reference.params is not None and reference.body is not None:
         arrays |= {f.name: getattr(reference.params, f.name).numpy() for f in fields(BodyParams)}
         arrays |= {f"body_{f.name}": getattr(reference.body, f.name) for f in fields(BodyOf)}
@@ -173,6 +190,7 @@ def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
         params = BodyParams(**{f.name: torch.as_tensor(arrays[f.name]) for f in fields(BodyParams)})
         body = BodyOf(**{f.name: str(arrays[f"body_{f.name}"]) for f in fields(BodyOf)})
     points, joints = arrays["points"], arrays.get("joints")
+    markers = _stored_markers(arrays) if "marker_names" in arrays else None
     if points.ndim != 3 or points.shape[1:] != (kp.COUNT, 3):
         raise ValueError(f"points has the shape {points.shape}, expected (frames, {kp.COUNT}, 3)")
     return Reference(
@@ -184,10 +202,22 @@ def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
         in_camera=bool(arrays["in_camera"]),
         points=points,
         joints=joints,
+        markers=markers,
+        marker_places=None if markers is None else arrays["marker_places"],
         params=params,
         body=body,
         notes=tuple(arrays["notes"].tolist()),
     )
+
+
+def _stored_markers(arrays: Mapping[str, np.ndarray]) -> MarkerSet:
+    names, on = arrays["marker_names"].tolist(), arrays["marker_targets"].tolist()
+    targets = {str(name): int(t) if t.isdecimal() else t for name, t in zip(names, on, strict=True)}
+    if unknown := [t for t in targets.values() if isinstance(t, str) and t not in PLACES and t not in JOINT]:
+        raise ValueError(f"a marker sits on {unknown[0][:40]!r}, expected a vertex, a joint or a marker's name")
+    if arrays["marker_places"].shape != (len(arrays["points"]), len(targets), 3):
+        raise ValueError(f"marker_places has the shape {arrays['marker_places'].shape}")
+    return MarkerSet(targets, float(arrays["marker_radius"]))
 
 
 def of_body(body: BodyModel) -> BodyOf:

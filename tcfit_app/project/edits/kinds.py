@@ -15,6 +15,7 @@ from fitting_core.keypoints import BODY_25, COUNT, FACE, HANDS, INDEX, LEFT_HAND
 from fitting_core.video.frame_names import spans
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.keyframes import carried, keyed
+from tcfit_app.project.edits.taken_over import unpacked
 
 _MAX_POSITION = 1e6
 """Pixels, as for detections."""
@@ -290,6 +291,32 @@ class Unlock(_Edit, frozen=True, tag="unlock"):
         return _lock_problem(self.joints)
 
 
+class TakeOver(_Edit, frozen=True, tag="take_over"):
+    """Take keypoints over from another of the clip's people, who was followed in this one's place. Nothing is told of
+    their depths and turns then."""
+
+    source: str
+    """Who that is."""
+    packed: bytes
+    """Position and confidence, for each of `frames` and in it for each of `joints` (see taken_over.py)."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = now.at(self.frames, self.joints)
+        taken = unpacked(self.packed, len(self.frames), len(self.joints))
+        _place(here, taken[..., :2], taken[..., 2])
+        here.depth[:], here.turn[:] = np.nan, np.nan
+        return here
+
+    def problem(self, length: int) -> str:
+        try:
+            taken = unpacked(self.packed, len(self.frames), len(self.joints))
+        except ValueError as error:
+            return str(error)
+        if not (taken[..., 2] >= 0).all() or not (taken[..., 2] <= 1).all():
+            return "a confidence is not a number from 0 to 1"
+        return _position_problem([float(np.abs(taken[..., :2]).max())])
+
+
 class _KeyEdit(_Edit, frozen=True):
     """An edit of a keyframe; `frames` are all that may follow it: those between its neighbours, without these."""
 
@@ -365,6 +392,7 @@ Edit = (
     | Pin
     | Lock
     | Unlock
+    | TakeOver
 )
 KINDS: dict[str, type[Edit]] = {kind.__struct_config__.tag: kind for kind in get_args(Edit)}
 """Every kind of edit by its name in the log; a new one is a class above and its name in Edit."""

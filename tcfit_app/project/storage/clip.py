@@ -22,7 +22,7 @@ from fitting_core.files.atomic import replacing, sync
 from fitting_core.files.npz import read_npz
 from fitting_core.files.regular import regular_file
 from fitting_core.keypoints import COUNT, Keypoints
-from tcfit_app.project.storage import database, media
+from tcfit_app.project.storage import database
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, text
 from tcfit_app.project.storage.database import Database
@@ -38,23 +38,19 @@ _RATE = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
 _log = logging.getLogger(__name__)
 
 
-def write_clip(draft: Path, folder: Path, clip: Clip, *, copy_media: bool) -> None:
-    """Write a new project's database, detections and media.
+def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
+    """Write a new project's database and detections.
 
     Args:
         draft: Where to.
-        folder: What that folder is going to be called.
         clip: With its detections.
-        copy_media: Copy the clip's source; else it is linked.
+        link: To the clip's source, if it has one.
 
     Raises:
-        InputError: The source cannot be read, or the database not be written.
+        InputError: The database cannot be written.
         OSError: Another file cannot be written.
     """
     _write_detections(draft / DETECTIONS, clip.keypoints)
-    link = None
-    if clip.source:
-        link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
     Database.create(draft / database.NAME)
     values = (
         name_of_file(clip.name),

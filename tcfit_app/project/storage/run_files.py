@@ -30,7 +30,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
-from fitting_core.fit.given_start import GivenStart, StartRecord
+from fitting_core.fit.evidence.given_start import GivenStart, StartRecord
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from

@@ -79,6 +79,8 @@ class OpenLink(_Event, frozen=True, tag="open_link"):
     """The number that users see."""
     run: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
     phase: Annotated[int, msgspec.Meta(ge=1, le=3)] | None = None
+    person: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
+    """As `Linking` has it; None: whoever is shown."""
 
 
 class Plot(_Event, frozen=True, tag="plot"):
@@ -164,6 +166,13 @@ class Gesture(_Event, frozen=True, tag="gesture"):
     """The user begins to move viser's camera, or goes on."""
 
 
+class GoToPerson(_Event, frozen=True, tag="go_to_person"):
+    """The user wants to see another of the clip's people."""
+
+    person: Annotated[int, msgspec.Meta(ge=0, lt=1000)]
+    """Counted from 0, as `OtherPeople` tells it."""
+
+
 class Drawn(_Event, frozen=True, tag="drawn"):
     """What was sent for this frame has been drawn: the sign that the next can be sent. A hidden tab sends none."""
 
@@ -200,6 +209,7 @@ PageEvent = (
     | Press
     | TooLarge
     | Gesture
+    | GoToPerson
     | Drawn
 )
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from fitting_core import keypoints
-from fitting_core.video.frame_names import runs
+from fitting_core.frame_runs import runs
 
 Color = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
 Span = tuple[int, int]
@@ -107,6 +107,22 @@ class Space(_State, frozen=True, kw_only=True):
     place: Triple
     offsets: tuple[float, ...]
     """By which each of `Bodies` is moved along its x."""
+
+
+class OtherPerson(_State, frozen=True, kw_only=True):
+    """One of the clip's people who is drawn beside the one that is corrected."""
+
+    number: int
+    """Comes back in `GoToPerson`."""
+    name: str
+    at: tuple[float, float] | None
+    """The image's pixel above which the name stands; None: it stands nowhere."""
+
+
+class OtherPeople(_State, frozen=True, kw_only=True):
+    """Those who are in the frame on show."""
+
+    people: tuple[OtherPerson, ...] = ()
 
 
 class Group(_State, frozen=True, kw_only=True):
@@ -487,6 +503,8 @@ class Linking(_State, frozen=True, kw_only=True):
     """The number that users see."""
     run: int
     phase: int
+    person: int
+    """From 1, in the order of people.json; 0 where there is but one."""
     number: int
     """Ascending."""
 
@@ -520,6 +538,7 @@ STATES: dict[str, type[_State]] = {
     "bodies": Bodies,
     "side": Side,
     "space": Space,
+    "other_people": OtherPeople,
     "skeleton": Skeleton,
     "keypoints": Keypoints,
     "style": Style,
@@ -551,7 +570,7 @@ STATES: dict[str, type[_State]] = {
 """By the name under which each is sent; None in place of one takes it away."""
 
 PageState = (
-    (Layout | Side | Skeleton | Keypoints | Style | Selection | Trail | Focus | Bodies | Space | Legend)
+    (Layout | Side | Skeleton | Keypoints | Style | Selection | Trail | Focus | Bodies | Space | Legend | OtherPeople)
     | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
     | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Hints)
 )

@@ -13,6 +13,7 @@ from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.around import AroundPart
 from tcfit_app.review.drawing.joints import JointsPart
+from tcfit_app.review.drawing.others import OthersPart
 from tcfit_app.review.drawing.side import SidePart
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
 from tcfit_app.review.scene.poses import Window
@@ -44,6 +45,7 @@ class Picture:
         self._size = (0, 0)
         self._image: FrameImage | None = None
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
+        self._others = OthersPart(tab)
         self._room: Room | None = None
         self._placed: tuple[tuple[Room, Camera, int], Room] | None = None
         """A room, and how the camera of a frame is in it."""
@@ -144,18 +146,18 @@ class Picture:
             self._room = self._data.room(shown.held, shown.held) or self._room
         room = None if self._room is None else self._before(shown, self._room)
         self._joints.tell(shown, bodies, room)
-        drawn = bodies if tab.state.bodies else {}
+        drawn, others = bodies if tab.state.bodies else {}, self._others.layers()
         layers = [tuple(drawn[side] for side in place if side in drawn) for place in shown.places]
         labels = tuple((self._label(shown, side), css(_COLORS[side])) for place in shown.places for side in place)
         if mode == "space":
-            self._show(space := self._space(image, shown, layers[0], room))
+            self._show(space := self._space(image, shown, layers[0], others, room))
             self._tell_space(space, room, bodies)
             if tab.sent.differs("layout", mode, labels):
                 posters = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in labels)
                 tab.channel.send("layout", Layout(mode="space", posters=posters))
             return
-        side = self._side.poster(shown, drawn, self._room) if self._side.wanted(shown) else None
-        posters = tuple(Poster(image=image, bodies=made) for made in layers)
+        side = self._side.poster(shown, drawn, others, self._room) if self._side.wanted(shown) else None
+        posters = tuple(Poster(image=image, bodies=made, others=others) for made in layers)
         snapshot = Posters(
             camera=tab.session.project.clip.camera, posters=posters, side=side, arrangement=tab.arrangement
         )
@@ -174,12 +176,21 @@ class Picture:
             self._placed = key, room.before(shown.camera, shown.frame)
         return self._placed[1]
 
-    def _space(self, image: FrameImage, shown: OnShow, layers: tuple[BodyLayer, ...], room: Room | None) -> Space:
+    def _space(
+        self,
+        image: FrameImage,
+        shown: OnShow,
+        layers: tuple[BodyLayer, ...],
+        others: tuple[BodyLayer, ...],
+        room: Room | None,
+    ) -> Space:
         there = [fit for side in SIDES if (fit := shown.with_body(side)) is not None] if layers else []
         rooms = [self._data.room(fit, shown.held or fit) for fit in there]
         return Space(
             camera=shown.camera,
             bodies=layers,
+            others=others,
+            others_extents=self._others.extents(shown),
             extents=tuple(None if room is None else room.extent for room in rooms),
             image=image,
             turn=np.eye(3) if room is None else room.turn,

@@ -44,11 +44,14 @@ class SidePart:
         state = self._tab.state
         return state.side and state.mode != "space" and shown.held is not None
 
-    def poster(self, shown: OnShow, bodies: dict[Side, BodyLayer], room: Room | None) -> SidePoster:
+    def poster(
+        self, shown: OnShow, bodies: dict[Side, BodyLayer], others: tuple[BodyLayer, ...], room: Room | None
+    ) -> SidePoster:
         """The plate with the bodies of the pictures; with none while it is not known where they are in the clip."""
         assert shown.held is not None
         there = () if room is None else tuple(bodies[side] for side in drawn(bodies))
-        return SidePoster(view=self._view(room or _UNKNOWN, shown.held.camera, shown.frame), bodies=there)
+        view = self._view(room or _UNKNOWN, shown.held.camera, shown.frame)
+        return SidePoster(view=view, bodies=there, others=others if there else ())
 
     def tell(self, shown: OnShow, view: SideView, bodies: dict[Side, BodyLayer]) -> None:
         """Send how the plate shows these bodies."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fitting_core.fit.provenance import Provenance
+from fitting_core.io.people_file import Span
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.suspicion import Suspect
@@ -18,6 +19,8 @@ from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot
 from tcfit_app.review.drawing.thumbnails import Thumbnails
 from tcfit_app.review.tab.tab import Tab
 
+_MIXED_UP = 3.0
+"""Score of frames in which somebody may be another person: as of the worst findings."""
 _NOTE_CHARACTERS = 160
 """Of a note that are shown under the pointer."""
 
@@ -99,8 +102,12 @@ class Timeline:
         found = () if shown is None else tab.data.suspects(shown)
         if found is not None:
             self._suspects = found
-        if tab.sent.differs("suspicions", id(self._suspects)):
-            tab.channel.send("suspicions", suspicions(self._suspects))
+        uncertain = tab.someone.uncertain
+        if tab.sent.differs("suspicions", id(self._suspects), uncertain):
+            known = suspicions(self._suspects)
+            mixed = (_mixed_up(span, tab.first_frame, tab.length) for span in uncertain)
+            found = sorted([*known.found, *(one for one in mixed if one)], key=lambda one: (one.first, one.frame))
+            tab.channel.send("suspicions", states.Suspicions(found=tuple(found)))
 
     def _draw_menus(self) -> None:
         menus = frame_menus(self._tab)
@@ -129,6 +136,15 @@ class Timeline:
     def _frames_of(self, job: RunningJob) -> range:
         run = self._tab.session.fits.run(job.run) if job.run is not None else None
         return run.frames if run is not None and run.frames else range(self._tab.length)
+
+
+def _mixed_up(span: Span, first_frame: int, length: int) -> states.Suspicion | None:
+    """Frames in which this may be another of the people, in the timeline; None if they are not in the clip."""
+    first, last = max(span[0] - first_frame, 0), min(span[1] - first_frame, length - 1)
+    if first > last:
+        return None
+    reason = "may be another person from here on: see Who is who in the panel Review"
+    return states.Suspicion(first=first, last=last, frame=first, kind="person", score=_MIXED_UP, reason=reason)
 
 
 def origins(label: str, provenance: Provenance) -> states.Origins:

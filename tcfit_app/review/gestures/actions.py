@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from fitting_core.errors import InputError
 from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
+from tcfit_app.review.gestures.exchanging import Exchanging
 from tcfit_app.review.gestures.fitting import Fitting
 from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
@@ -22,7 +24,7 @@ class Gestures:
         self.tab = tab
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
         self.depth = CorrectingDepth(tab, self.correcting)
-        self.noting = Noting(tab)
+        self.noting, self.exchanging = Noting(tab), Exchanging(tab)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +106,14 @@ def _turn_side(gestures: Gestures) -> None:
     tab.set(side=True, side_from=SIDES_SEEN[(named + tab.state.side) % len(SIDES_SEEN)])
 
 
+def _go_to_next_person(gestures: Gestures) -> None:
+    someone = gestures.tab.someone
+    if not someone.others:
+        raise InputError("This project has one person: there is no other one to go to.")
+    everybody = someone.everybody
+    gestures.tab.browser.go_to(everybody[(someone.number + 1) % len(everybody)])
+
+
 def _escape(gestures: Gestures) -> None:
     gestures.correcting.abandon()
     tab = gestures.tab
@@ -157,6 +167,7 @@ _VIEW = {
     "arrangement": Action(title="A | B: side by side, stacked or wipe", run=_rearrange, keys=_keys("KeyW")),
     "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("KeyM")),
     "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("KeyK")),
+    "next_person": Action(title="Next person of the clip", run=_go_to_next_person, keys=_keys("KeyQ")),
     "peek": Action(title="Video only, while held", run=lambda g: None, keys=_keys("KeyP"), held=True),
     **{
         name: Action(

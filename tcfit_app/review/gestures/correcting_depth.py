@@ -6,7 +6,7 @@ from jaxtyping import Float
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
-from fitting_core.fit.sides import other_side, unswapped
+from fitting_core.fit.evidence.sides import other_side, unswapped
 from fitting_core.keypoints import BODY, LOCKABLE
 from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, Unlock
 from tcfit_app.project.frame_words import in_words

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.fit.sides import other_side
+from fitting_core.fit.evidence.sides import other_side
 from fitting_core.keypoints import INDEX, Keypoints
 
 Way = Literal["mirror", "front", "behind"]

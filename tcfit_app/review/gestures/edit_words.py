@@ -24,6 +24,7 @@ from tcfit_app.project.edits.kinds import (
     SetConfidence,
     SetDepth,
     SwapSides,
+    TakeOver,
     Unlock,
 )
 from tcfit_app.project.frame_words import in_words
@@ -52,6 +53,7 @@ VERBS: dict[type[Edit], str] = {
     Pin: "pinned in space",
     Lock: "locked as it is turned",
     Unlock: "unlocked",
+    TakeOver: "taken over from",
 }
 
 
@@ -79,6 +81,8 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         others = f"; {in_words(follow, first_frame)} follow" if follow else ""
         return f"{what} {verb}, {in_words((edit.at,), first_frame)}{others}"
     where = in_words(edit.frames, first_frame)
+    if isinstance(edit, TakeOver):
+        return f"{what} {verb} {shortened(edit.source)}, {where}"
     return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"
 
 

@@ -57,12 +57,12 @@ class Noting:
     # --- links ---
 
     def copy_link(self) -> None:
-        """Have the page copy a link to the frame and the fit on show."""
+        """Have the page copy a link to the frame and the fit on show, and to the person."""
         tab, shown = self._tab, self._tab.look().b
         self._linked += 1
         run, phase = (0, 0) if shown is None else (shown.run.id, shown.phase)
-        frame = tab.state.frame + tab.first_frame
-        tab.channel.send("linking", Linking(frame=frame, run=run, phase=phase, number=self._linked))
+        frame, person = tab.state.frame + tab.first_frame, tab.someone.listed or 0
+        tab.channel.send("linking", Linking(frame=frame, run=run, phase=phase, person=person, number=self._linked))
         tab.say(f"Link to frame {frame} copied. It opens in browsers that tcfit has let in")
 
     def open_link(self, frame: int, run: int | None, phase: int | None) -> None:

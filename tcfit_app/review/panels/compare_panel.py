@@ -10,9 +10,9 @@ import numpy as np
 import viser
 from jaxtyping import Float
 
-from fitting_core.camera import World
+from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.measure.references.files import read_reference
+from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
@@ -219,7 +219,7 @@ def _number(value: float | None, *, sign: bool = False) -> str:
     return text.replace("-", "−")
 
 
-_HINT = "npz of 3D points, TRC, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
+_HINT = "npz of 3D points, TRC, C3D, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
 _CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: the calibrated one"
 _FIRST_HINT = "Number in the video of the reference's first frame; empty: as it says, or 0"
 _NONE = "Without a reference fits can only be compared with each other."
@@ -263,18 +263,19 @@ class ReferenceField:
         if not self._path.value.strip():
             raise InputError("Type where the reference is: a file, or a folder with a truth.npz or fit.npz.")
         path = self._tab.files.path(self._path.value)
-        camera, placed, world = self._camera_given(), self._start_given(), self._world
-        self._read(lambda: placed(read_reference(path, camera=camera, world=world)))
+        camera, placed, seen_by = self._camera_given(), self._start_given(), self._clip_camera
+        self._read(lambda: placed(read_reference(path, camera=camera, seen_by=seen_by)))
 
     def _uploaded(self, file: viser.UploadedFile) -> None:
         shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
-        world = self._world
+        seen_by = self._clip_camera
 
         def read() -> Reference:
             # Its name never becomes part of a path; of it only the form counts that its end tells.
-            name = "upload.trc" if shown.lower().endswith(".trc") else "upload.npz"
+            ending = Path(shown.lower()).suffix
+            name = f"upload{ending if ending in POINT_FILES else '.npz'}"
             with kept_as(name, file.content, shown) as path:
-                return replace(placed(read_reference(path, camera=camera, world=world)), name=shown)
+                return replace(placed(read_reference(path, camera=camera, seen_by=seen_by)), name=shown)
 
         self._read(read)
 
@@ -283,9 +284,8 @@ class ReferenceField:
         return self._tab.files.path(self._camera.value) if self._camera.value.strip() else None
 
     @property
-    def _world(self) -> World | None:
-        """Where the clip's camera stands, if that is known."""
-        return self._tab.session.project.clip.camera.world
+    def _clip_camera(self) -> Camera:
+        return self._tab.session.project.clip.camera
 
     def _start_given(self) -> Callable[[Reference], Reference]:
         """What puts a reference where the user says that it begins."""

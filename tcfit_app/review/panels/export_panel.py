@@ -1,15 +1,17 @@
 """The panel Export: files of the project and its fits, as downloads of the browser."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar, Literal, get_args
 
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD
+from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, Progress
 from tcfit_app.exports.exporting import content_of, file_name
+from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import Export, Group, exports
+from tcfit_app.exports.table import EXPORTS, Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
@@ -28,10 +30,12 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
+from tcfit_app.review.panels.own_rig import OwnRig
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import OnShow, on_show
+from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState
 
 Side = Literal["A", "B"]
@@ -39,6 +43,15 @@ _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OW
 """The last of them where the clip's camera stands in a world of the user's."""
 _FRAMES = {"all": False, "selected": True}
 """Whether the selected frames alone are exported, by the button's value."""
+_KEYS = {"": None, "2": 0.002, "5": 0.005}
+"""How near joints must stay, metres, by the button's value."""
+_KEYS_HINT = (
+    "Of a GLB: only those are kept that are needed for every joint, finger tip and toe to stay so near in space to "
+    "where it is with all of them"
+)
+_EVERYBODY_HINT = (
+    "All people of the clip in one GLB, as they stand there: A or B of each, as this tab shows them; y up, metres"
+)
 _AXES_HINT = "As the programs expect that read the format: each button's hint says which"
 
 
@@ -51,6 +64,8 @@ class _Wishes:
     """The selected frames alone."""
     axes: str = ""
     """A name of AXES, or OWN_WORLD; empty: what suits the format."""
+    keys: str = ""
+    """Of _KEYS."""
 
 
 class ExportPanel:
@@ -62,24 +77,28 @@ class ExportPanel:
     def __init__(self, gestures: Gestures) -> None:
         self._tab = tab = gestures.tab
         self._wishes = _Wishes()
-        self.running: Task[bytes] | None = None
+        self.running: Task[tuple[bytes, str | None]] | None = None
         """The export that began last; its title is the file's name."""
         self._size = 0
         """Of its file, in bytes."""
-        self._files, self._said = Board(tab), Board(tab)
+        self._note = ""
+        """What one should know of it."""
+        self._files = Board(tab)
+        self._own_rig = OwnRig(tab)
+        self._said = Board(tab)
         tab.buttons.on("export.begin", self._begin, lambda name: exports()[name])
+        tab.buttons.on("export.everybody", lambda _: self._begin_everybody())
         tab.buttons.on("export.cancel", lambda _: self._stop())
         tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
         tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
+        tab.buttons.on("export.keys", lambda keys: self._wish(keys=keys), one_of(_KEYS))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
 
     def _begin(self, export: Export) -> None:
-        if self.running is not None and self.running.state == "running":
-            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
-        tab = self._tab
+        self._refuse_second()
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - told before anything begins
@@ -87,15 +106,74 @@ class ExportPanel:
             source = source[slice(frames.start, frames.stop)]
         name = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)
 
-        def work(report: Step) -> bytes:
+        self._submit(name, export, source)
+
+    def _refuse_second(self) -> None:
+        if self.running is not None and self.running.state == "running":
+            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
+
+    def _submit(self, name: str, export: Export, source: ExportSource) -> None:
+        def work(report: Step) -> tuple[bytes, str | None]:
             return content_of(export, source, lambda share: report("", share))
 
-        self.running = tab.session.tasks.submit(name, work, owner=tab, then=self._send)
+        self.running = self._tab.session.tasks.submit(name, work, owner=self._tab, then=self._send)
 
-    def _send(self, made: Task[bytes]) -> None:
+    def _begin_everybody(self) -> None:
+        """One GLB of all people."""
+        self._refuse_second()
+        tab, frames = self._tab, self._frames
+        assert tab.someone.group is not None, "the button is there where there are several people"
+        name = tab.someone.group.name
+        sources, left_out = self._people(name)
+        if not sources:
+            raise InputError("Nobody has a fit to export here. Fit somebody first, or choose other frames or B.")
+
+        def write(_: ExportSource, path: Path, progress: Progress) -> str:
+            return ". ".join([write_everybody(sources, path, progress, name=name), *left_out])
+
+        parts = [*(["A"] if self._wishes.side == "A" else []), *_in_file_name(frames, tab.first_frame)]
+        export = replace(EXPORTS["glb"], write=write)
+        self._submit(file_name(export, "-".join([name, *parts]), zipped=True), export, sources[0])
+
+    def _people(self, name: str) -> tuple[list[ExportSource], list[str]]:
+        """What there is of each person in the wished frames, and who is left out."""
+        tab, frames = self._tab, self._frames
+        begin, end = (None, None) if frames is None else (frames[0] + tab.first_frame, frames[-1] + tab.first_frame)
+        found: list[ExportSource] = []
+        left_out: list[str] = []
+        for someone in tab.someone.everybody:
+            if (shown := self._shown_of(someone)) is None:
+                left_out.append(f"{someone.name} has no fit yet and is left out")
+                continue
+            fit = ExportedFit(shown=shown, fit=someone.session.fits.fit(shown.run), meshes=someone.data.meshes(shown))
+            source = ExportSource(
+                name=f"{name} {someone.name}",
+                chosen=fit,
+                known_clip=someone.session.project.clip,
+                keys_within=_KEYS[self._wishes.keys],
+            )
+            if (part := source.between(begin, end)) is None:
+                left_out.append(f"{someone.name} is not there in these frames")
+            else:
+                found.append(part)
+        return found, left_out
+
+    def _shown_of(self, someone: Someone) -> Shown | None:
+        """A or B of one of the people, as this tab shows them; None where there is no fit."""
+        tab, side = self._tab, self._wishes.side
+        if someone is tab.someone:
+            return _fits(tab.shown).get(side)
+        state = someone.remembered.get(tab.browser.name or "", TabState())
+        choice = state.a if side == "A" else state.b
+        run = someone.session.fits.meant(choice)
+        if run is not None and someone.session.stored.reading(run):
+            raise InputError(f"The fit of {someone.name} is still being read: try again in a moment.")
+        return someone.session.stored.show(choice)
+
+    def _send(self, made: Task[tuple[bytes, str | None]]) -> None:
         if made.state == "finished":
-            content = made.result()
-            self._size = len(content)
+            content, note = made.result()
+            self._size, self._note = len(content), note or ""
             self._tab.client.send_file_download(made.title, content, save_immediately=True)
 
     def _parts(self, export: Export) -> list[str]:
@@ -108,8 +186,7 @@ class ExportPanel:
         shown = [name for side, name in known.items() if export.both or side == self._wishes.side]
         at_first = _fits(on_show(TabState(), tab.session))
         usual = [_short(fit) for side, fit in at_first.items() if export.both or side == "B"]
-        some = [] if frames is None else [numbers(frames, tab.first_frame).replace("–", "-")]
-        return [*(shown if shown != usual else []), *some]
+        return [*(shown if shown != usual else []), *_in_file_name(frames, tab.first_frame)]
 
     def _source(self, export: Export) -> ExportSource:
         """What there is, with the fits only where they are needed: their bodies may be missing."""
@@ -122,6 +199,8 @@ class ExportPanel:
             known_clip=project.clip,
             project=tab.session.project.folder,
             axes=self._wishes.axes or None,
+            keys_within=_KEYS[self._wishes.keys],
+            rig=self._own_rig.mapping,
         )
 
     def _exported(self, shown: Shown) -> ExportedFit:
@@ -147,11 +226,12 @@ class ExportPanel:
         titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
         if tab.sent.differs("exported", tuple(titles.items()), tab.state.frames, self._wishes):
             self._files.show(*self._choices(titles), *self._groups(titles))
+        self._own_rig.draw(there=self._wishes.side in titles)
         going = self.running
         if going is not None and tab.sent.differs(
             "export", going, going.state, going.stopping, round(100 * (going.share or 0.0)), self._size
         ):
-            self._said.show(heading("Last file"), *_said(going, self._size))
+            self._said.show(heading("Last file"), *_said(going, self._size, self._note))
 
     def _choices(self, titles: dict[Side, str]) -> list[Html]:
         """Which run, which frames, which axes."""
@@ -179,12 +259,23 @@ class ExportPanel:
             for value, label in _AXES.items()
             if value != OWN_WORLD or tab.session.project.clip.camera.world is not None
         ]
+        keys = [
+            button(
+                f"within {value} mm" if value else "all",
+                "export.keys",
+                value,
+                pressed=wishes.keys == value,
+                hint=_KEYS_HINT,
+            )
+            for value in _KEYS
+        ]
         return [
             heading("Files", "to this browser's downloads", first=True),
             row(choice(sides[0]), label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
             row(choice(sides[1]), label=" ") if titles else Html(),
             row(choice(*frames), label="Frames"),
             row(choice(*axes), label="Axes"),
+            row(choice(*keys), label="Keys"),
         ]
 
     def _groups(self, titles: dict[Side, str]) -> list[Html]:
@@ -197,13 +288,17 @@ class ExportPanel:
                     export.title,
                     "export.begin",
                     name,
-                    disabled=export.needs != "keypoints" and not there,
-                    hint=export.hint,
+                    disabled=bool(missing) or (export.needs != "keypoints" and not there),
+                    hint=missing or export.hint,
                 )
                 for name, export in exports().items()
-                if export.group == group
+                if export.group == group and not export.own_rig
+                for missing in [export.missing()]
             ]
-            rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))
+            if group == "Motion" and self._tab.someone.others:
+                buttons.insert(1, button("Everybody (GLB)", "export.everybody", hint=_EVERYBODY_HINT))
+            if buttons:
+                rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))
         return [heading("Formats"), *rows]
 
 
@@ -225,6 +320,11 @@ def _short(shown: Shown) -> str:
     return run if shown.run.kind == "imported" else f"{run}-{phase_title(shown.run, shown.phase).replace(' ', '-')}"
 
 
+def _in_file_name(frames: range | None, first_frame: int) -> list[str]:
+    """Frames in a file's name; nothing for all."""
+    return [] if frames is None else [numbers(frames, first_frame).replace("–", "-")]
+
+
 def _axes_hint(name: str) -> str:
     if not name:
         return _AXES_HINT
@@ -232,14 +332,15 @@ def _axes_hint(name: str) -> str:
     return f"{text}; counts for SMPL-X npz, BVH, OBJ and PLY"
 
 
-def _said(going: Task[bytes], size: int) -> list[Html]:
+def _said(going: Task[tuple[bytes, str | None]], size: int, note: str) -> list[Html]:
     """How far an export is, or how it ended."""
     name = words(going.title, "strong")
     if going.state == "failed":
         return [paragraph(joined(name, text(" could not be made"))), paragraph(going.reason, "bad")]
     if going.state == "finished":
         sent = words("sent to the downloads", "good")
-        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})")))]
+        told = [paragraph(note, "dim")] if note else []
+        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})"))), *told]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
     doing = " is being stopped …" if going.stopping else f" is being made … {going.share or 0.0:.0%}"

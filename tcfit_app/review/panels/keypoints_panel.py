@@ -37,8 +37,9 @@ from tcfit_app.review.panels.elements.html import (
     text,
 )
 from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
+from tcfit_app.review.tab.browser_tab import BROWSER
 from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.tab import BROWSER, Tab
+from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
 _KEYFRAMES = f"Between two frames in which a keypoint is moved, at most {REACH} apart, the others follow"

@@ -7,8 +7,8 @@ from typing import ClassVar
 import viser
 
 from fitting_core.errors import InputError
+from fitting_core.frame_runs import runs
 from fitting_core.plugins import faults
-from fitting_core.video.frame_names import runs
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
@@ -32,6 +32,7 @@ from tcfit_app.review.panels.elements.html import (
 from tcfit_app.review.panels.elements.selected_frames import unseen
 from tcfit_app.review.panels.notes import Notes
 from tcfit_app.review.panels.queue_pictures import QueuePictures
+from tcfit_app.review.panels.who_is_who import WhoIsWho
 
 _MOST = 40
 """Entries that are listed; one that is checked makes room for the next."""
@@ -65,6 +66,7 @@ class ReviewPanel:
         self._path = path
         self._relink = Board(tab)
         self._head = Board(tab)
+        self._who_is_who = WhoIsWho(gestures)
         self._notes = Notes(gestures)
         self._pictures = QueuePictures(tab)
         self._queue = Board(tab)
@@ -133,6 +135,7 @@ class ReviewPanel:
             *(id(self._found), self._path.visible, session.marked, where, fine, flagged, tab.hits_unseen),
         ):
             self._draw_head(where, fine=fine, flagged=flagged)
+        self._who_is_who.draw()
         self._notes.draw()
         self._pictures.draw(self._suspects[:_MOST])
         if tab.sent.differs("queue", id(self._found), self._looking, self._problem, shown is None, here):

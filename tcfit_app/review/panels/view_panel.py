@@ -35,7 +35,7 @@ from tcfit_app.review.tab.on_show import SIDES
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
 from tcfit_app.review.tab.tab import Tab
 
-_SWITCHES = {"video", "bones", "detections"}
+_SWITCHES = {"video", "bones", "detections", "others"}
 """What can be switched here and has no key."""
 _COLORS_BY = ("group", "confidence")
 _SPEEDS = {f"{speed:g}": speed for speed in SPEEDS}
@@ -52,7 +52,8 @@ _APART = 1.2
 def _look(tab: Tab) -> tuple[Hashable, ...]:
     """What the buttons for bodies depend on."""
     state = tab.state
-    return state.bodies, state.wireframe, state.outline, state.difference, state.mode, state.apart, tab.clipped
+    looks = state.bodies, state.others, state.wireframe, state.outline, state.difference
+    return *looks, state.mode, state.apart, tab.clipped
 
 
 class ViewPanel:
@@ -185,6 +186,9 @@ class ViewPanel:
                 action("outline", "Outline", pressed=state.outline, disabled=state.mode == "space"),
             ),
         ]
+        if self._tab.someone.others:
+            hint = "The newest fits of the clip's other people, dimmed"
+            rows.append(row(button("Other people", "view.switch", "others", pressed=state.others, hint=hint)))
         difference = action("difference", "A-B difference", pressed=state.difference)
         if state.mode != "space":
             hint = "Bodies end where the picture ends; else they are seen beyond it"

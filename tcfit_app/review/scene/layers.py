@@ -15,6 +15,12 @@ RGB = tuple[int, int, int]
 
 RUN_COLORS: tuple[RGB, RGB] = (90, 160, 255), (255, 150, 60)
 """Of run A and run B: blue and orange, apart for every kind of colour vision."""
+OTHER_COLOR: RGB = (168, 142, 222)
+"""Of people who are not the one on show: violet, which neither grey clothes nor skin swallow, as they did pale grey."""
+OTHER_OPACITY = 0.5
+"""Of these, at most."""
+MOST_OTHERS = 9
+"""Other people that are drawn; those that come first."""
 OPACITY = 0.6
 """Of bodies at first: fingers and seams of clothes in the video are seen through it, and shading on it."""
 DISTANCE_LIMIT = 0.1

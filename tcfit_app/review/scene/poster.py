@@ -9,13 +9,14 @@ projected here, with the clip's own intrinsics.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 import viser
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import NEAREST, BodyLayer, FrameImage, drawable
+from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, FrameImage, drawable
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.side_view import SideView
@@ -37,8 +38,8 @@ SIDE_NODE = f"{_ROOT}/side"
 
 
 def body_nodes(poster: str) -> tuple[str, ...]:
-    """viser's nodes of the bodies on a poster, given its own."""
-    return tuple(f"{poster}/body{i}" for i in range(_SLOTS))
+    """viser's nodes of the bodies on a poster, given its own: of the fits, and of other people."""
+    return tuple(f"{poster}/body{i}" for i in range(_SLOTS + MOST_OTHERS))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +50,8 @@ class Poster:
     """None: not there yet; a plain plate is shown. Compared by identity."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
+    others: tuple[BodyLayer, ...] = ()
+    """Of other people, at most MOST_OTHERS."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +62,8 @@ class SidePoster:
     """Compared by identity."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
+    others: tuple[BodyLayer, ...] = ()
+    """Of other people; those are drawn that the plate has room for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +79,8 @@ class Posters:
 
     def __post_init__(self) -> None:
         assert 1 <= len(self.posters) <= _SLOTS
-        assert all(len(poster.bodies) <= _SLOTS for poster in (*self.posters, *([self.side] if self.side else [])))
+        for poster in (*self.posters, *([self.side] if self.side else [])):
+            assert len(poster.bodies) <= _SLOTS and len(poster.others) <= MOST_OTHERS
 
     @property
     def width(self) -> float:
@@ -134,7 +140,7 @@ class PosterNodes:
             if i < len(snapshot.posters):
                 poster = snapshot.posters[i]
                 slot.show(poster.image or PLATE, snapshot.width)
-                problems += slot.draw(poster.bodies, camera, partial(_on_picture, camera))
+                problems += slot.draw(poster.bodies, poster.others, camera, partial(_on_picture, camera))
             else:
                 slot.hide()
         side = snapshot.side
@@ -143,7 +149,7 @@ class PosterNodes:
         else:
             self._side.show(SIDE_PLATE, side.view.width)
             # There is no video to be seen through them.
-            self._side.draw(side.bodies, side.view, partial(_on_side, side.view), solid=True)
+            self._side.draw(side.bodies, side.others, side.view, partial(_on_side, side.view), solid=True)
         return problems
 
     def set_visible(self, visible: bool) -> None:
@@ -151,17 +157,32 @@ class PosterNodes:
         self._root.visible = visible
 
 
-Project = Callable[[list[BodyLayer]], list[Float[np.ndarray, "V 3"]]]
-"""From bodies to their vertices on a poster."""
+Project = Callable[[list[BodyLayer], list[BodyLayer]], list[Float[np.ndarray, "V 3"] | None]]
+"""From bodies, and those of other people, to their vertices on a poster; None for who is not on it."""
 
 
-def _on_picture(camera: Camera, bodies: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
-    return relief([body.vertices for body in bodies], camera, [body.camera for body in bodies])
+def _on_picture(
+    camera: Camera, bodies: list[BodyLayer], others: list[BodyLayer]
+) -> list[Float[np.ndarray, "V 3"] | None]:
+    everybody = [*bodies, *others]
+    return [*relief([body.vertices for body in everybody], camera, [body.camera for body in everybody])]
 
 
-def _on_side(view: SideView, bodies: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"]]:
-    vertices = [body.vertices for body in bodies]
-    return view.relief(vertices, view.shifts(vertices))
+def _on_side(view: SideView, bodies: list[BodyLayer], others: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"] | None]:
+    vertices, besides = [body.vertices for body in bodies], [body.vertices for body in others]
+    shifts = view.shifts(vertices)
+    # Others stand where they are beside the body that is corrected. They move nothing, and hide nothing of it: two who
+    # stand beside each other before the camera lie on each other here.
+    beside = shifts[-1] if len(shifts) else np.zeros(2)
+    there = [view.holds(points, beside) for points in besides]
+    seen = [points for points, is_there in zip(besides, there, strict=True) if is_there]
+    behind = view.relief(seen, np.tile(beside, (len(seen), 1)))
+    front = np.float32(min((points[:, 2].min() for points in behind), default=0.0))
+    drawn = iter(behind)
+    return [
+        *(points + np.array([0, 0, front], np.float32) for points in view.relief(vertices, shifts)),
+        *(next(drawn) if is_there else None for is_there in there),
+    ]
 
 
 class _Slot:
@@ -174,7 +195,7 @@ class _Slot:
         front = (0.0, 0.0, -_CLEARANCE)
         self._bodies = [BodyNode(client, body, dressing, front) for body in body_nodes(name)]
         self._source: tuple[object, ...] = ()
-        self._reliefs: list[np.ndarray] = []
+        self._reliefs: list[np.ndarray | None] = []
 
     def show(self, image: FrameImage, width: float) -> None:
         """Shows it. Its frame stays where it is: the page moves that into the poster's window."""
@@ -184,25 +205,39 @@ class _Slot:
     def hide(self) -> None:
         self._frame.visible = False
 
-    def draw(self, bodies: tuple[BodyLayer, ...], how: object, project: Project, *, solid: bool = False) -> list[str]:
-        """Draws bodies on it; returns what cannot be shown, and why.
+    def draw(
+        self,
+        bodies: tuple[BodyLayer, ...],
+        others: tuple[BodyLayer, ...],
+        how: object,
+        project: Project,
+        *,
+        solid: bool = False,
+    ) -> list[str]:
+        """Draws bodies on it; returns what of the fits cannot be shown, and why.
 
         Args:
-            bodies: What to draw.
+            bodies: The fits'.
+            others: Other people's.
             how: Stands for `project`, by identity.
             project: How they are drawn.
             solid: Opaque, whatever their layers' opacity is.
         """
         shown, problems = drawable(bodies)
-        there = [body for body in shown if body]
-        source = how, *(body.camera for body in there), *(body.vertices for body in there)
+        besides, _ = drawable(others)
+        there, beside = [body for body in shown if body], [body for body in besides if body]
+        everybody = (*there, *beside)
+        source = how, len(there), *(body.camera for body in everybody), *(body.vertices for body in everybody)
         if not _same(source, self._source):
-            self._reliefs = project(there)
+            self._reliefs = project(there, beside)
             self._source = source
         reliefs = iter(self._reliefs)
-        for i, node in enumerate(self._bodies):
-            body = shown[i] if i < len(shown) else None
-            node.draw(body, next(reliefs), solid=solid, lines=not solid) if body else node.hide()
+        for node, body in zip_longest(self._bodies, (*shown, *[None] * (_SLOTS - len(shown)), *besides)):
+            vertices = next(reliefs) if body else None
+            if body is None or vertices is None:
+                node.hide()
+            else:
+                node.draw(body, vertices, solid=solid, lines=not solid)
         return problems
 
 

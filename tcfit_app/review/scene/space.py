@@ -4,6 +4,7 @@ Its world is level space (room.py): bodies are sent as the camera has them, in a
 """
 
 from dataclasses import dataclass, field
+from itertools import zip_longest
 
 import numpy as np
 import viser
@@ -11,7 +12,7 @@ from jaxtyping import Float
 from viser.transforms import SO3
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import RGB, BodyLayer, FrameImage, drawable
+from tcfit_app.review.scene.layers import MOST_OTHERS, RGB, BodyLayer, FrameImage, drawable
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
 from tcfit_app.review.scene.room import extent
@@ -35,6 +36,10 @@ class Space:
     """The clip's."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two. They are drawn opaque: one sees through to the video in 2D, and to a body's own far side here."""
+    others: tuple[BodyLayer, ...] = ()
+    """Of other people, at most MOST_OTHERS; always in their places."""
+    others_extents: tuple[Float[np.ndarray, "2 3"], ...] = ()
+    """Where these are in the whole clip, as far as that is known."""
     image: FrameImage | None = None
     """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
     turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
@@ -50,7 +55,7 @@ class Space:
     """Metres between two bodies along x that are drawn side by side; 0 leaves both in place."""
 
     def __post_init__(self) -> None:
-        assert len(self.bodies) <= _SLOTS
+        assert len(self.bodies) <= _SLOTS and len(self.others) <= MOST_OTHERS
         assert len(self.extents) in (0, len(self.bodies))
 
     @property
@@ -69,6 +74,7 @@ class Space:
             for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
             if body.problem is None
         ]
+        corners += self.others_extents if corners else ()
         return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
 
 
@@ -84,7 +90,7 @@ class SpaceNodes:
         self._client = client
         self._root = client.scene.add_frame(_ROOT, show_axes=False, visible=False)
         self._filmed = client.scene.add_frame(_FILMED, show_axes=False)
-        self._bodies = [BodyNode(client, f"{_FILMED}/body{i}", dressing) for i in range(_SLOTS)]
+        self._bodies = [BodyNode(client, f"{_FILMED}/body{i}", dressing) for i in range(_SLOTS + MOST_OTHERS)]
         self._image = ImageNode(client, f"{_FILMED}/image", dressing, PLATE)
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
@@ -94,10 +100,11 @@ class SpaceNodes:
         shown, problems = drawable(snapshot.bodies)
         self._filmed.wxyz = SO3.from_matrix(snapshot.turn).wxyz
         self._filmed.position = snapshot.place
-        for i, node in enumerate(self._bodies):
-            body = shown[i] if i < len(shown) else None
+        offsets = (*snapshot.offsets, *[0.0] * (_SLOTS - len(shown) + MOST_OTHERS))
+        everybody = (*shown, *[None] * (_SLOTS - len(shown)), *drawable(snapshot.others)[0])
+        for node, body, offset in zip_longest(self._bodies, everybody, offsets):
             if body:
-                x, y, z = snapshot.offsets[i] * snapshot.turn[0]
+                x, y, z = offset * snapshot.turn[0]
                 node.draw(body, body.vertices, (float(x), float(y), float(z)), solid=True)
             else:
                 node.hide()

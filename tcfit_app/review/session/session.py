@@ -189,7 +189,6 @@ class Session:
             config=config,
             begun_with=known.start,
             shape=known.shape,
-            shape_from=known.shape_from,
         )
         return self._submit(job, kind="fit", start=None, given=known.given)
 
@@ -276,7 +275,6 @@ class Session:
             config=config,
             start=start,
             shape=known.shape,
-            shape_from=known.shape_from,
         )
         return self._submit(job, kind="shape", start=shown, given=known.given)
 

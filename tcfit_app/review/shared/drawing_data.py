@@ -22,7 +22,7 @@ from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.scene.room import Room, room_around
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.session.tasks import Value
-from tcfit_app.review.shared.video_frames import VideoFrames
+from tcfit_app.review.shared.shared_video import SharedVideo, Videos
 
 _SAMPLED = 120
 """Frames of a clip, at most, whose whole bodies say where the body goes: 0.1 s."""
@@ -46,29 +46,23 @@ class DrawingData:
     Args:
         session: the project.
         wake: called when something is there that was asked for.
+        videos: shared with other people of the clip; None: there are none.
     """
 
-    def __init__(self, session: Session, wake: Callable[[], None]) -> None:
+    def __init__(self, session: Session, wake: Callable[[], None], videos: Videos | None = None) -> None:
         self.session = session
         clip = session.project.clip
         self.length = len(clip)
-        self.tasks, self._wake = session.tasks, wake
+        self.tasks = session.tasks
+        self._videos = videos or Videos([clip], wake)
         self._meshes: dict[str, Meshes] = {}
         self._points: dict[Hashable, np.ndarray] = {}
         self.warming = False
         """Whether the first body is still being read (a second): nothing on the drawing thread waits for it."""
         self.video = self._opened()
 
-    def _opened(self) -> VideoFrames:
-        clip = self.session.project.clip
-        return VideoFrames(
-            clip.source,
-            first_frame=clip.first_frame,
-            count=len(clip),
-            size=clip.camera.size,
-            lens=clip.camera.lens,
-            arrived=self._wake,
-        )
+    def _opened(self) -> SharedVideo:
+        return self._videos.of(self.session.project.clip)
 
     def warm_up(self) -> None:
         """Read what the first picture of a fitted project needs, before anybody asks for it."""
@@ -152,13 +146,15 @@ class DrawingData:
         """How a run says that the camera is held; None where it does not know, or not yet."""
         return None if shown.result is None else level_of(self.session.fits.fit(shown.run).grounding)
 
-    def room(self, shown: Shown, held: Shown) -> Room | None:
+    def room(self, shown: Shown, held: Shown, of: "DrawingData | None" = None) -> Room | None:
         """Where a run's person moves; None while that is made, or if there is no body yet.
 
         Args:
             shown: The run.
             held: The one that says how the camera is held, which may be another.
+            of: Whose run that is; None: this person's.
         """
+        holder = of or self
         meshes = self.meshes(shown)
         if shown.there is not None and not shown.there.any():
             return None
@@ -166,9 +162,10 @@ class DrawingData:
         def made() -> Room:
             there = np.arange(len(shown.params)) if shown.there is None else np.flatnonzero(shown.there)
             sample = there[:: -(-len(there) // _SAMPLED)].tolist()
-            return room_around(shown.camera[sample].to_still(meshes.batch(shown.params[sample])), self.level(held))
+            return room_around(shown.camera[sample].to_still(meshes.batch(shown.params[sample])), level)
 
-        return self.tasks.get(("room", _stage(shown), _stage(held)), made)
+        level = holder.level(held)
+        return self.tasks.get(("room", _stage(shown), id(holder), _stage(held)), made)
 
     def body_points(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "25 3"]:
         """A body's BODY_25 keypoints in camera space, metres, NaN for those that it has not; arguments as of `body`."""

@@ -75,8 +75,8 @@ def on_show(state: TabState, session: Session) -> OnShow:
         frame=state.frame,
         a=a,
         b=b,
-        live_a=_live(session, a, state.frame),
-        live_b=_live(session, b, state.frame),
+        live_a=live_window(session, a, state.frame),
+        live_b=live_window(session, b, state.frame),
         places=_places(state),
         camera=there[0].camera if state.mode == "space" and there else clip,
         problem=" ".join(dict.fromkeys(problems)),
@@ -91,7 +91,7 @@ def _read(fits: StoredFits, choice: FitChoice, problems: list[str]) -> Shown | N
         return None
 
 
-def _live(session: Session, fit: Shown | None, frame: int) -> LiveWindow | None:
+def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow | None:
     """What a drag makes of a fit in a frame: a drag in this run, or in the one whose corrections it is."""
     if fit is None or fit.phase != 3:
         return None

@@ -1,6 +1,6 @@
 """What one browser tab has set: its own frame, selection and looks."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
@@ -89,6 +89,8 @@ class TabState:
     wireframe: bool = False
     outline: bool = False
     """Bodies are drawn as lines."""
+    others: bool = True
+    """The other people of the clip are drawn as well, if there are some."""
     difference: bool = False
     """Bodies are coloured by the distance between A and B."""
     groups: frozenset[str] = frozenset(GROUPS)
@@ -107,3 +109,13 @@ class TabState:
     settings: FitSettings = field(default_factory=FitSettings)
     keys: bool = False
     """The window of all keys is open."""
+
+
+_OF_A_PERSON = {"frame", "a", "b", "selection", "suggested", "frames", "settings", "playing", "keys"}
+"""What is about one person's project; all else is how things are looked at."""
+
+
+def seen_alike(state: TabState, other: TabState) -> TabState:
+    """A state of one person that is looked at as another person's is."""
+    looks = {one.name: getattr(other, one.name) for one in fields(TabState) if one.name not in _OF_A_PERSON}
+    return replace(state, playing=False, keys=False, **looks)

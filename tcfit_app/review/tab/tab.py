@@ -7,32 +7,25 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-import viser
-
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.channel import Channel
-from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Saving
-from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.review.scene.side_view import usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
-from tcfit_app.review.shared.drawing_data import DrawingData
+from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, on_show
+from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.playback import Playback
-from tcfit_app.review.tab.state import SIDE_WIDTHS, TabState
-from tcfit_app.review.tab.toasts import SHORT, Toasts
-from tcfit_app.server.page_files import PageFiles
+from tcfit_app.review.tab.state import SIDE_WIDTHS, TabState, seen_alike
+from tcfit_app.review.tab.toasts import SHORT
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
 REMEMBERED = 256
 """Tabs whose states are kept after they were closed."""
-BROWSER = "browser "
-"""What authors begin with, as edits have them; versions before had "tab "."""
 _log = logging.getLogger(__name__)
 
 
@@ -49,6 +42,10 @@ class Sent:
         self._keys[name] = key
         return True
 
+    def forget(self) -> None:
+        """Somebody else has sent to the tab: whatever is asked for next has changed."""
+        self._keys.clear()
+
     @contextmanager
     def all_or_nothing(self) -> Iterator[None]:
         """Keys that `differs` remembers inside are forgotten again if an exception ends it: nothing was sent then."""
@@ -61,32 +58,26 @@ class Sent:
 
 
 class Tab:
-    """A tab that shows the project.
+    """A tab that shows the project of one person.
 
     Args:
-        client: viser's tab.
-        data: what it draws from.
+        browser: what it has whoever it shows.
+        someone: whom it shows.
         do: how callbacks get to the drawing thread.
-        receive: takes up what the page's script tells.
-        remembered: states of tabs that were closed or reloaded, by the tab's own name.
-        files: which files of this computer the page may name.
     """
 
-    def __init__(
-        self,
-        client: viser.ClientHandle,
-        data: DrawingData,
-        do: Do,
-        receive: Callable[[PageEvent], None],
-        remembered: dict[str, TabState],
-        files: PageFiles,
-    ) -> None:
-        self.client, self.data, self.session, self.files = client, data, data.session, files
-        self.length = data.length
-        self.first_frame = data.session.project.clip.first_frame
+    def __init__(self, browser: BrowserTab, someone: Someone, do: Do) -> None:
+        self.browser, self.someone, self.data, self.session = browser, someone, someone.data, someone.session
+        self.client, self.files, self.channel, self.scene = (
+            browser.client,
+            browser.files,
+            browser.channel,
+            browser.scene,
+        )
+        self.length = self.data.length
+        self.first_frame = self.session.project.clip.first_frame
         """The number that users see for frame 0."""
         self.state = TabState()
-        self.author = f"{BROWSER}{client.client_id}"
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
         self.doing = ""
@@ -95,15 +86,16 @@ class Tab:
         """The run that this tab has corrected, until its corrections are on show."""
         self.playback = Playback(self.session.project.clip.frame_rate)
         self.buttons, self.sent = Buttons(), Sent()
-        self._do, self._remembered = do, remembered
-        self._name: str | None = None
+        self._do, self._remembered = do, someone.remembered
         self._shown: OnShow | None = None
-        self.channel = Channel(client, lambda event: self.do(lambda: receive(event)), timeline=True)
-        self.scene = SceneView(client)
-        self._toasts = Toasts(client)
         self._saved = 0
         self.first_steps = 0
         """How often what to do first was asked for."""
+
+    @property
+    def author(self) -> str:
+        """Whose its edits are."""
+        return self.browser.author
 
     # --- doing things ---
 
@@ -145,7 +137,7 @@ class Tab:
 
     def notify(self, notice: Notice) -> None:
         """Tell the user."""
-        self._toasts.show(notice)
+        self.browser.toasts.show(notice)
 
     def say(self, text: str) -> None:
         """Say in passing what was done."""
@@ -172,28 +164,33 @@ class Tab:
     @property
     def ready(self) -> bool:
         """Whether the page's script has said hello."""
-        return self._name is not None
+        return self.browser.name is not None
 
-    def greet(self, name: str, browser: str) -> None:
-        """The page's script is there, and calls itself so; a name that is known brings its state back.
-
-        Its edits are those of its browser: a new tab, after tcfit was started again, is still the same person's.
-        """
-        self._name, self.author = name, f"{BROWSER}{(browser or name)[:8]}"
-        known = self._remembered.get(name)
+    def greet(self) -> None:
+        """The page's script is there; a name that is known brings its state back."""
+        known = self._remembered.get(self.browser.name or "")
         if known is not None:
             self.state = replace(
                 known, playing=False, keys=False, close_up=None, frame=min(known.frame, self.length - 1)
             )
         self.set()
 
+    def come_from(self, other: "Tab") -> None:
+        """Show this person in the place of another: the same moment, seen in the same way."""
+        known = self._remembered.get(self.browser.name or "", self.state)
+        self.state = seen_alike(known, other.state)
+        self.sent.forget()
+        self._shown = None
+        self.seek(other.state.frame + other.first_frame - self.first_frame)
+
     def set(self, **changes: Any) -> None:
         """Another state; names and values as in TabState."""
         suggested = {"suggested": False} if "selection" in changes else {}
         self.state = replace(self.state, **(suggested | changes))
-        if self._name is not None:
-            self._remembered.pop(self._name, None)  # so that the last is the newest
-            self._remembered[self._name] = self.state
+        name = self.browser.name
+        if name is not None:
+            self._remembered.pop(name, None)  # so that the last is the newest
+            self._remembered[name] = self.state
             while len(self._remembered) > REMEMBERED:
                 del self._remembered[next(iter(self._remembered))]
 

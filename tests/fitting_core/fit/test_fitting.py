@@ -18,12 +18,12 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FramesFitted, Iteration, PhaseFinished, PhaseStarted
+from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.fit.fitting import fit_clip, fit_events, rerun_events
 from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.fit.phases import progress
 from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.result import FitResult
-from fitting_core.fit.sides import PAIRED
 from fitting_core.keypoints import Keypoints
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 

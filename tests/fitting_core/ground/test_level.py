@@ -1,5 +1,6 @@
 """Camera space turned upright, and groundings as arrays."""
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -11,7 +12,7 @@ from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
-from fitting_core.ground.level import level_of, upright
+from fitting_core.ground.level import best_grounding, level_of, upright
 from fitting_core.ground.plane import Ground
 from fitting_core.io.motion.fitted_motion import AXES
 
@@ -106,3 +107,14 @@ def test_files_without_it_have_none_and_damaged_ones_are_told():
         grounding_from(arrays | {"gravity": np.zeros(3)}, 6)
     with pytest.raises(KeyError, match="ground_text"):
         grounding_from({name: value for name, value in arrays.items() if name != "ground_text"}, 6)
+
+
+def test_of_several_people_the_surest_floor_counts():
+    """A floor before gravity alone, however sure that is; nobody who looked: none."""
+    floor, surer = a_grounding(), a_grounding()
+    assert surer.ground is not None
+    surer = replace(surer, ground=replace(surer.ground, deviation=0.01))
+    alone, certain = a_grounding(ground=False), a_grounding(ground=False, deviation=0.001)
+    assert best_grounding([None, alone, floor, certain, surer]) == 4
+    assert best_grounding([alone, None, certain]) == 2
+    assert best_grounding([None, None]) is None and best_grounding([]) is None

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_before_fit, stretches
+from fitting_core.frame_runs import runs_where
+from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_before_fit
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.gravity import Gravity, angles
 from fitting_core.ground.grounding import USUAL_SOLES, Grounding, grounding_before_fit, grounding_of
@@ -61,8 +62,8 @@ def test_frames_that_are_far_off_do_not_move_it():
 def test_feet_that_disagree_make_unsure():
     made = walker()
     points = made.points.copy()
-    for start, stop in stretches(made.standing[:, 0], True)[::2]:
-        points[start:stop] += 0.1 * made.up
+    for run in runs_where(made.standing[:, 0])[::2]:
+        points[run] += 0.1 * made.up
     steady, shaken = ground_of(made), ground_of(replace(made, points=points))
     assert isinstance(steady, Ground) and isinstance(shaken, Ground) and shaken.deviation > steady.deviation + 0.005
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
-from fitting_core.io.known_shape import read_betas
+from fitting_core.io.known_shape import read_known_shape
 
 BETAS = [0.1 * i for i in range(10)]
 
@@ -19,16 +19,16 @@ def test_npz_and_json_are_read(tmp_path: Path, shape: tuple[int, ...]):
     np.savez(tmp_path / "fit.npz", betas=betas, poses=np.zeros((3, 165)))
     (tmp_path / "shape.json").write_text(json.dumps({"betas": betas.tolist(), "frames": {"a": [1]}}))
     for path in (tmp_path / "fit.npz", tmp_path, tmp_path / "shape.json"):
-        assert np.allclose(read_betas(path), BETAS)
+        assert np.allclose(read_known_shape(path).betas, BETAS) and read_known_shape(path).source == path.name
 
 
 def test_the_shape_of_another_body_is_refused(tmp_path: Path):
     (tmp_path / "shape.json").write_text(json.dumps({"betas": BETAS, "body": {"hash": "ours", "kind": "smplx"}}))
     np.savez(tmp_path / "fit.npz", betas=BETAS, body_hash="ours")
     for path in (tmp_path / "shape.json", tmp_path / "fit.npz"):
-        assert np.allclose(read_betas(path, body_hash="ours"), BETAS)
+        assert np.allclose(read_known_shape(path, body_hash="ours").betas, BETAS)
         with pytest.raises(InputError, match="belong to another body model"):
-            read_betas(path, body_hash="another")
+            read_known_shape(path, body_hash="another")
 
 
 WRONG = {
@@ -57,7 +57,7 @@ def test_what_is_no_shape_is_told(tmp_path: Path, name: str):
     elif content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=said) as refused:
-        read_betas(path)
+        read_known_shape(path)
     assert str(path) in str(refused.value) and "10 betas" in str(refused.value)
 
 
@@ -66,4 +66,4 @@ def test_what_is_no_shape_is_told(tmp_path: Path, name: str):
 def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str):
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError):
-        read_betas(tmp_path / name)
+        read_known_shape(tmp_path / name)

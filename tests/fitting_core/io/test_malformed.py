@@ -9,13 +9,14 @@ from fitting_core.errors import InputError
 from tcfit_app.cli.main import main
 from tests.fitting_core.io.malformed import KEYPOINTS, Case
 from tests.fitting_core.io.malformed_cameras import CAMERAS
+from tests.fitting_core.io.malformed_laboratory import LABORATORY
 from tests.fitting_core.io.malformed_learned import LEARNED
 from tests.fitting_core.io.malformed_models import MODELS
 from tests.fitting_core.io.malformed_per_image import PER_IMAGE
 from tests.fitting_core.io.malformed_references import REFERENCES
 from tests.fitting_core.io.malformed_results import RESULTS
 
-CASES = {**KEYPOINTS, **RESULTS, **LEARNED, **PER_IMAGE, **MODELS, **REFERENCES, **CAMERAS}
+CASES = {**KEYPOINTS, **RESULTS, **LEARNED, **PER_IMAGE, **MODELS, **REFERENCES, **CAMERAS, **LABORATORY}
 
 
 def files_in(folder: Path) -> dict[str, bytes | None]:
@@ -34,7 +35,9 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_there_are_as_many_cases_as_were_asked_for():
-    assert len(CASES) == sum(map(len, (KEYPOINTS, RESULTS, LEARNED, PER_IMAGE, MODELS, REFERENCES, CAMERAS)))
+    assert len(CASES) == sum(
+        map(len, (KEYPOINTS, RESULTS, LEARNED, PER_IMAGE, MODELS, REFERENCES, CAMERAS, LABORATORY))
+    )
     assert len(LEARNED) >= 60 and len(CAMERAS) >= 30
 
 

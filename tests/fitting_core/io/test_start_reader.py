@@ -17,7 +17,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.given_start import GivenStart, from_pelvis
+from fitting_core.fit.evidence.given_start import GivenStart, from_pelvis
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.smplifyx import write_smplifyx

@@ -1,19 +1,22 @@
 """A whole comparison on bodies whose errors are known."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, path_of
+from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.measure.comparison import compare, figure_titles
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
-from tests.samples.scenes import random_params
+from tests.samples.scenes import arms_in_motion, random_params
 
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
 
@@ -48,6 +51,31 @@ def test_a_body_that_stands_elsewhere(free_body: BodyModel, truth: Reference):
     assert found["jitter"] == pytest.approx(found["jitter_truth"])
     assert found["reprojection_mean"] is None and found["reprojection_truth_mean"] > 1
     assert set(found) == set(figure_titles())
+
+
+def test_the_motion_of_a_camera_is_not_the_person_s(free_body: BodyModel):
+    """Both fit and truth are even, and before a camera in the hand: the figures are those of the room."""
+    frames, random = 8, np.random.default_rng(3)
+    turns = Rotation.from_rotvec(0.05 * random.standard_normal((frames, 3))).as_matrix()
+    path = path_of(turns, 0.1 * random.standard_normal((frames, 3)))
+    moving, truth = replace(CAMERA, path=path), arms_in_motion(frames)
+    fitted = replace(
+        truth, body_pose=truth.body_pose + torch.linspace(0, 0.3, frames, dtype=torch.float64)[:, None] ** 2
+    )
+
+    def figures(camera: Camera, place: Callable[[BodyParams], BodyParams]) -> dict[str, float | None]:
+        reference = reference_of("", "", free_body, place(truth), frame_rate=25.0, in_camera=True)
+        given = replace(estimate(free_body, place(fitted)), camera=camera)
+        return compare(given, reference, meshes=False).figures
+
+    shaken = figures(moving, lambda params: from_still(free_body, params, moving))
+    steady = figures(CAMERA, lambda params: params)
+    blind = figures(CAMERA, lambda params: from_still(free_body, params, moving))
+    for name in ("jitter", "jitter_truth", "jerk", "jerk_truth", "acceleration_error_mean"):
+        assert shaken[name] == pytest.approx(steady[name], rel=1e-4) and blind[name] != pytest.approx(
+            steady[name], rel=0.2
+        )
+    assert shaken["depth_jitter"] < 0.1 * blind["depth_jitter"]  # pyright: ignore[reportOptionalOperand]
 
 
 def test_a_reference_of_other_frames_and_no_place(free_body: BodyModel, truth: Reference):

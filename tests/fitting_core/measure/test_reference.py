@@ -12,7 +12,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.camera import Camera, World
+from fitting_core.camera import Camera, World, path_of
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.fitted_motion import AXES
@@ -24,7 +24,7 @@ from fitting_core.synthetic.truth import Truth, write_truth
 from tests.fitting_core.io.motion.motions import swinging
 from tests.samples.scenes import random_params
 
-NAMES = ["RShoulder", "left_shoulder", "CHip", "Nose", "C7"]
+NAMES = ["RShoulder", "left_shoulder", "CHip", "Nose", "Wand"]
 POINTS = np.random.default_rng(0).normal(size=(4, 5, 3))
 TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 SHIFT = np.array([0.1, 0.2, 6.0])
@@ -59,32 +59,42 @@ def test_markers_have_many_names(name: str):
 def test_points_get_into_the_camera(tmp_path: Path, camera: Path):
     np.savez(tmp_path / "points.npz", points=POINTS, names=np.array(NAMES), fps=60.0)
     found = read_reference(tmp_path / "points.npz", camera=camera)
-    assert found.in_camera and found.frame_rate == 60 and "C7" in found.notes[0]
+    assert found.in_camera and found.frame_rate == 60 and "Wand" in found.notes[0]
     np.testing.assert_allclose(found.points[:, kp.INDEX["mid_hip"]], POINTS[:, 2] @ TURN.T + SHIFT)
     assert np.isfinite(found.points).all(-1).sum() == 4 * 4
     assert not read_reference(tmp_path / "points.npz").in_camera
 
 
-def world_of(shift: np.ndarray) -> World:
+def seen_by(shift: np.ndarray) -> Camera:
+    """The clip's camera, where a calibration says that it stands there."""
     rows: Any = tuple(map(tuple, TURN.tolist()))
-    return World(rotation=rows, translation=(shift[0], shift[1], shift[2]))
+    world = World(rotation=rows, translation=(shift[0], shift[1], shift[2]))
+    return Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480), world=world)
 
 
 def test_without_a_camera_the_world_of_the_calibration_counts(tmp_path: Path, camera: Path, free_body: BodyModel):
     """For what stands nowhere else, and only if it is before the camera there."""
     np.savez(tmp_path / "points.npz", points=POINTS, names=np.array(NAMES))
     given = read_reference(tmp_path / "points.npz", camera=camera)
-    found = read_reference(tmp_path / "points.npz", world=world_of(SHIFT))
+    found = read_reference(tmp_path / "points.npz", seen_by=seen_by(SHIFT))
     assert found.in_camera and "world of the camera's calibration" in found.notes[-1]
     np.testing.assert_allclose(found.points, given.points)
     for away in (SHIFT - [0, 0, 12], SHIFT - [0, 0, -1000]):
-        elsewhere = read_reference(tmp_path / "points.npz", world=world_of(away))
+        elsewhere = read_reference(tmp_path / "points.npz", seen_by=seen_by(away))
         assert not elsewhere.in_camera and "only form is compared" in elsewhere.notes[-1]
-    told = read_reference(tmp_path / "points.npz", camera=camera, world=world_of(SHIFT - [0, 0, 12]))
+    told = read_reference(tmp_path / "points.npz", camera=camera, seen_by=seen_by(SHIFT - [0, 0, 12]))
     np.testing.assert_allclose(told.points, given.points)
     made = reference_of("made", "here", free_body, random_params(2), frame_rate=30.0, in_camera=True)
     write_reference(tmp_path / "stored.npz", made)
-    np.testing.assert_array_equal(read_reference(tmp_path / "stored.npz", world=world_of(SHIFT)).points, made.points)
+    np.testing.assert_array_equal(read_reference(tmp_path / "stored.npz", seen_by=seen_by(SHIFT)).points, made.points)
+
+
+def test_no_world_puts_a_reference_before_a_camera_that_moves(tmp_path: Path, camera: Path):
+    np.savez(tmp_path / "points.npz", points=POINTS, names=np.array(NAMES))
+    moving = replace(seen_by(SHIFT), path=path_of(np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3))))
+    assert not read_reference(tmp_path / "points.npz", seen_by=moving).in_camera
+    with pytest.raises(InputError, match="stands still, and the clip's moves"):
+        read_reference(tmp_path / "points.npz", camera=camera, seen_by=moving)
 
 
 @pytest.mark.parametrize("unit", ["mm", "m"])

@@ -11,7 +11,7 @@ import torch
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.fit.sides import PAIRED
+from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import LiftedClip
 from tcfit_app.analysis.findings import FINDINGS, scores

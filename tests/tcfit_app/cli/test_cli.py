@@ -25,7 +25,7 @@ from tests.drivers.processes import INTERRUPTIBLE
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
 EVERY_OPTION = """
-    fit walk.mp4 --keypoints kp --out o --shape s.npz --overwrite --no-overlay --threads 2 --json
+    fit walk.mp4 --keypoints kp --out o --people all --shape s.npz --overwrite --no-overlay --threads 2 --json
     --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
     --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --camera c.npz --camera-name left --camera-unit 0.001 --camera-up z

@@ -30,6 +30,7 @@ from tcfit_app.evaluation.evaluating import notes_about
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import BodyRecord
 from tests.fitting_core.io.motion.learned_files import gvhmr, joblib_bytes, prompthmr, torch_bytes, written
+from tests.fitting_core.measure import test_clocks as laboratory
 from tests.tcfit_app.conftest import CAMERA, FRAMES, FinishedRun, motion
 
 
@@ -221,7 +222,67 @@ def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: Body
     assert "has no reference: give --reference too" in capsys.readouterr().err
 
 
+def test_a_laboratory_whose_clock_is_another(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    """A fit that is the truth, beside markers at 120 per second that begin 0.37 s before the video."""
+    seconds = np.arange(0, laboratory.SECONDS, 1 / laboratory.RATE)
+    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    seen = laboratory.measured(free_body, "markers", gaps=True, noise=0.001)
+    path = laboratory.written(tmp_path, "c3d", *seen)
+    np.savez(tmp_path / "camera.npz", R=laboratory.TURN, t=laboratory.SHIFT)
+    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments += ["--reference", str(path), "--camera", str(tmp_path / "camera.npz")]
+    figures = []
+    for offset in ("auto", "-0.37", "0"):
+        assert main([*arguments, "--reference-offset", offset]) == 0
+        (record,) = records_in(tmp_path / "out")
+        figures.append(float(record["joint_error_mean [mm]"]))
+        assert ("The reference's clock was set by the movement: its first frame lies at -0.37" in _told(capsys)) == (
+            offset == "auto"
+        )
+    assert figures[0] < 3.5 and figures[1] < 2.5 and figures[2] > 50
+    assert record["compared_frames"] == str(len(seconds))
+    assert main(arguments) == 0
+    assert "120 frames per second and the fit 30" not in _told(capsys)
+
+
+def _told(capsys: pytest.CaptureFixture) -> str:
+    return capsys.readouterr().err
+
+
+def test_points_between_frames_are_interpolated(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    """50 per second beside 30: nearest frames would be up to 10 ms off."""
+    seconds = np.arange(0, 2, 1 / laboratory.RATE)
+    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 50), "joints")
+    np.savez(tmp_path / "points.npz", points=places, names=np.array(names), fps=50.0)
+    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
+    (record,) = records_in(tmp_path / "out")
+    assert float(record["pa_mpjpe_mean [mm]"]) < 0.1
+    assert "Its 50 frames per second are interpolated to the fit's 30." in _told(capsys)
+
+
+def test_a_user_s_markers_say_what_points_are(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    seconds = np.arange(0, 2, 1 / laboratory.RATE)
+    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 120), "markers")
+    path = laboratory.written(tmp_path, "trc", tuple(f"P{i}" for i in range(len(names))), places)
+    lines = [f'P{i} = "{name}"' for i, name in enumerate(names)]
+    (tmp_path / "own.toml").write_text("\n".join(["[markers]", *lines]))
+    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    assert main([*arguments, "--reference", str(path)]) == 2
+    assert "say with --markers what they are" in _told(capsys)
+    assert main([*arguments, "--reference", str(path), "--markers", str(tmp_path / "own.toml")]) == 0
+    (record,) = records_in(tmp_path / "out")
+    assert float(record["pa_mpjpe_mean [mm]"]) < 0.1
+
+
 WRONG = {
+    "offset in words": (["x", "--reference", "r.c3d", "--reference-offset", "soon"], "expected seconds, such as -0.37"),
+    "offset NaN": (["x", "--reference", "r.c3d", "--reference-offset", "nan"], "is no time"),
+    "offset twice": (["x", "--reference-offset", "1", "--reference-first-frame", "3"], "leave one of them out"),
+    "markers": (["x", "--markers", "m.toml"], "give --reference too"),
+    "offset of a suite": (["--suite", "--reference-offset", "1"], "its own truth"),
     "nothing": ([], "Name a fit"),
     "both": (["x", "--suite"], "leave out FIT"),
     "ablations": (["x", "--ablations"], "give --suite too"),

@@ -38,6 +38,8 @@ from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.project import Project
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.io.motion.gltf_player import Player
+from tests.fitting_core.io.motion.rigs.readers import Bvh
+from tests.fitting_core.io.motion.rigs.rig_files import glb_bytes, gltf_document, with_mapping
 from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
 from tests.tcfit_app.conftest import FRAMES, FinishedRun, motion
@@ -193,6 +195,18 @@ def test_a_known_floor_is_at_height_0_whatever_frames_are_exported(free_body: Bo
         np.testing.assert_allclose(np.array(stated["pelvis"])[:, 1], heights[frames], atol=1e-6)
 
 
+def test_a_character_with_fewer_keys(project: Path, tmp_path: Path, capsys):
+    exported(project, tmp_path / "all", "--formats", "glb")
+    assert "keys" not in capsys.readouterr().out
+    exported(project, tmp_path / "fewer", "--formats", "glb", "bvh", "--keys", "5")
+    said = capsys.readouterr().out
+    every, fewer = (Player.of(tmp_path / name / "walk.glb") for name in ("all", "fewer"))
+    for second in every.times:
+        assert np.linalg.norm(every.joints(float(second)) - fewer.joints(float(second)), axis=1).max() <= 5e-3
+    assert fewer.document.asset.extras["keys"] in said and " keys (" in said
+    assert "walk-bvh: BVH has no keys: every frame is there" in said
+
+
 def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel):
     """With the project's reference, it tells the errors against it; every file is whole in itself."""
     exported(project, tmp_path / "alone", "--formats", "report", "--frames", "7:9")
@@ -210,6 +224,26 @@ def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel
         and "far" in page
         and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
     )
+
+
+def test_the_user_s_own_rig(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """What is wrong with it is told before anything is written."""
+    table = with_mapping(tmp_path, "hero.glb", glb_bytes(gltf_document()))
+    out = tmp_path / "out"
+    assert main(["export", str(project), "--out", str(out), "--formats", "npz", "rig-glb"]) == 2
+    assert "--rig" in capsys.readouterr().err and not out.exists()
+    names = exported(project, out, "--formats", "rig-glb", "rig-bvh", "--rig", str(table), "--frames", "8:10")
+    assert names == ["walk.rig.bvh", "walk.rig.glb"] and len(Bvh.of(out / "walk.rig.bvh").frames) == 3
+    table.write_text('skeleton = "hero.glb"\n[joints]\nhead = "Kopf"')
+    assert main(["export", str(project), "--out", str(out), "--formats", "npz", "rig-bvh", "--rig", str(table)]) == 2
+    assert "no joint 'Kopf'" in capsys.readouterr().err
+    assert sorted(path.name for path in out.iterdir()) == names, "the older ones"
+
+
+def test_standard_rigs_of_a_result_s_frames(project: Path, tmp_path: Path):
+    names = exported(project, tmp_path, "--formats", "mixamo", "unreal-bvh", "vrma", "--frames", "8:10")
+    assert names == ["walk.mixamo.glb", "walk.unreal.bvh", "walk.vrma"]
+    assert len(Player.of(tmp_path / "walk.mixamo.glb").times) == len(Bvh.of(tmp_path / "walk.unreal.bvh").frames) == 3
 
 
 @pytest.mark.usefixtures("off_screen_gl")
@@ -234,7 +268,9 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--formats", "fbx"], "expected some of glb, npz"),
+        (["--formats", "maya"], "expected some of glb, fbx, npz"),
+        (["--formats", "npz", "bvh", "--keys", "2"], "none of npz, bvh has keys; expected --formats with glb"),
+        (["--keys", "0"], "more than 0 and at most 100 mm"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),
         (["--frames", "0:3"], "from 7 to 12"),
         (["--frames", "9:8"], "from 7 to 12"),
@@ -379,3 +415,12 @@ def test_a_folder_is_there_whatever_stops_its_replacement(
         (draft / "000.obj").write_text("new")
     assert [path.name for path in tmp_path.iterdir()] == ["walk-obj"]
     assert (out / "000.obj").read_text() == "old"
+
+
+def test_joint_angles_of_chosen_frames(project: Path, tmp_path: Path):
+    names = exported(project, tmp_path, "--formats", "angles", "mot", "--frames", "8:9", "--axes", "z-up")
+    assert names == ["walk.angles.csv", "walk.mot"]
+    lines = (tmp_path / "walk.angles.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines if not line.startswith("#")] == ["frame", "8", "9"]
+    assert "y up" in next(line for line in lines if "The world y-up" in line), "whatever axes are asked for"
+    assert "nRows=2" in (tmp_path / "walk.mot").read_text().splitlines()

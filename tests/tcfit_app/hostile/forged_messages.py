@@ -85,6 +85,13 @@ class Forger:
                 {"type": "select", "joints": rng.choices(range(200), k=4), "how": "toggle"},
                 {"type": "drag", "phase": "move", "joints": [1], "dx": 1e6, "dy": self._junk(), "frame": 1 << 40},
                 {"type": "widen", "width": rng.choice([1e-300, 100, float("inf")])},
+                {"type": "go_to_person", "person": rng.choice([0, 1, 999, 1 << 40, -1])},
+                {
+                    "type": "open_link",
+                    "frame": rng.choice([0, 5, 1 << 40, -1]),
+                    "run": rng.choice([None, 1, 1 << 40, -1]),
+                    "person": rng.choice([None, 0, 1, 999, 1 << 40, -1, FORGED]),
+                },
                 {"type": "stranger", "viser": FORGED, "missing": [FORGED]},
                 {"type": "too_large", "name": "x", "size": 1 << 50},
                 {"type": FORGED},

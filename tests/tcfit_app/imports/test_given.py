@@ -85,12 +85,13 @@ def test_a_motion_that_no_camera_saw_is_turned_to_the_clip(project: Project, tin
 def test_a_shape_comes_from_a_run_or_a_project(project: Project, tiny_body: BodyModel, tmp_path: Path):
     run = run_of(project, tiny_body)
     known = read(project, tiny_body, shape=Source(run=run.id))
-    assert known.shape is not None and np.allclose(known.shape, SHAPE) and known.shape_from == run.name
-    assert np.allclose(read_shape(project.folder, tiny_body), SHAPE), "of a project that is open elsewhere, too"
+    assert known.shape is not None and np.allclose(known.shape.betas, SHAPE) and known.shape.source == run.name
+    assert np.allclose(read_shape(project.folder, tiny_body).betas, SHAPE), "of a project that is open elsewhere, too"
     known = read(project, tiny_body, shape=Source(path=str(project.folder)))
-    assert known.shape_from == "walk.tcfit"
+    assert known.shape is not None and known.shape.source == "walk.tcfit"
     imported = run_of(project, tiny_body, kind="imported", phase=1)
-    assert np.allclose(read(project, tiny_body, shape=Source(run=imported.id)).shape, SHAPE)  # pyright: ignore
+    known = read(project, tiny_body, shape=Source(run=imported.id))
+    assert known.shape is not None and np.allclose(known.shape.betas, SHAPE)
 
 
 def test_what_is_of_no_use_is_told(project: Project, tiny_body: BodyModel, tmp_path: Path):

@@ -303,7 +303,7 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 
 def test_every_kind_is_drawn_in_these_tests():
-    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 17
+    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 18
     assert set(get_args(edit_log.Action)) == {
         *KINDS.values(),
         edit_log.MarkFrames,

@@ -88,12 +88,33 @@ def test_the_command_that_made_a_project_opens_it_again(with_keypoints: bool, ca
     assert review(video).clip.camera == first.clip.camera, "without options it is opened as it is"
 
 
-def test_a_focal_length_that_nobody_asked_for_is_not_compared():
+def test_a_camera_that_nobody_asked_for_is_not_compared():
     video = images("one")
-    made = review(video, "--fov", "90", "--frame-rate", "12").clip.camera
-    assert review(video, "--frame-rate", "12").clip.camera == made
-    with pytest.raises(InputError, match="--focal-length counts for a new project"):
-        review(video, "--focal-length", "diagonal")
+    made = review(video, "--fov", "90", "--center", "100", "200").clip.camera
+    assert review(video, "--last-frame", str(FRAMES - 1)).clip.camera == made
+    assert review(video, "--fov", "90").clip.camera == made == review(video, "--center", "100", "200").clip.camera
+    for option, value in {"--focal-length": ["diagonal"], "--center": ["100", "201"]}.items():
+        with pytest.raises(InputError, match=f"{option} counts for a new project"):
+            review(video, option, *value)
+
+
+def test_a_calibration_is_compared_where_one_is_given(tmp_path: Path):
+    """Its principal point is nobody's middle of an image: the clip without it is the project's all the same."""
+    file, other = tmp_path / "camera.npz", tmp_path / "other.npz"
+    matrix = np.array([[800.0, 0, 250], [0, 800, 230], [0, 0, 1]])
+    for path, distortion in ((file, -0.2), (other, -0.1)):
+        np.savez(path, K=matrix, size=(480, 480), dist=(distortion, 0.05, 0, 0))
+    video = images("one")
+    made = review(video, "--camera", file).clip.camera
+    assert made.center == (250, 230) and made.lens is not None
+    assert (
+        review(video, "--last-frame", str(FRAMES - 1)).clip.camera
+        == made
+        == review(video, "--camera", file).clip.camera
+    )
+    for options in (["--camera", other], ["--center", "240", "240"], ["--fov", "90"], ["--first-frame", "1"]):
+        with pytest.raises(InputError, match="counts for a new project"):
+            review(video, *options)
 
 
 def test_other_keypoints_are_refused():

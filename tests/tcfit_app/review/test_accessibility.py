@@ -101,3 +101,7 @@ def test_menus_and_the_window_of_keys(review: Reviewing):
     review.tab.get_by_role("button", name="Curves").first.click()
     until(lambda: review.tab.get_by_role("menu").count(), "the menu")
     assert faults(review) == []
+    review.press("Escape", lambda: not review.tab.get_by_role("menu").count())
+    review.press("h", lambda: review.tab.locator(".tcfit-keys").count())
+    review.press("Escape", lambda: not review.tab.locator(".tcfit-keys").count())
+    until(lambda: not review.tab.get_by_role("dialog").count(), "the end of the window")

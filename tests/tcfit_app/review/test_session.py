@@ -17,7 +17,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
-from fitting_core.fit.given_start import GivenStart
+from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.grounded import grounded
 from fitting_core.fit.phase_figures import evaluated
 from fitting_core.fit.phases import independent

@@ -8,6 +8,10 @@ import { peek } from "./picture/peeking.js";
 
 const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
   "[role=menu] *, input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
+// What Enter and the space bar press, and no other key does anything to: not tabs and choices, where arrows go on.
+const BUTTONS = ":is(button, [role=button], input[type=checkbox], input[type=button], input[type=submit])" +
+  ":not([role=tab], [role=radio], [role=slider])";
+const PRESSING_KEYS = ["Enter", " "];
 // They would move viser's camera: in 3D S and D did that and not what their buttons say. The mouse moves it.
 const CAMERA_KEYS = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"].concat(
   ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
@@ -20,12 +24,13 @@ window.addEventListener("focusin", ({ target }) => {
   reachedByKeyboard = target instanceof Element && target.matches(":focus-visible") ? target : null;
 }, true);
 
-/** Whether what has the focus needs this key: a field, or a button or slider that was reached by keyboard.
+/** Whether what has the focus needs this key: a field, or a button or slider that was reached by keyboard. A menu that
+ * was closed by Escape gives the focus back to its button, as if that had been reached so.
  * @param {KeyboardEvent} event */
 function keyIsTaken(event) {
   const target = event.target instanceof Element ? event.target : document.body;
   if (target.closest(TEXT_FIELDS)) return true;
-  return target === reachedByKeyboard;
+  return target === reachedByKeyboard && (!target.matches(BUTTONS) || PRESSING_KEYS.includes(event.key));
 }
 
 /** @param {KeyboardEvent} event */
@@ -49,7 +54,9 @@ function keyDown(event) {
   const binding = bindingFor(event);
   if (binding?.held) hold(event.code);
   else if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
-  if (binding || (plain && CAMERA_KEYS.includes(event.code))) swallow(event);
+  if (!binding && !(plain && CAMERA_KEYS.includes(event.code))) return;
+  if (event.target === reachedByKeyboard) keepFromOthers(event); // whoever goes by Tab stays where they are
+  else swallow(event);
 }
 
 /** The key that is held to see the video alone. @type {string | null} */
@@ -63,13 +70,18 @@ function hold(code) {
 
 /** @param {KeyboardEvent} event */
 function keyUp(event) {
-  if (event.code === held || ["Enter", " "].includes(event.key)) peek(false);
+  if (event.code === held || PRESSING_KEYS.includes(event.key)) peek(false);
 }
 
 /** Keeps a key from viser and from the browser. @param {KeyboardEvent} event */
-export function swallow(event) {
+function keepFromOthers(event) {
   event.preventDefault();
   event.stopPropagation();
+}
+
+/** The same, and takes the focus from what has it. @param {KeyboardEvent} event */
+export function swallow(event) {
+  keepFromOthers(event);
   // A button clicked with the mouse keeps the focus, and would take the space bar's release for a click.
   leaveField();
 }

@@ -1,4 +1,4 @@
-// Links to a frame and a fit: in the part of the page's address after #, which no server sees.
+// Links to a frame and a fit, and of several people to one: in the part of the page's address after #, which no server sees.
 
 import { emit, states, watch } from "./connection.js";
 
@@ -8,10 +8,10 @@ const whole = (text) => (text !== null && /^-?\d{1,15}$/.test(text) ? Number(tex
 /** Goes where the address says, once: later the frame on show is another one. */
 function follow() {
   const parts = new URLSearchParams(location.hash.slice(1));
-  const [frame, run, phase] = ["frame", "run", "phase"].map((name) => whole(parts.get(name)));
+  const [frame, run, phase, person] = ["frame", "run", "phase", "person"].map((name) => whole(parts.get(name)));
   if (frame === undefined || !states.skeleton) return;
   history.replaceState(null, "", location.pathname + location.search);
-  emit({ type: "open_link", frame, run: run ?? null, phase: phase ?? null });
+  emit({ type: "open_link", frame, run: run ?? null, phase: phase ?? null, person: person ?? null });
 }
 
 /** @param {string} link */
@@ -27,7 +27,8 @@ watch("skeleton", (skeleton) => {
 window.addEventListener("hashchange", follow);
 watch("linking", (linking) => {
   if (!linking) return;
-  const { frame, run, phase } = linking;
+  const { frame, run, phase, person } = linking;
   const fit = run ? `&run=${run}&phase=${phase}` : "";
-  copy(`${location.origin}${location.pathname}#frame=${frame}${fit}`);
+  const whose = person ? `&person=${person}` : "";
+  copy(`${location.origin}${location.pathname}#frame=${frame}${fit}${whose}`);
 });

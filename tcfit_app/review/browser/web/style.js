@@ -58,6 +58,10 @@ export const STYLE_SHEET = `
 .tcfit-divider::after { content: "\\2194"; position: absolute; left: -5px; top: calc(50% - 14px); width: 28px; height: 28px;
   border-radius: 50%; background: #eef2f6; color: #14171c; font: 700 17px/27px ${FONT}; text-align: center;
   box-shadow: 0 0 0 1px rgba(8, 10, 14, 0.7); }
+.tcfit-person { position: absolute; left: 0; top: 0; pointer-events: auto; cursor: pointer; border: 0; border-radius: 6px;
+  padding: 3px 9px; background: rgba(16, 19, 24, 0.82); color: #dfe5ec; font: 600 12px ${FONT}; white-space: nowrap; }
+.tcfit-person:hover { background: #14171c; color: #fff; }
+.tcfit-person:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
 .tcfit-divider:focus-visible::after { box-shadow: 0 0 0 2px #14171c, 0 0 0 5px ${COLORS.accent}; }
 .tcfit-card { position: absolute; left: 50%; top: 50%; transform: translate(-50%, -50%); width: min(460px, 84%);
   padding: 22px 26px; border-radius: 12px; background: rgba(20, 23, 28, 0.95);
@@ -141,7 +145,7 @@ export const STYLE_SHEET = `
 .tcfit-hints button { height: 28px; padding: 0 14px; border: 1px solid #3b8ad0; border-radius: 4px; background: #1c6fb5;
   color: #fff; font: 600 13px/1 ${FONT}; cursor: pointer; }
 .tcfit-hints button:focus-visible { outline: 2px solid #fff; outline-offset: 1px; }
-[hidden].tcfit-hints, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
+[hidden].tcfit-hints, [hidden].tcfit-person, [hidden].tcfit-tooltip, [hidden].tcfit-divider, [hidden].tcfit-card, [hidden].tcfit-legend, [hidden].tcfit-strip { display: none; }
 `;
 
 export const PANEL_SHEET = `

@@ -45,6 +45,16 @@ export interface Space {
   offsets: number[];
 }
 
+export interface OtherPerson {
+  number: number;
+  name: string;
+  at: [number, number] | null;
+}
+
+export interface OtherPeople {
+  people: OtherPerson[];
+}
+
 export interface Group {
   name: string;
   start: number;
@@ -280,6 +290,7 @@ export interface Linking {
   frame: number;
   run: number;
   phase: number;
+  person: number;
   number: number;
 }
 
@@ -343,6 +354,7 @@ export interface OpenLink {
   frame: number;
   run: number | null;
   phase: number | null;
+  person: number | null;
 }
 
 export interface Plot {
@@ -407,6 +419,11 @@ export interface Gesture {
   type: "gesture";
 }
 
+export interface GoToPerson {
+  type: "go_to_person";
+  person: number;
+}
+
 export interface Drawn {
   type: "drawn";
   frame: number;
@@ -420,7 +437,7 @@ export interface Stranger {
 
 export interface Envelope {
   number: number;
-  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | Drawn | Stranger;
+  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
 }
 
 export interface States {
@@ -428,6 +445,7 @@ export interface States {
   bodies: Bodies;
   side: Side;
   space: Space;
+  other_people: OtherPeople;
   skeleton: Skeleton;
   keypoints: Keypoints;
   style: Style;
@@ -458,4 +476,4 @@ export interface States {
 }
 
 export type PageEvent =
-  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | Drawn | Stranger;
+  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

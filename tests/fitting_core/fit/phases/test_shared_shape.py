@@ -1,4 +1,4 @@
-"""Phase 2: which frames are sampled, and what their common shape minimises."""
+"""Phase 2: which frames are sampled, and what their shape minimises."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Weights
-from fitting_core.fit.phases.shared_shape import STRATEGIES, Sight, fit_common_shape, fit_shape, sample_frames
+from fitting_core.fit.phases.shared_shape import STRATEGIES, Sight, fit_shape, fit_subject_shape, sample_frames
 from fitting_core.fit.solvers import make_solver
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, noisy, random_params, random_state, stages_of
 
@@ -137,7 +137,7 @@ def test_a_shape_from_several_clips_is_nearer_than_from_any_of_them(tiny_body: B
     solver, betas = make_solver("lm", CONFIG.settings), stages.parametrisation.columns.betas
 
     def error(used: list[Sight]) -> float:
-        found, _ = finished(fit_common_shape(used, solver, replace(CONFIG.shape_sample, size=4 * len(used))))
+        found, _ = finished(fit_subject_shape(used, solver, replace(CONFIG.shape_sample, size=4 * len(used))))
         assert torch.equal(found.vector[:, betas], found.vector[:1, betas].expand(len(found), -1))
         return float((found.vector[0, betas] - truth.betas[0]).norm())
 
@@ -154,9 +154,9 @@ def test_frames_are_shared_out_by_what_is_seen(tiny_body: BodyModel):
         Sight(stages=built, state=random_state(built.parametrisation, 6, 0), usable=torch.tensor([1, 2, 5]))
         for built in (stages_of(tiny_body, points, config) for points in (unsure, exact))
     ]
-    found, frames = finished(fit_common_shape(sights, make_solver("lm", config.settings), config.shape_sample))
+    found, frames = finished(fit_subject_shape(sights, make_solver("lm", config.settings), config.shape_sample))
     assert [own.tolist() for own in frames] == [[1], [1, 2, 5]] and len(found) == 4
     found, frames = finished(
-        fit_common_shape(sights, make_solver("lm", config.settings), replace(config.shape_sample, size=3))
+        fit_subject_shape(sights, make_solver("lm", config.settings), replace(config.shape_sample, size=3))
     )
     assert [own.tolist() for own in frames] == [[], [1, 2, 5]]

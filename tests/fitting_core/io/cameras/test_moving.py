@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera, is_possible
+from fitting_core.camera import Camera, is_possible, path_of
 from fitting_core.errors import InputError
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.cameras.moving import ClipFrames
@@ -20,6 +20,7 @@ from fitting_core.keypoints import Keypoints
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import SIZE, TURNS, WAY
+from tests.samples.walkers import CAMERA, RATE, walker
 
 COUNT = len(TURNS)
 
@@ -146,3 +147,30 @@ def test_a_clip_has_the_path_of_its_frames(tmp_path: Path, first: int | None, la
         pass
     with Project.open(tmp_path / "p.tcfit", read_only=True) as project:
         assert project.clip.camera == made.camera
+
+
+def test_a_unit_that_nobody_says_is_estimated_with_the_keypoints(tmp_path: Path):
+    made, unit = walker(), 0.2
+    aside = 0.8 * np.sin(np.linspace(0, 4 * np.pi, len(made.xy)))
+    seen = replace(CAMERA, path=path_of(np.tile(np.eye(3), (len(aside), 1, 1)), -aside[:, None] * [1.0, 0, 0]))
+    points = seen.from_still(made.points)
+    xy = np.zeros((len(aside), 137, 2))
+    xy[:, :25] = points[..., :2] / points[..., 2:] * CAMERA.focal + CAMERA.center
+    confidence = np.pad(made.confidence, ((0, 0), (0, 112)))
+    write_openpose(tmp_path / "keypoints", Keypoints(xy=xy, confidence=confidence), name="shot")
+    matrices = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (len(aside), 1, 1))
+    matrices[:, 0, 3] = aside / unit
+    frames = [{"file_path": f"{i:04}.png", "transform_matrix": matrix.tolist()} for i, matrix in enumerate(matrices)]
+    table = {"fl_x": CAMERA.focal[0], "fl_y": CAMERA.focal[1], "w": 1280, "h": 720, "frames": frames}
+    (tmp_path / "t.json").write_text(json.dumps(table))
+    options = {"camera": tmp_path / "t.json", "image_size": CAMERA.size, "frame_rate": RATE}
+    clip = read_clip(None, tmp_path / "keypoints", **options)
+    assert clip.camera.path is not None and clip.camera.world is not None
+    reach = np.ptp(clip.camera.path.places[:, 0])
+    assert reach == pytest.approx(np.ptp(aside), rel=0.25)
+    assert any(f"by feet that stand, one unit is {unit * reach / np.ptp(aside):.3g} m" in note for note in clip.notes)
+    told = read_clip(None, tmp_path / "keypoints", **options, camera_unit=0.5)
+    assert told.camera.path is not None and np.ptp(told.camera.path.places[:, 0]) == pytest.approx(
+        np.ptp(aside) * 0.5 / unit
+    )
+    assert not any("without a scale" in note for note in told.notes)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pygltflib
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 _NUMBERS = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -13,13 +13,13 @@ _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 @dataclass(frozen=True)
 class Player:
-    """A file with one skinned mesh and one animation."""
+    """A file with skinned meshes and one animation."""
 
     document: pygltflib.GLTF2
 
     @staticmethod
     def of(path: Path) -> "Player":
-        document = pygltflib.GLTF2().load(str(path))
+        document = pygltflib.GLTF2().load_binary(str(path))  # whatever its name ends in
         assert document is not None
         return Player(document)
 
@@ -47,15 +47,17 @@ class Player:
         if not found:
             return None
         sampler = animation.samplers[found[0].sampler]
-        assert sampler.interpolation == "LINEAR"
+        assert sampler.interpolation in ("LINEAR", "STEP")
         times, keys = self.array(sampler.input)[:, 0], self.array(sampler.output).astype(float)
         keys = keys.reshape(len(times), -1)
         after = min(int(np.searchsorted(times, time, side="right")), len(times) - 1)
         before = max(after - 1, 0)
         share = 0.0 if after == before else np.clip((time - times[before]) / (times[after] - times[before]), 0, 1)
-        value = (1 - share) * keys[before] + share * keys[after]
-        # No slerp: it only matters whether the way between two keys is the short one.
-        return value / np.linalg.norm(value) if path == "rotation" else value
+        if sampler.interpolation == "STEP":
+            share = np.floor(share)
+        if path == "rotation" and after > before:
+            return Slerp([0, 1], Rotation.from_quat(keys[[before, after]]))(share).as_quat()
+        return (1 - share) * keys[before] + share * keys[after]
 
     def matrices(self, time: float) -> np.ndarray:
         """Every node's transform into the world."""
@@ -69,6 +71,8 @@ class Player:
             local[:3, 3] = (nodes[n].translation or (0, 0, 0)) if moved is None else moved
             quaternion = (nodes[n].rotation or (0, 0, 0, 1)) if turned is None else turned
             local[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+            scaled = self.values(n, "scale", time)
+            local[:3, :3] *= 1.0 if scaled is None else scaled
             found[n] = above @ local
             waiting += [(child, found[n]) for child in nodes[n].children or []]
         return found
@@ -77,10 +81,10 @@ class Player:
         """The skin's joints in the world, (J, 3)."""
         return self.matrices(time)[self.document.skins[0].joints, :3, 3]
 
-    def vertices(self, time: float) -> np.ndarray:
-        """The skinned mesh in the world, (V, 3): morph targets, then the joints' matrices times inverse binds."""
+    def vertices(self, time: float, person: int = 0) -> np.ndarray:
+        """A skinned mesh in the world, (V, 3): morph targets, then the joints' matrices times inverse binds."""
         document = self.document
-        (mesh_node,) = (n for n, node in enumerate(document.nodes) if node.skin is not None)
+        mesh_node = [n for n, node in enumerate(document.nodes) if node.skin is not None][person]
         (primitive,) = document.meshes[document.nodes[mesh_node].mesh].primitives
         attributes, skin = primitive.attributes, document.skins[document.nodes[mesh_node].skin]
         moved = self.array(attributes.POSITION).astype(float)

@@ -354,6 +354,26 @@ def test_rows_are_chosen_in_the_timeline(tab: Tab) -> None:
     assert tab.await_event(Plot, 3) == Plot(name="error", shown=False)
 
 
+def test_a_menu_that_escape_closes_leaves_its_button_the_keys_that_press_it(tab: Tab) -> None:
+    button, menu = tab.page.get_by_role("button", name="Curves ▾"), tab.page.get_by_role("menu")
+    button.click()
+    tab.page.keyboard.press("Escape")
+    for count, key in enumerate(("b", "ArrowRight", "Control+z", "b"), 1):
+        tab.page.keyboard.press(key)
+        tab.await_event(Key, count)
+        assert button.evaluate("(b) => b === document.activeElement"), "whoever goes by Tab stays there"
+    assert [event.action for event in tab.events if isinstance(event, Key)] == ["bad", "next", "undo", "bad"]
+    for key in ("Space", "Enter"):
+        tab.page.keyboard.press(key)
+        menu.wait_for()
+        tab.page.keyboard.press("b")  # the menu's
+        tab.page.keyboard.press("Escape")
+        assert menu.count() == 0
+    tab.settle()
+    assert len([event for event in tab.events if isinstance(event, Key)]) == 4
+    button.evaluate("(b) => b.blur()")
+
+
 def test_a_menu_takes_the_keys_and_a_press_elsewhere_closes_it(tab: Tab) -> None:
     tab.page.get_by_role("button", name="Curves ▾").click()
     for key in ("b", "ArrowUp", "Home"):

@@ -325,7 +325,7 @@ def test_history(tested: LonePage):
     tested.press("action", "undo")
     assert page.tab.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
     tested.press("action", "redo")
-    page.tab.author = "another"
+    page.tab.browser.author = "another"
     tested.press("action", "undo")
     assert page.tab.message[0].endswith("(made in another browser)")
     shown = tested.html()

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -300,8 +301,20 @@ _MADE = (
     "glb",
     "npz",
     "bvh",
+    "trc",
+    "trc-markers",
+    "c3d",
+    "contacts",
     "smplifyx",
     "fit",
+    "mixamo",
+    "mixamo-bvh",
+    "unreal",
+    "unreal-bvh",
+    "vrm",
+    "vrma",
+    "angles",
+    "mot",
     "ply",
     "openpose",
     "coco",
@@ -327,6 +340,7 @@ def downloaded(tested: LonePage, name: str) -> bytes:
 def test_files_are_downloaded(panel_of: Opener):
     tested = panel_of(ExportPanel)
     assert tested.button("Summary").disabled and not tested.button("OpenPose").disabled
+    assert "Everybody" not in tested.html() and not tested.page.tab.buttons.on_show("export.everybody", "")
     tested.page.receive(Press("export.begin", "summary"))
     assert tested.panels[0].running is None, "a button that is off does nothing"
     with pytest.raises(InputError, match="no fit to export"):
@@ -341,12 +355,16 @@ def test_files_are_downloaded(panel_of: Opener):
     figures = json.loads(got["figures-json"])
     assert list(figures["figures"]) == next(csv.reader(rows)) and figures["frame_rate"] == 25.0
     assert got["report"].startswith(b"<!") and b"Reprojection" in got["report"]
+    assert got["trc"].startswith(b"PathFileType") and got["trc-markers"].startswith(b"PathFileType")
+    assert got["c3d"][1:2] == b"\x50" and got["contacts"].startswith(b"side,first_frame")
+    assert got["angles"].startswith(b"# Joint angles") and b"nRows=" + str(FRAMES).encode() in got["mot"]
     assert got["glb"].startswith(b"glTF") and json.loads(got["coco"])["images"]
     for name, suffix, count in (("bvh", ".bvh", 1), ("ply", ".ply", FRAMES), ("smplifyx", ".pkl", FRAMES)):
         with ZipFile(io.BytesIO(got[name])) as archive:
             assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
             assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
-    assert set(EXPORTS) - set(_MADE) == {"obj", "elan", "overlay", "side-by-side", "project", "project-with-video"}
+    others = {"obj", "fbx", "elan", "overlay", "side-by-side", "project", "project-with-video", "rig-glb", "rig-bvh"}
+    assert set(EXPORTS) - set(_MADE) == others
 
 
 def test_run_frames_and_axes_are_chosen(panel_of: Opener):
@@ -369,6 +387,36 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
     tested.draw()
     with np.load(io.BytesIO(downloaded(tested, "npz")), allow_pickle=False) as read:
         assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
+
+
+def test_a_character_with_fewer_keys(panel_of: Opener):
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    whole = downloaded(tested, "glb")
+    assert "keys" not in tested.panels[0]._note
+    tested.click("within 5 mm")
+    fewer = downloaded(tested, "glb")
+    found = re.search(
+        r"([\d,]+) of ([\d,]+) keys .*? joints, finger tips and toes at most ([\d.]+) mm off", tested.html()
+    )
+    assert found is not None and float(found[3]) <= 5.0
+    kept, all_keys = (int(number.replace(",", "")) for number in found.groups()[:2])
+    assert kept < all_keys and len(fewer) < len(whole)
+    downloaded(tested, "bvh")
+    assert "BVH has no keys" in tested.html()
+    tested.press("export.keys", "")
+    assert downloaded(tested, "glb") == whole and not re.search(said, tested.html())
+
+
+def test_fbx_waits_for_blender(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=lambda: "Install Blender first."))
+    tested = panel_of(ExportPanel)
+    tested.fit()
+    tested.draw()
+    assert tested.button("Character (FBX)").disabled and "Install Blender first." in tested.html()
+    monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=str))
+    tested.page.tab.set(frames=range(2, 4))  # drawn anew
+    assert not tested.button("Character (FBX)").disabled
 
 
 def test_the_axes_of_the_calibration_are_offered_where_a_camera_stands_in_a_world(panel_of: Opener):

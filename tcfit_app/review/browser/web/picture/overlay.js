@@ -12,6 +12,7 @@ import { drawInWindow, leaveOut } from "../viser/windows.js";
 import { placeDivider } from "./divider.js";
 import { REACH, borderAt, inPicture, pick, pointer, within } from "./picking.js";
 import { peeking } from "./peeking.js";
+import { placePeople } from "./people.js";
 import { drawn, placeInWorld, posterMaps, toScreen, viewChanged } from "./projection.js";
 import { circle, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { wayOf } from "./depth.js";
@@ -52,6 +53,7 @@ function drawOverlay() {
   const context = cleared(overlayCanvas);
   drawn.maps = posterMaps();
   placeDivider(drawn.maps, Boolean(states.layout?.wipe));
+  placePeople(drawn.maps);
   tooltip.hidden = true;
   if (skeletonReady()) drawSkeleton(context);
   drawFitNames(context);

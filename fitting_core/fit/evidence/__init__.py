@@ -1,0 +1,1 @@
+"""What speaks for a fit: detections, and what is known besides."""

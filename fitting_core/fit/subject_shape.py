@@ -1,0 +1,48 @@
+"""The shape of a subject: a person who is seen in several clips."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.events import drained
+from fitting_core.fit.fitting import clip_stages
+from fitting_core.fit.phases.shared_shape import Sight, fit_subject_shape
+from fitting_core.fit.result import FitResult
+from fitting_core.fit.solvers import make_solver
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubjectShape:
+    """The shape of a person who is seen in several clips."""
+
+    betas: Float[np.ndarray, "10"]
+    frames: tuple[tuple[int, ...], ...]
+    """Numbers of the frames of each clip that it was found from."""
+
+
+_MOST_SAMPLED = 240
+"""Frames of all clips together that a shape is found from; the normal matrices of so many take 30 MB."""
+
+
+def subject_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, config: FitConfig) -> SubjectShape:
+    """Phase 2 over frames of several clips of one person: as many as `config.shape_sample` asks for of each on average.
+
+    Args:
+        clips: each with a fit of it by this configuration, of which the first phase counts, and what that began with.
+        body: the body model.
+        config: everything else.
+
+    Raises:
+        InputError: A fit has no first phase, or no frame of a clip shows a person.
+    """
+    sights = [Sight.after_first_phase(clip_stages(clip, body, config, start=fit.start), fit) for clip, fit in clips]
+    sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))
+    state, frames = drained(fit_subject_shape(sights, make_solver(config.solver, config.settings), sample))
+    betas = state.vector[0, sights[0].stages.parametrisation.columns.betas].double().cpu().numpy()
+    numbers = [tuple((clip.first_frame + own).tolist()) for (clip, _), own in zip(clips, frames, strict=True)]
+    return SubjectShape(betas=betas, frames=tuple(numbers))

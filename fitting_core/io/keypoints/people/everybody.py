@@ -1,0 +1,151 @@
+"""Everybody in a clip, each with keypoints of their own, and with the frames in which it is not sure who is who."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.people.following import Followed, apart, follow_all
+from fitting_core.io.keypoints.people.returning import Person, joined
+from fitting_core.io.keypoints.people.sightings import Sighting, sightings
+from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.video.frame_names import runs, spans
+
+_MOST = 100
+"""People of one frame who are followed: those who are largest and surest."""
+_SAME = 0.2
+"""In sizes: two detections nearer to each other than that are of one person."""
+_SHORTEST_SECONDS, _SHORTEST_FRAMES = 0.25, 5
+"""Who is seen for less at a stretch is nobody: a false detection."""
+_BETWEEN = 0.2
+"""Seconds: doubtful frames nearer to each other are one doubtful stretch."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundPerson:
+    """One of the people of a clip."""
+
+    keypoints: Keypoints
+    """Of every frame of the clip; where the person was not found, everything has confidence 0."""
+    entries: tuple[int | None, ...]
+    """Per frame, the person's place in the frame's list of people; None where the person was not found."""
+    uncertain: tuple[range, ...]
+    """Stretches of frames after which this may be somebody else, counted from the clip's first as 0."""
+
+    prominence: float
+    """Sum of size times confidence over all frames."""
+
+    @property
+    def frames(self) -> range:
+        """From the first frame in which the person was found to the last, counted from the clip's first as 0."""
+        found = [t for t, entry in enumerate(self.entries) if entry is not None]
+        return range(found[0], found[-1] + 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Everybody:
+    """All people of a clip, in the order in which they appear; those who appear together from left to right."""
+
+    people: tuple[FoundPerson, ...]
+    note: str
+    """What was left out, in words for the user; empty where nothing was."""
+
+
+def find_everybody(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
+    """Follow everybody through a clip.
+
+    Args:
+        detections: In pixels.
+        frame_rate: Frames per second.
+        first_frame: Number of the first frame, for the note.
+        most: People of the clip who are kept: those who are largest and surest for longest.
+
+    Raises:
+        InputError: Nobody is seen for a quarter of a second.
+    """
+    seen = [_most_prominent(sightings(frame)) for frame in detections.frames]
+    crowded = [first_frame + t for t, frame in enumerate(detections.frames) if len(frame) > _MOST]
+    followed = follow_all([without_doubles(people) for people in seen], frame_rate)
+    shortest = max(_SHORTEST_FRAMES, round(_SHORTEST_SECONDS * frame_rate))
+    kept = [one for one in followed if len(one.sightings) >= shortest]
+    if not kept:
+        raise InputError(
+            f"Nobody is found for {shortest} frames in {detections.source}, which is the shortest that counts. "
+            "Check that the detector ran on the right video, and lower its threshold if it did."
+        )
+    everybody = sorted(joined(kept, frame_rate), key=lambda person: -person.prominence)
+    people = sorted(everybody[:most], key=lambda person: _order(person, frame_rate))
+    short = sorted({first_frame + t for one in followed if len(one.sightings) < shortest for t in one.sightings})
+    notes = []
+    if short:
+        notes.append(
+            f"Whoever is seen for fewer than {shortest} frames at a stretch was left out as a false detection, in "
+            f"frames {spans(short)}."
+        )
+    if crowded:
+        notes.append(f"In frames {spans(crowded)} more than {_MOST} people are detected; the largest were followed.")
+    if len(everybody) > most:
+        notes.append(f"{len(everybody)} people are found; the {most} largest and surest were taken.")
+    found = tuple(_found(person, detections, frozenset(kept), frame_rate) for person in people)
+    return Everybody(people=found, note=" ".join(notes))
+
+
+def _most_prominent(people: list[Sighting]) -> list[Sighting]:
+    return sorted(people, key=lambda one: -one.prominence)[:_MOST]
+
+
+def without_doubles(people: Sequence[Sighting]) -> list[Sighting]:
+    """People of one frame, of each of whom only the surest detection is left.
+
+    Args:
+        people: The largest and surest first.
+    """
+    if len(people) < 2:
+        return list(people)
+    far, _ = apart(people, people, np.zeros((len(people), 2)))
+    kept: list[int] = []
+    for k in range(len(people)):
+        if all(far[k, other] > _SAME for other in kept):
+            kept.append(k)
+    return [people[k] for k in kept]
+
+
+def _order(person: Person, frame_rate: float) -> tuple[int, float]:
+    """By when they appear, to a quarter of a second; then from left to right."""
+    first = person.parts[0].first
+    return int(first / max(_SHORTEST_SECONDS * frame_rate, 1)), float(person.parts[0].sightings[first].centre[0])
+
+
+def _found(person: Person, detections: Detections, kept: frozenset[Followed], frame_rate: float) -> FoundPerson:
+    entries: list[int | None] = [None] * len(detections)
+    points = np.zeros((len(detections), COUNT, 3))
+    for part in person.parts:
+        for t, seen in part.sightings.items():
+            entries[t] = seen.entry
+            points[t] = detections.frames[t][seen.entry]
+    return FoundPerson(
+        keypoints=Keypoints(xy=points[..., :2], confidence=points[..., 2]),
+        entries=tuple(entries),
+        uncertain=_uncertain(person, kept, frame_rate),
+        prominence=person.prominence,
+    )
+
+
+def _uncertain(person: Person, kept: frozenset[Followed], frame_rate: float) -> tuple[range, ...]:
+    """Where it could be somebody else from then on: beside others, and over absences."""
+    frames: set[int] = set()
+    own = set(person.parts)
+    for part in person.parts:
+        for other, doubtful in part.doubts.items():
+            if other in kept and other not in own:
+                frames |= doubtful
+    for before, after in zip(person.parts, person.parts[1:], strict=False):
+        frames |= set(range(before.last, after.first + 1))
+    bridged = set(frames)
+    for one, two in zip(sorted(frames), sorted(frames)[1:], strict=False):
+        if two - one <= max(_BETWEEN * frame_rate, 1):
+            bridged |= set(range(one, two))
+    first, last = person.parts[0].first, person.last
+    return tuple(runs(t for t in sorted(bridged) if first <= t <= last))

@@ -1,0 +1,219 @@
+"""Everybody followed from frame to frame by the best of all assignments, and who else it could be.
+
+Prices are squares of distances, in parts of how far somebody can come: 1 is at the limit. What is not matched costs as
+much, so that one sure match and one left out beat two doubtful ones.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.optimize import linear_sum_assignment
+
+from fitting_core.io.keypoints.people.sightings import Sighting
+
+OUT_OF_SIGHT = 1.0
+"""Seconds after which nobody is followed any more, and who comes is somebody new or returns (returning.py)."""
+_REACH, _REACH_GROWTH = 1.0, 1.5
+"""In sizes of the person: how far keypoints can lie from where they should be, and more for each second unseen."""
+_MOVES_ON = 0.7
+"""Seconds for which somebody unseen is taken to move on."""
+_VELOCITY_SECONDS = 0.35
+"""Over which a velocity is measured: most of a step, so that a swinging limb is no velocity."""
+_COMMON_POINTS = 4
+"""With fewer keypoints in common, centres are compared, and neither scale nor velocity is known."""
+_SCALE = 0.35
+"""Change of the logarithm of the scale, of the same price as a distance at the limit."""
+_DOUBT, _DOUBT_UNSEEN = 0.6, 0.8
+"""How much dearer an exchange must be to be excluded, of two who are seen, and where one is not, or was not."""
+_BACK = 0.1
+"""What it costs to come back: whoever was seen a frame ago is the likelier one of two in one place."""
+_NO_MATCH = 1.0
+_NEVER = 1e6
+
+
+@dataclass(eq=False)
+class Followed:
+    """One person as followed so far."""
+
+    sightings: dict[int, Sighting] = field(default_factory=dict)
+    """By frame, in their order."""
+    velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
+    """Pixels a frame."""
+    doubts: dict["Followed", set[int]] = field(default_factory=dict)
+    """By whom it could be instead: frames."""
+
+    @property
+    def first(self) -> int:
+        """Frame in which the person was seen first."""
+        return next(iter(self.sightings))
+
+    @property
+    def last(self) -> int:
+        """Frame in which the person was seen last."""
+        return next(reversed(self.sightings))
+
+    def add(self, frame: int, seen: Sighting, frame_rate: float) -> None:
+        """Take what a frame shows as this person."""
+        span = _VELOCITY_SECONDS * frame_rate
+        for earlier in reversed(self.sightings):
+            moved = _moved(self.sightings[earlier], seen)
+            if moved is not None and frame - earlier <= max(2 * span, 2):
+                self.velocity = moved / (frame - earlier)
+            if frame - earlier >= span:
+                break
+        self.sightings[frame] = seen
+
+    def doubt(self, other: "Followed", frames: Sequence[int] | range) -> None:
+        """Say that in these frames both could be exchanged."""
+        for one, two in ((self, other), (other, self)):
+            one.doubts.setdefault(two, set()).update(frames)
+
+
+def follow_all(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[Followed]:
+    """Everybody in a clip, in the order in which they appear.
+
+    Args:
+        frames: Who is seen in each frame.
+        frame_rate: Frames per second.
+    """
+    everybody: list[Followed] = []
+    for frame, people in enumerate(frames):
+        alive = [one for one in everybody if frame - one.last <= max(OUT_OF_SIGHT * frame_rate, 2)]
+        everybody += _assign(frame, list(people), alive, frame_rate)
+    return everybody
+
+
+def _assign(frame: int, people: list[Sighting], alive: list[Followed], frame_rate: float) -> list[Followed]:
+    """Give a frame's people to who is followed; those who are new."""
+    if not people:
+        return []
+    prices, turned = _prices(frame, people, alive, frame_rate)
+    place = optimal(prices)
+    lost_at = [one.last for one in alive]
+    new = []
+    for k, seen in enumerate(people):
+        if (j := place[k]) is None:
+            new.append(Followed())
+            new[-1].add(frame, seen, frame_rate)
+        else:
+            alive[j].add(frame, seen, frame_rate)
+    _note_doubts(
+        frame, np.minimum(prices, turned), place, alive, lost_at, [k for k, j in enumerate(place) if j is None], new
+    )
+    return new
+
+
+def optimal(prices: Float[np.ndarray, "P T"]) -> list[int | None]:
+    """By row, the column that it goes with, such that the sum of all prices is least; None: with none, which costs 1.
+
+    Args:
+        prices: Infinite where the two do not go together.
+    """
+    rows, columns = prices.shape
+    alone = np.where(np.eye(rows, dtype=bool), _NO_MATCH, _NEVER)
+    table = np.concatenate([np.where(prices < _NEVER, prices, _NEVER), alone], axis=1)
+    _, chosen = linear_sum_assignment(table)
+    return [int(j) if j < columns else None for j in chosen]
+
+
+def _note_doubts(
+    frame: int,
+    prices: Float[np.ndarray, "P T"],
+    place: list[int | None],
+    alive: list[Followed],
+    lost_at: list[int],
+    unmatched: list[int],
+    new: list[Followed],
+) -> None:
+    """Note whom else each match could be of."""
+    taken = {j: k for k, j in enumerate(place) if j is not None}
+    unseen = [frame - last > 1 for last in lost_at]
+    for j, k in taken.items():
+        own = prices[k, j]
+        for i in np.flatnonzero(prices[k] < own + _NO_MATCH):
+            if i == j:
+                continue
+            seen = taken.get(int(i))
+            dearer = prices[k, i] - own + (0.0 if seen is None else prices[seen, j] - prices[seen, i])
+            if dearer < (_DOUBT_UNSEEN if seen is None or unseen[j] or unseen[i] else _DOUBT):
+                # Who comes back may have been exchanged at any time since.
+                since = lost_at[j] if seen is None else min(lost_at[j], lost_at[i])
+                alive[j].doubt(alive[i], range(since, frame + 1))
+        for who, stranger in zip(unmatched, new, strict=True):
+            if prices[who, j] - own < _DOUBT:
+                alive[j].doubt(stranger, range(frame, frame + 1))
+
+
+def _prices(
+    frame: int, people: Sequence[Sighting], alive: Sequence[Followed], frame_rate: float
+) -> tuple[Float[np.ndarray, "P T"], Float[np.ndarray, "P T"]]:
+    """How unlikely it is that people of a frame are those who are followed; infinite where they cannot be.
+
+    First if everybody moved on as before, then if those who were not seen have stopped meanwhile, or turned round.
+    """
+    if not alive:
+        return np.zeros((len(people), 0)), np.zeros((len(people), 0))
+    passed = np.array([frame - one.last for one in alive])
+    moving = np.minimum(passed, max(_MOVES_ON * frame_rate, 1))
+    shifts = np.array([one.velocity for one in alive]) * moving[:, None]
+    last = [one.sightings[one.last] for one in alive]
+    reach = _REACH + _REACH_GROWTH * (passed - 1) / frame_rate
+
+    def price(shifts: Float[np.ndarray, "T 2"]) -> Float[np.ndarray, "P T"]:
+        far, scale = apart(people, last, shifts)
+        likely = (far / reach) ** 2 + (scale / _SCALE) ** 2 + np.where(passed > 1, _BACK, 0.0)
+        return np.where(far <= reach, likely, np.inf)
+
+    moved = price(shifts)
+    if (passed == 1).all():
+        return moved, moved
+    return moved, np.where(passed > 1, np.minimum(price(0 * shifts), price(-0.5 * shifts)), np.inf)
+
+
+def apart(
+    people: Sequence[Sighting], others: Sequence[Sighting], shifts: Float[np.ndarray, "T 2"]
+) -> tuple[Float[np.ndarray, "P T"], Float[np.ndarray, "P T"]]:
+    """How far apart sightings are, in sizes of the larger, and by how much in scale (logarithm; 0 where not known).
+
+    The median over common keypoints: those that a detector found on somebody in front do not count then.
+    """
+    a = np.array([one.body for one in people])[:, None]
+    b = np.array([one.body for one in others])[None]
+    both = (a[..., 2] > 0) & (b[..., 2] > 0)
+    count = both.sum(-1)
+    enough = count >= _COMMON_POINTS
+    off = np.linalg.norm(a[..., :2] - b[..., :2] - shifts[:, None], axis=-1)
+    of_points = _medians(off, both, count)
+    centres = np.array([one.centre for one in people])[:, None] - [one.centre for one in others]
+    of_centres = np.linalg.norm(centres - shifts, axis=-1)
+    sizes = np.maximum.outer([one.size for one in people], [one.size for one in others])
+    far = np.where(enough, of_points, of_centres) / np.maximum(sizes, 1e-9)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.log(_spread(a, both, count) / _spread(b, both, count))
+    return far, np.where(enough & np.isfinite(scale), scale, 0.0)
+
+
+def _medians(
+    values: Float[np.ndarray, "P T 25"], there: Bool[np.ndarray, "P T 25"], count: Int[np.ndarray, "P T"]
+) -> Float[np.ndarray, "P T"]:
+    ordered = np.sort(np.where(there, values, np.inf), axis=-1)
+    return np.take_along_axis(ordered, np.maximum(count - 1, 0)[..., None] // 2, axis=-1)[..., 0]
+
+
+def _spread(
+    points: Float[np.ndarray, "*n 25 3"], both: Bool[np.ndarray, "P T 25"], count: Int[np.ndarray, "P T"]
+) -> Float[np.ndarray, "P T"]:
+    """Root mean square distance of the common points from their centre, pixels."""
+    used = both[..., None] * points[..., :2]
+    centre = used.sum(-2) / np.maximum(count, 1)[..., None]
+    return np.sqrt((both * ((points[..., :2] - centre[..., None, :]) ** 2).sum(-1)).sum(-1) / np.maximum(count, 1))
+
+
+def _moved(before: Sighting, after: Sighting) -> Float[np.ndarray, "2"] | None:
+    """Median motion of common body points; None where they are too few to say."""
+    both = (before.body[:, 2] > 0) & (after.body[:, 2] > 0)
+    if both.sum() < _COMMON_POINTS:
+        return None
+    return np.median(after.body[both, :2] - before.body[both, :2], axis=0)

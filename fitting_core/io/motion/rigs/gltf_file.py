@@ -1,0 +1,139 @@
+"""A glTF 2.0 file, binary or not, as its JSON and one block of data, and how it is written again."""
+
+import base64
+import binascii
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
+
+_MOST = 2**30
+"""Bytes of a rig's file."""
+_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GltfFile:
+    """What is in a file; its buffers are one."""
+
+    document: dict[str, Any]
+    """The JSON. Its first buffer, if it has any, is `data`."""
+    data: bytes
+    path: Path
+
+    def written(self) -> bytes:
+        """The content of a GLB."""
+        document = dict(self.document)
+        data = self.data + bytes(-len(self.data) % 4)
+        if data:
+            document["buffers"] = [{"byteLength": len(data)}]
+        text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<II", len(text), _JSON) + text
+        if data:
+            chunks += struct.pack("<II", len(data), _BIN) + data
+        return struct.pack("<III", _MAGIC, 2, 12 + len(chunks)) + chunks
+
+
+def read_gltf(path: Path, *, with_data: bool = True) -> GltfFile:
+    """Read a .glb or .gltf.
+
+    Args:
+        path: The file. What a .gltf names must lie in its folder.
+        with_data: Buffers and images as well; without them, only the skeleton can be read.
+
+    Raises:
+        InputError: It cannot be read, or is no glTF 2.0.
+    """
+    try:
+        content = regular_file(path, most=_MOST).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    try:
+        document, data = _parts(content)
+        if str(document.get("asset", {}).get("version", "")).partition(".")[0] != "2":
+            raise ValueError(f"its version is {document.get('asset', {}).get('version')!r}, expected 2.0")
+        if with_data:
+            data = _joined(document, data, path)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, RecursionError) as error:
+        said = f"it lacks {error}" if isinstance(error, KeyError) else error
+        raise InputError(f"{path}: is no glTF 2.0 that can be read: {said}. Export the rig again as GLB.") from error
+    return GltfFile(document=document, data=data, path=path)
+
+
+def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
+    """JSON and binary chunk."""
+    if content[:4] != b"glTF":
+        return _json(content), b""
+    _, version, length = struct.unpack_from("<III", content)
+    if version != 2:
+        raise ValueError(f"its version is {version}, expected 2")
+    if length > len(content):
+        raise ValueError(f"it has {len(content)} of {length} bytes")
+    size, kind = struct.unpack_from("<II", content, 12)
+    if kind != _JSON or 20 + size > len(content):
+        raise ValueError("its first part is not JSON of the stated length")
+    document, data, place = _json(content[20 : 20 + size]), b"", 20 + size
+    while place + 8 <= length:
+        size, kind = struct.unpack_from("<II", content, place)
+        if place + 8 + size > len(content):
+            raise ValueError("its binary part is cut off")
+        if kind == _BIN:
+            data = content[place + 8 : place + 8 + size]
+            break
+        place += 8 + size
+    return document, data
+
+
+def _json(content: bytes) -> dict[str, Any]:
+    found = json.loads(content.decode("utf-8"))
+    if not isinstance(found, dict):
+        raise ValueError("its JSON is not an object")
+    return found
+
+
+def _joined(document: dict[str, Any], data: bytes, path: Path) -> bytes:
+    """All buffers and images as one block; the document then names that."""
+    places, joined = [], b""
+    for buffer in document.get("buffers", []):
+        content = data if "uri" not in buffer else _content(buffer["uri"], path)
+        if len(content) < buffer["byteLength"]:
+            raise ValueError(f"a buffer has {len(content)} of {buffer['byteLength']} bytes")
+        places.append(len(joined))
+        joined += content[: buffer["byteLength"]] + bytes(-buffer["byteLength"] % 4)
+    for view in document.get("bufferViews", []):
+        view["byteOffset"] = view.get("byteOffset", 0) + places[view["buffer"]]
+        view["buffer"] = 0
+    for image in document.get("images", []):
+        if "uri" in image:
+            content = _content(image["uri"], path)
+            kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+            document.setdefault("bufferViews", []).append(
+                {"buffer": 0, "byteOffset": len(joined), "byteLength": len(content)}
+            )
+            image |= {"bufferView": len(document["bufferViews"]) - 1, "mimeType": kind}
+            del image["uri"]
+            joined += content + bytes(-len(content) % 4)
+    return joined
+
+
+def _content(uri: str, path: Path) -> bytes:
+    """What a uri leads to: data inside of it, or a file in the folder of the glTF."""
+    if uri.startswith("data:"):
+        try:
+            return base64.b64decode(uri.partition(",")[2], validate=True)
+        except binascii.Error:
+            raise ValueError("data inside of it is not base64") from None
+    folder = path.parent.resolve()
+    file = (folder / unquote(uri)).resolve()
+    if not file.is_relative_to(folder):
+        raise ValueError(f"it names {uri!r}, which is outside of its folder")
+    try:
+        return regular_file(file, most=_MOST).read_bytes()
+    except OSError as error:
+        raise ValueError(f"{uri!r}, which it names, cannot be read ({error.strerror or error})") from None

@@ -1,0 +1,1 @@
+"""Rigs that everybody knows, with the bones of the person who was fitted, and their files."""

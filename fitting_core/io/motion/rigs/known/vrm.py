@@ -1,0 +1,262 @@
+"""A person as VRM 1.0, and their motion as VRM animation 1.0: two files, as VRM holds no motion.
+
+Both have the bones of `known_rigs.VRM` in T pose, facing +z, in metres. The avatar has the person's surface, which
+follows the bones by linear skinning; a component of the body's expression is a custom expression each way, a weight of
+1 being three of its units, and the same in the animation. Of VRM's presets there is `aa`, which opens the jaw, and of
+the free body, whose components are known, some of the face. Eyes are bones of the avatar, and not of the animation,
+where VRM has a point that they look at instead: it has none here.
+
+Sources: the specifications VRMC_vrm-1.0 and VRMC_vrm_animation-1.0 of the VRM Consortium.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pygltflib as gltf
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.files.registry import FREE_FOLDER
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.files.atomic import replacing
+from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
+from fitting_core.io.motion.gltf_buffer import Buffer
+from fitting_core.io.motion.morphs import Morphs
+from fitting_core.io.motion.rigs.known.animated import Surface, below, on_standard, surface_on
+from fitting_core.io.motion.rigs.known.known_rigs import VRM
+from fitting_core.io.motion.rigs.known.rig_glb import FIRST_JOINT, MESH, animation_of, joint_nodes, skinned_document
+from fitting_core.io.motion.rigs.known.standard import bent
+from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
+
+UNITS = 3.0
+"""Of an expression's component, at a weight of 1."""
+_OPEN = 0.35
+"""Radians by which the jaw opens for `aa`."""
+_JAW = "jaw_open"
+_FREE_PRESETS = {
+    "happy": ("expression_0", 0.7),
+    "ou": ("expression_1", 0.7),
+    "ih": ("expression_1_negative", 0.7),
+    "blink": ("expression_5", 0.7),
+    "blinkLeft": ("expression_8", 0.7),
+    "blinkRight": ("expression_8_negative", 0.7),
+}
+"""What the free body's components are (assets/bodies/ATTRIBUTION.md): smile, lips protruded and wide, eyes closed; and
+how much of it: at more, lids and lips bulge."""
+_EYES = ("leftEye", "rightEye")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Licence:
+    """What may be done with a body's files."""
+
+    names: str
+    url: str
+
+
+_OF_KINDS = {
+    "smplx": _Licence(names="SMPL-X", url="https://smpl-x.is.tue.mpg.de/modellicense.html"),
+    "smplh": _Licence(names="SMPL-H", url="https://mano.is.tue.mpg.de/license.html"),
+    "smpl": _Licence(names="SMPL", url="https://smpl.is.tue.mpg.de/modellicense.html"),
+}
+
+
+def write_vrm(path: Path, motion: Motion, progress: Progress | None = None) -> None:
+    """Write the person as an avatar, without motion.
+
+    Raises:
+        OSError: The file cannot be written; nothing is left of it.
+    """
+    moving = on_standard(motion, VRM)
+    still = replace(motion.one_shape[:1], contacts=None)
+    surface = _avatar(motion, replace(moving, moved=moving.moved[:1], root=moving.root[:1]), still)
+    document, buffer = skinned_document(still, moving, surface, stated(motion))
+    buffer.close()
+    document.extensionsUsed = ["VRMC_vrm"]
+    document.extensions = {"VRMC_vrm": _extension(motion, moving, surface)}
+    with replacing(path) as draft:
+        document.save_binary(str(draft))
+    if progress:
+        progress(1.0)
+
+
+def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = None) -> None:
+    """Write the motion for avatars of VRM 1.0, of any proportions: their hips' height scales it.
+
+    It begins at the origin, on the floor, where programs that show avatars look.
+
+    Raises:
+        OSError: The file cannot be written; nothing is left of it.
+    """
+    moving = on_standard(motion, VRM)
+    moving = replace(moving, root=moving.root - below(motion, moving))
+    joints = len(moving.target)
+    expressions = _values(motion)
+    said = stated(motion.in_axes("y-up"))
+    document = gltf.GLTF2(
+        asset=gltf.Asset(version="2.0", generator="tcfit", extras=said),
+        scene=0,
+        scenes=[gltf.Scene(name=motion.name, nodes=[0])],
+        # As in the avatar's file, the joints begin at FIRST_JOINT: node 1 has no mesh here and holds the expressions.
+        nodes=[gltf.Node(name=motion.name, children=[MESH, FIRST_JOINT]), gltf.Node(name="expressions")],
+        extensionsUsed=["VRMC_vrm_animation"],
+    )
+    document.nodes += joint_nodes(moving)
+    document.nodes += [gltf.Node(name=name, translation=[0.0, 0.0, 0.0]) for name in expressions]
+    nodes = {name: FIRST_JOINT + joints + k for k, name in enumerate(expressions)}
+    document.nodes[MESH].children = list(nodes.values())
+    buffer = Buffer(document)
+    animation = animation_of(motion, moving, buffer)
+    for name, values in expressions.items():
+        _animate(animation, nodes[name], values, buffer)
+    document.animations = [animation]
+    buffer.close()
+    document.extensions = {
+        "VRMC_vrm_animation": {
+            "specVersion": "1.0",
+            "humanoid": {"humanBones": _bones(moving, without=_EYES)},
+            "expressions": {"custom": {name: {"node": node} for name, node in nodes.items()}},
+        }
+    }
+    with replacing(path) as draft:
+        document.save_binary(str(draft))
+    if progress:
+        progress(1.0)
+
+
+def _animate(animation: gltf.Animation, node: int, values: Float[np.ndarray, "T"], buffer: Buffer) -> None:
+    """An expression's weight is the x of a node's translation."""
+    rows = np.zeros((len(values), 3), np.float32)
+    rows[:, 0] = values
+    times = animation.samplers[0].input
+    animation.samplers.append(gltf.AnimationSampler(input=times, output=buffer.add(rows), interpolation="LINEAR"))
+    target = gltf.AnimationChannelTarget(node=node, path="translation")
+    animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+
+
+def _bones(moving: RigMotion, *, without: tuple[str, ...] = ()) -> dict[str, dict[str, int]]:
+    names = moving.target.names
+    return {name: {"node": FIRST_JOINT + k} for k, name in enumerate(names) if name not in without}
+
+
+# --- the avatar ---
+
+
+def _components(body: BodyModel) -> list[tuple[str, int, float]]:
+    """Names, components and signs of the expressions that move this body."""
+    found = np.flatnonzero(abs(body.expression_directions).max((0, 1)) > 0)
+    return [(f"expression_{k}{'_negative' * (sign < 0)}", int(k), sign) for k in found for sign in (1.0, -1.0)]
+
+
+def _values(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
+    """Weights from 0 to 1 of the expressions that the motion has."""
+    found = {}
+    for name, k, sign in _components(motion.body):
+        values = (sign * motion.params.expression[:, k].double().numpy() / UNITS).clip(0.0, 1.0)
+        if values.any():
+            found[name] = values
+    return found
+
+
+def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> Surface:
+    """The person's surface at rest, with shapes for its face in place of a motion's."""
+    surface = surface_on(still, moving)
+    body, target = still.body.with_shape(still.params.betas[0].double().numpy()), moving.target
+    weights = body.skinning_weights
+    turns = np.einsum("vj,jab->vab", weights, target.rest)
+    shapes = {
+        name: UNITS * sign * np.einsum("vab,vb->va", turns, body.expression_directions[..., k])
+        for name, k, sign in _components(body)
+    }
+    shapes[_JAW] = _opened(body, moving) - surface.vertices
+    none = np.zeros((1, len(shapes)), np.float32)
+    morphs = Morphs(
+        names=tuple(shapes),
+        directions=np.stack(list(shapes.values())).astype(np.float32),
+        weights=none,
+        units=(UNITS,) * (len(shapes) - 1) + (_OPEN,),
+    )
+    return replace(surface, morphs=morphs)
+
+
+def _opened(body: BodyModel, moving: RigMotion) -> Float[np.ndarray, "V 3"]:
+    """The surface at rest with the jaw open."""
+    target = moving.target
+    places = np.stack([target.places[target.of_joint[name]] for name in JOINT])
+    turns = target.rest.copy()
+    turns[JOINT["jaw"]] = turns[JOINT["jaw"]] @ Rotation.from_rotvec([_OPEN, 0.0, 0.0]).as_matrix()
+    return bent(body, turns, places)
+
+
+def _extension(motion: Motion, moving: RigMotion, surface: Surface) -> dict[str, Any]:
+    names = list(surface.morphs.names)
+
+    def expression(name: str, weight: float = 1.0) -> dict[str, Any]:
+        return {"morphTargetBinds": [{"node": MESH, "index": names.index(name), "weight": weight}]}
+
+    free = is_free(motion.body)
+    presets = {"aa": (_JAW, 1.0)} | ({name: of for name, of in _FREE_PRESETS.items() if of[0] in names} if free else {})
+    eyes = moving.target.places[[moving.target.names.index(name) for name in _EYES]].mean(0)
+    head = moving.target.places[moving.target.names.index("head")]
+    turn = {"inputMaxValue": 90.0, "outputScale": 30.0}
+    ranges = ("HorizontalInner", "HorizontalOuter", "VerticalDown", "VerticalUp")
+    return {
+        "specVersion": "1.0",
+        "meta": meta_of(motion),
+        "humanoid": {"humanBones": _bones(moving)},
+        "expressions": {
+            "preset": {name: expression(*of) for name, of in presets.items()},
+            "custom": {name: expression(name) for name in names if name != _JAW},
+        },
+        "lookAt": {"offsetFromHeadBone": (eyes - head).tolist(), "type": "bone"}
+        | {f"rangeMap{name}": turn for name in ranges},
+        "firstPerson": {"meshAnnotations": [{"node": MESH, "type": "auto"}]},
+    }
+
+
+# --- what may be done with it ---
+
+
+def is_free(body: BodyModel) -> bool:
+    """Whether it is one of the bodies that come with tcfit."""
+    return body.source is not None and FREE_FOLDER in body.source.resolve().parents
+
+
+def meta_of(motion: Motion) -> dict[str, Any]:
+    """VRM's terms: those of the body's files, and for whom it shows, that they were not asked."""
+    person = "The shape is that of a person who was filmed: ask them before others use it."
+    common = {
+        "name": f"{motion.name} (tcfit)",
+        "version": "1",
+        "authors": ["made with tcfit"],
+        "licenseUrl": "https://vrm.dev/licenses/1.0/",
+        "avatarPermission": "onlyAuthor",
+        "allowExcessivelyViolentUsage": False,
+        "allowExcessivelySexualUsage": False,
+        "allowPoliticalOrReligiousUsage": False,
+        "allowAntisocialOrHateUsage": False,
+        "creditNotation": "required",
+    }
+    if is_free(motion.body):
+        return common | {
+            "copyrightInformation": f"Body of tcfit, made from MakeHuman (CC0 1.0). {person}",
+            "thirdPartyLicenses": "The free body that comes with tcfit: Apache-2.0.",
+            "otherLicenseUrl": "https://www.apache.org/licenses/LICENSE-2.0",
+            "commercialUsage": "corporation",
+            "allowRedistribution": True,
+            "modification": "allowModificationRedistribution",
+        }
+    licence = _OF_KINDS[motion.body.kind]
+    return common | {
+        "copyrightInformation": f"Made from the body model {licence.names}, which has a licence of its own. {person}",
+        "thirdPartyLicenses": (
+            f"{licence.names}: by default for non-commercial scientific research alone, and not to be passed on. Who "
+            "holds another licence of it follows that."
+        ),
+        "otherLicenseUrl": licence.url,
+        "commercialUsage": "personalNonProfit",
+        "allowRedistribution": False,
+        "modification": "prohibited",
+    }

@@ -1,0 +1,196 @@
+"""The user's own rig: a small TOML file beside a BVH, GLB or glTF, which says what its joints stand for.
+
+    skeleton = "hero.glb"            # in the folder of this file
+
+    [joints]
+    pelvis = "Hips"
+    spine = ["Spine", "Spine1"]      # any number, from below to above; neck too
+    left_hip = "LeftUpLeg"           # SMPL-X's names: the thigh begins at the hip
+    jaw = ""                         # the rig has none
+
+What the table leaves out is guessed by the joints' names, and "" says that the rig has no such joint.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
+from fitting_core.io.motion.rigs.bvh_skeleton import read_bvh_skeleton
+from fitting_core.io.motion.rigs.gltf_file import read_gltf
+from fitting_core.io.motion.rigs.gltf_skeleton import gltf_skeleton
+from fitting_core.io.motion.rigs.guessing import guessed
+from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, PARTS, below, meant
+from fitting_core.io.motion.rigs.skeleton import Skeleton
+
+Joints = Mapping[str, tuple[str, ...]]
+"""By part, one of PARTS: the rig's joints that stand for it, several for the chains. Parts that the rig lacks are
+missing."""
+_MOST = 2**20
+"""Bytes of a mapping file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigMapping:
+    """A mapping file."""
+
+    skeleton: Path
+    """The rig's file."""
+    joints: Joints
+
+
+def read_skeleton(path: Path) -> Skeleton:
+    """The skeleton of a .bvh, .glb, .gltf or .vrm file; `offered` are the names to choose from.
+
+    Raises:
+        InputError: It is none of these, or cannot be read.
+    """
+    ending = path.suffix.lower()
+    if ending == ".bvh":
+        return read_bvh_skeleton(path)
+    if ending in (".glb", ".gltf", ".vrm"):
+        return gltf_skeleton(read_gltf(path, with_data=False))[0]
+    hint = " Convert it to GLB, for example with Blender." if ending in (".fbx", ".blend", ".dae", ".usd") else ""
+    raise InputError(f"{path}: {ending or 'no ending'} is not read as a rig; expected .glb, .gltf, .vrm or .bvh.{hint}")
+
+
+def guess_joints(skeleton: Skeleton) -> dict[str, tuple[str, ...]]:
+    """The mapping as far as it can be guessed by names; see `guessing`."""
+    return guessed(skeleton.offered)
+
+
+def check_joints(joints: Joints, skeleton: Skeleton) -> None:
+    """Check that a mapping can be used.
+
+    Raises:
+        InputError: A part or a joint is not known, a joint stands for two parts, a part that is needed is missing, or
+            joints do not hang on each other as a body's do.
+    """
+    source = skeleton.source
+    used: dict[str, str] = {}
+    for part, names in joints.items():
+        if part not in PARTS:
+            raise InputError(f"{source}: {part!r} is no part of a body; expected some of {', '.join(PARTS)}.")
+        if not names or (len(names) > 1 and part not in CHAINS):
+            raise InputError(
+                f"{source}: {part} has {len(names)} joints, expected one; only spine and neck have several."
+            )
+        for name in names:
+            if name not in skeleton.names:
+                raise InputError(f"{source}: has no joint {name!r} for {part}; it has {_some(skeleton.offered)}.")
+            if skeleton.names.count(name) > 1:
+                raise InputError(
+                    f"{source}: has several joints {name!r}, one of which is wished for {part}. Rename them."
+                )
+            if name in used:
+                raise InputError(f"{source}: the joint {name!r} stands for {used[name]} and for {part}; expected one.")
+            used[name] = part
+    if missing := [f"{part} ({meant(part)})" for part in NEEDED if part not in joints]:
+        raise InputError(f"{source}: no joint stands for {', '.join(missing)}; choose from {_some(skeleton.offered)}.")
+    _check_tree(joints, skeleton)
+
+
+def _check_tree(joints: Joints, skeleton: Skeleton) -> None:
+    for part, names in joints.items():
+        above = below(part) or ("pelvis" if part != "pelvis" else None)
+        chain = [*(joints.get(above, ()) if above else ())[-1:], *names]
+        for upper, lower in pairwise(chain):
+            if not skeleton.is_below(skeleton.index(lower), skeleton.index(upper)):
+                of = f" ({meant(above)})" if above and upper in joints[above] else ""
+                raise InputError(
+                    f"{skeleton.source}: {lower!r} ({meant(part)}) does not hang on {upper!r}{of} in the rig; choose "
+                    "joints that do."
+                )
+
+
+def _some(names: tuple[str, ...], most: int = 30) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
+    """Read a mapping file, complete what it leaves out by names, and check it, unless it is still being made.
+
+    Raises:
+        InputError: It cannot be read, or cannot be used, or the rig cannot be read.
+    """
+    table = _table(path)
+    skeleton = _skeleton_path(path, table)
+    stated = table.get("joints", {})
+    if not isinstance(stated, dict):
+        raise InputError(f"{path}: joints is {stated!r}, expected a table: [joints], and a line for each part.")
+    rig = read_skeleton(skeleton)
+    given = {part: _names(path, part, value) for part, value in stated.items()}
+    taken = {name for names in given.values() for name in names}
+    rest = {part: names for part, names in guess_joints(rig).items() if part not in given}
+    kept = {part: tuple(name for name in names if name not in taken) for part, names in rest.items()}
+    both = given | kept
+    joints = {part: both[part] for part in (*PARTS, *(set(both) - set(PARTS))) if both.get(part)}
+    try:
+        if checked:
+            check_joints(joints, rig)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return RigMapping(skeleton=skeleton, joints=joints)
+
+
+def _table(path: Path) -> dict:
+    try:
+        content = regular_file(path, most=_MOST).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    try:
+        table = tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f'{path}: is no TOML file ({error}). Expected a line such as skeleton = "hero.glb", and a table [joints].'
+        ) from None
+    if unknown := sorted(set(table) - {"skeleton", "joints"}):
+        raise InputError(f"{path}: {', '.join(unknown)} is not known here; expected skeleton and [joints].")
+    return table
+
+
+def _skeleton_path(path: Path, table: dict) -> Path:
+    name = table.get("skeleton")
+    if not isinstance(name, str) or not name:
+        raise InputError(f'{path}: skeleton is {name!r}, expected the name of the rig\'s file: skeleton = "hero.glb".')
+    skeleton = path.parent / name
+    if not skeleton.exists():
+        raise InputError(
+            f"{path}: names the rig {name!r}, which is not in its folder. Put it there, or correct the name."
+        )
+    return skeleton
+
+
+def _names(path: Path, part: str, value: object) -> tuple[str, ...]:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"{path}: {part} is {value!r}, expected a name, or a list of names for spine and neck.")
+    return tuple(name for name in names if name)
+
+
+def write_mapping(path: Path, mapping: RigMapping) -> None:
+    """Write a mapping file. Parts that the rig lacks are written as "", so that nothing is guessed for them.
+
+    Raises:
+        InputError: The rig does not lie in the folder of the file, or below it.
+        OSError: It cannot be written; nothing is left of it.
+    """
+    folder, rig = path.parent.resolve(), mapping.skeleton.resolve()
+    if not rig.is_relative_to(folder):
+        raise InputError(f"{path}: the rig {mapping.skeleton} does not lie beside it. Copy one to the other.")
+    lines = [f"skeleton = {_quoted(rig.relative_to(folder).as_posix())}", "", "[joints]"]
+    for part in PARTS:
+        names = mapping.joints.get(part, ())
+        value = f"[{', '.join(map(_quoted, names))}]" if part in CHAINS else _quoted("".join(names[:1]))
+        lines.append(f"{part} = {value}" + (f"  # {meant(part)}" if meant(part) != part else ""))
+    with replacing(path) as draft:
+        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'

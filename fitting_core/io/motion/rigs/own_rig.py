@@ -1,0 +1,151 @@
+"""The user's own rig as a target: its rest pose against SMPL-X's, and how large it is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.errors import InputError
+from fitting_core.io.motion.rigs.mapping import Joints
+from fitting_core.io.motion.rigs.parts import CHAINS
+from fitting_core.io.motion.rigs.retargeting.rest_pose import ALONG, FINGERS, rest_turns
+from fitting_core.io.motion.rigs.retargeting.target import Source, Target
+from fitting_core.io.motion.rigs.skeleton import Skeleton
+
+_SIDES = ("left", "right")
+_SHORT = 1e-6
+"""Share of the rig's height: bones that are shorter have no direction."""
+_LOW = 0.12
+"""Share of a leg up to which the lowest joint is above what the rig stands on; else it stands on that joint."""
+
+
+def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
+    """A rig of the user's as it is, with its own lengths.
+
+    Args:
+        skeleton: The rig.
+        joints: What stands for what; checked.
+        body: Its mean shape is the person's.
+
+    Raises:
+        InputError: The rest pose is not that of a body that stands, or its axes are scaled unevenly.
+    """
+    where = {part: skeleton.places[skeleton.index(names[0])] for part, names in joints.items()}
+    facing = _facing(where, skeleton)
+    length = _leg(where)
+    upright = _upright(facing[:, 1])
+    lowest = float((skeleton.places[list(_body_of(skeleton, joints))] @ upright[:, 1]).min())
+    rest_joints = body.rest_joints
+    person = _leg({part: rest_joints[JOINT[part]] for part in JOINT})
+    return Target(
+        names=skeleton.names,
+        parents=skeleton.parents,
+        places=skeleton.places,
+        turns=skeleton.turns,
+        sources=_sources(skeleton, joints),
+        rest=_rest(where, facing, upright, body),
+        upright=upright,
+        scale=length / person,
+        floor=0.0 if 0 <= lowest < _LOW * length else lowest,
+        of_person=False,
+        root=skeleton.index(joints["pelvis"][0]),
+    )
+
+
+def _body_of(skeleton: Skeleton, joints: Joints) -> set[int]:
+    """The joints that hang on the pelvis."""
+    root = skeleton.index(joints["pelvis"][0])
+    return {k for k in range(len(skeleton)) if k == root or skeleton.is_below(k, root)}
+
+
+def _leg(where: dict[str, np.ndarray]) -> float:
+    """Mean length of thigh and shin together."""
+    parts = [[where[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in _SIDES]
+    return float(np.mean([np.linalg.norm(k - h) + np.linalg.norm(a - k) for h, k, a in parts]))
+
+
+def _facing(where: dict[str, np.ndarray], skeleton: Skeleton) -> Float[np.ndarray, "3 3"]:
+    """The body's left, up and ahead by columns; up is the axis of the world that is nearest."""
+    hips, shoulders = ((where[f"left_{part}"], where[f"right_{part}"]) for part in ("hip", "shoulder"))
+    trunk = (shoulders[0] + shoulders[1] - hips[0] - hips[1]) / 2
+    left = hips[0] - hips[1] + shoulders[0] - shoulders[1]
+    axis = int(abs(trunk).argmax())
+    up = np.zeros(3)
+    up[axis] = np.sign(trunk[axis])
+    left = left - (left @ up) * up
+    if np.linalg.norm(trunk) < _SHORT or np.linalg.norm(left) < 0.1 * np.linalg.norm(trunk):
+        raise InputError(
+            f"{skeleton.source}: at rest its shoulders are not above its hips with left and right apart, as a body's "
+            "that stands. Check which joints stand for them; the rig's rest pose must be standing, such as T or A."
+        )
+    left /= np.linalg.norm(left)
+    return np.stack([left, up, np.cross(left, up)], 1)
+
+
+def _upright(up: np.ndarray) -> Float[np.ndarray, "3 3"]:
+    """The turn by quarters that makes y up."""
+    return np.round(Rotation.align_vectors(up[None], [[0.0, 1.0, 0.0]])[0].as_matrix()) if up[1] < 1 else np.eye(3)
+
+
+def _rest(
+    where: dict[str, np.ndarray], facing: np.ndarray, upright: np.ndarray, body: BodyModel
+) -> Float[np.ndarray, "55 3 3"]:
+    height = np.ptp(np.stack(list(where.values())), axis=0).max()
+    directions = {
+        joint: where[end] - where[joint]
+        for joint, end in ALONG.items()
+        if joint in where and end in where and np.linalg.norm(where[end] - where[joint]) > _SHORT * height
+    }
+    rest = body.rest_joints
+    fixed = {}
+    for side in _SIDES:
+        fixed |= _foot(side, where, facing, rest)
+    first = rest_turns(rest, body.parents, directions, facing=facing, fixed=fixed)
+    hands = {f"{side}_wrist": _hand(side, where, rest, first[JOINT[f"{side}_wrist"]]) for side in _SIDES}
+    return rest_turns(rest, body.parents, directions, facing=facing, fixed=fixed | hands)
+
+
+def _foot(side: str, where: dict[str, np.ndarray], facing: np.ndarray, rest: np.ndarray) -> dict[str, np.ndarray]:
+    """Both stand flat: a foot differs from SMPL-X's by where it points; its slope is the ankle's height alone."""
+    turn = facing
+    if f"{side}_foot" in where:
+        points = where[f"{side}_foot"] - where[f"{side}_ankle"]
+        own = facing @ (rest[JOINT[f"{side}_foot"]] - rest[JOINT[f"{side}_ankle"]])
+        left, _, ahead = facing.T
+        angle = np.arctan2(points @ left, points @ ahead) - np.arctan2(own @ left, own @ ahead)
+        turn = Rotation.from_rotvec(angle * facing[:, 1]).as_matrix() @ facing
+    return {f"{side}_ankle": turn, f"{side}_foot": turn}
+
+
+def _hand(side: str, where: dict[str, np.ndarray], rest: np.ndarray, otherwise: np.ndarray) -> Float[np.ndarray, "3 3"]:
+    """By the bases of the fingers, if there are two at least; the thumb's is too far aside to count."""
+    wrist = f"{side}_wrist"
+    names = [f"{side}_{finger}1" for finger in FINGERS if finger != "thumb" and f"{side}_{finger}1" in where]
+    if len(names) < 2:
+        return otherwise
+    ours = np.stack([rest[JOINT[name]] - rest[JOINT[wrist]] for name in names])
+    theirs = np.stack([where[name] - where[wrist] for name in names])
+    ours, theirs = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12) for v in (ours, theirs))
+    return Rotation.align_vectors(theirs, ours)[0].as_matrix()
+
+
+def _sources(skeleton: Skeleton, joints: Joints) -> tuple[Source | None, ...]:
+    found: list[Source | None] = [None] * len(skeleton)
+    for part, names in joints.items():
+        for place, name in enumerate(names):
+            found[skeleton.index(name)] = _in_chain(part, place, len(names)) if part in CHAINS else Source(part)
+    return tuple(found)
+
+
+def _in_chain(part: str, place: int, count: int) -> Source:
+    """Of a chain of any number of joints: the last one has the turn of SMPL-X's last, the others what is between."""
+    below: Sequence[str] = {"spine": ("pelvis",), "neck": ("spine3",)}[part]
+    chain = (*below, *CHAINS[part])
+    along = (place + 1) / count * (len(chain) - 1)
+    start = min(int(along + 1e-9), len(chain) - 2)
+    share = along - start
+    if share < 1e-9 or share > 1 - 1e-9:
+        return Source(chain[start + round(share)])
+    return Source(chain[start], chain[start + 1], share)

@@ -1,0 +1,140 @@
+"""Read a clip of several people: one clip for each of them, of the same camera."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.camera import FocalRule, Up
+from fitting_core.clip import Clip
+from fitting_core.files.regular import legible
+from fitting_core.io.clip_reader import CameraGiven, Shot, check_inside, read_shot
+from fitting_core.io.keypoints.people.everybody import FoundPerson, find_everybody
+from fitting_core.io.people_file import LONGEST_NAME, MOST_PEOPLE, People, Person
+from fitting_core.keypoints import Keypoints
+from fitting_core.video.frame_names import spans
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonInClip:
+    """One of the people of a clip, as a clip of their own."""
+
+    about: Person
+    """Name, folder, frames and uncertain frames, by number in the video."""
+    clip: Clip
+    """From the first frame in which the person is found to the last."""
+    name: str
+    """Of the clip of all of them."""
+
+
+def read_people(
+    video: Path | None,
+    keypoints: Path | None = None,
+    *,
+    focal_length: float | FocalRule | None = None,
+    fov: float | None = None,
+    focal_length_35mm: float | None = None,
+    center: tuple[float, float] | None = None,
+    camera: Path | None = None,
+    camera_name: str | None = None,
+    camera_unit: float | None = None,
+    camera_up: Up | None = None,
+    keypoint_scale: str = "auto",
+    frame_rate: float | None = None,
+    image_size: tuple[int, int] | None = None,
+    first_frame: int | None = None,
+    last_frame: int | None = None,
+) -> list[PersonInClip]:
+    """Read everybody's keypoints in a clip, with one camera and one frame rate.
+
+    People are numbered as they appear, those who appear together from left to right. Each clip has the frames from the
+    first in which its person is found to the last. Where two people may have been exchanged, its notes say so. A focal
+    length that is estimated is that of whoever is largest and surest, for all.
+
+    Args and errors as of `read_clip`, without the choice of a person.
+    """
+    given = CameraGiven.of(
+        focal_length=focal_length,
+        fov=fov,
+        focal_length_35mm=focal_length_35mm,
+        center=center,
+        camera=camera,
+        camera_name=camera_name,
+        camera_unit=camera_unit,
+        camera_up=camera_up,
+    )
+    shot = read_shot(
+        video,
+        keypoints,
+        given,
+        keypoint_scale=keypoint_scale,
+        frame_rate=frame_rate,
+        image_size=image_size,
+        first_frame=first_frame,
+        last_frame=last_frame,
+    )
+    found = find_everybody(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
+    inside_notes = check_inside(_together(found.people), shot.size)
+    seen, camera_notes = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
+    people = []
+    for number, one in enumerate(found.people, 1):
+        about = _about(one, number, shot)
+        notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
+        clip = shot.clip(one.keypoints, seen, notes, inside_notes, camera_notes)
+        people.append(PersonInClip(about=about, clip=_part(clip, one.frames, about), name=shot.name))
+    return people
+
+
+def people_of(people: Sequence[PersonInClip]) -> People:
+    """What people.json says of people of one clip."""
+    name = "".join(c if c.isprintable() else "?" for c in legible(people[0].name)).strip()[:LONGEST_NAME].strip()
+    return People(name=name or "?", people=tuple(one.about for one in people))
+
+
+def _together(people: tuple[FoundPerson, ...]) -> Keypoints:
+    return Keypoints(
+        xy=np.concatenate([one.keypoints.xy for one in people]),
+        confidence=np.concatenate([one.keypoints.confidence for one in people]),
+    )
+
+
+def _about(one: FoundPerson, number: int, shot: Shot) -> Person:
+    def numbered(frames: range) -> tuple[int, int]:
+        return shot.first_frame + frames[0], shot.first_frame + frames[-1]
+
+    return Person(
+        name=f"person {number}",
+        folder=f"person-{number}",
+        frames=numbered(one.frames),
+        uncertain=tuple(numbered(frames) for frames in one.uncertain),
+    )
+
+
+def _note(about: Person, one: FoundPerson, count: int) -> str:
+    """Who it is and where, in words for the user."""
+    first, last = about.frames
+    missing = [
+        first + k for k, entry in enumerate(one.entries[slice(one.frames.start, one.frames.stop)]) if entry is None
+    ]
+    sentences = [f"{about.name.capitalize()} of {count}, in frames {first} to {last}"]
+    sentences[0] += f", not found in frames {spans(missing)}." if missing else "."
+    if about.uncertain:
+        doubtful = [frame for start, end in about.uncertain for frame in range(start, end + 1)]
+        sentences.append(
+            f"In frames {spans(doubtful, most=20)} this may have been taken for somebody else, or somebody else for "
+            "this: look whether it is the same person before and after."
+        )
+    return " ".join(sentences)
+
+
+def _part(clip: Clip, frames: range, about: Person) -> Clip:
+    """The frames of one person, under that person's name."""
+    part = slice(frames.start, frames.stop)
+    return replace(
+        clip,
+        keypoints=clip.keypoints[part],
+        camera=clip.camera[part],
+        first_frame=clip.first_frame + frames.start,
+        name=f"{clip.name} {about.name}",
+    )

@@ -1,0 +1,220 @@
+"""C3D, the binary format of motion capture, by the package c3d: points with names, and events.
+
+ezc3d, the other well-kept reader, is compiled, and ended the whole process on 16 of the first 189 files whose header or
+parameters we had damaged; c3d, pure Python, raised an error or read on in all of 400.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import c3d
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
+from fitting_core.io.points.named_points import NamedPoints, check_names
+
+_UNITS = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "": 1e-3}
+_MOST_BYTES, _MOST_FRAMES, _MOST_POINTS = 2**30, 10**6, 2000
+_ROW = 255
+"""What one parameter lists: further ones have a number behind their name."""
+_LAST_NUMBER = 65535
+"""The highest frame's number that all readers take."""
+_BLOCK = 512
+_C3D = "a C3D file with 3D points"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happens at a moment."""
+
+    seconds: float
+    """Of the video."""
+    side: Literal["Left", "Right"]
+    label: Literal["Foot Strike", "Foot Off"]
+
+
+def write_c3d(
+    path: Path,
+    points: NamedPoints,
+    *,
+    events: Sequence[Event] = (),
+    screen: tuple[str, str] | None = None,
+    subject: str = "",
+) -> None:
+    """Write points in millimetres; frames are numbered from 1, which is the video's first one, at the time 0.
+
+    Where a number would pass _LAST_NUMBER, they are numbered from the points' first one, and events are timed from it.
+
+    Args:
+        path: The file.
+        points: At most _MOST_POINTS.
+        events: Become the group EVENT as Vicon's programs have it.
+        screen: The axes that point right and up on a screen, such as ("+X", "+Z"); None: not known.
+        subject: Whose they are.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    writer = c3d.Writer(point_rate=points.frame_rate, point_units="mm")
+    first = points.first_frame or 0
+    if first + len(points) > _LAST_NUMBER:  # some readers know no higher numbers
+        events = [replace(event, seconds=event.seconds - first / points.frame_rate) for event in events]
+        first = 0
+    writer.set_start_frame(first + 1)
+    if screen is not None:
+        writer.set_screen_axis(*screen)
+    _set_texts(writer.point_group, "LABELS", points.names)
+    _set_texts(writer.point_group, "DESCRIPTIONS", points.names)
+    writer.set_analog_labels([""])
+    group = writer.get_create("SUBJECTS")
+    group.set("USED", "Subjects", 2, "<h", 1)
+    _set_texts(group, "NAMES", (_plain(subject),))
+    _set_events(writer, events, _plain(subject))
+    frames = np.zeros((len(points), len(points.names), 5), np.float32)
+    frames[..., :3] = 1e3 * points.places
+    frames[~np.isfinite(points.places).all(-1)] = (0, 0, 0, -1, 0)
+    writer.add_frames([(frame, np.zeros((0, 0))) for frame in frames])
+    with path.open("wb") as file, _quietly():
+        writer.write(file)
+
+
+def _set_events(writer: c3d.Writer, events: Sequence[Event], subject: str) -> None:
+    group = writer.get_create("EVENT")
+    group.set("USED", "Events", 2, "<h", len(events))
+    for start in range(0, len(events), _ROW):
+        some, number = events[start : start + _ROW], _number(start)
+        _set_texts(group, f"CONTEXTS{number}", [event.side for event in some])
+        _set_texts(group, f"LABELS{number}", [event.label for event in some])
+        _set_texts(group, f"DESCRIPTIONS{number}", [""] * len(some))
+        _set_texts(group, f"SUBJECTS{number}", [subject] * len(some))
+        times = np.array([[event.seconds // 60, event.seconds % 60] for event in some], "<f4")
+        ids = np.array([_ICONS[event.label] for event in some], "<i2")
+        for name, values, shape in (("TIMES", times, [2, len(some)]), ("ICON_IDS", ids, [len(some)])):
+            group.add_param(
+                f"{name}{number}",
+                desc="Minutes, seconds" if name == "TIMES" else "",
+                bytes_per_element=values.itemsize,
+                bytes=values.tobytes(),
+                dimensions=shape,
+            )
+
+
+_ICONS = {"Foot Strike": 1, "Foot Off": 2}
+"""Vicon's numbers."""
+
+
+def _number(start: int) -> str:
+    return "" if start == 0 else str(1 + start // _ROW)
+
+
+def _set_texts(group: "c3d.c3d.GroupEditable", name: str, texts: Sequence[str]) -> None:
+    """Texts of equal length, in rows of at most _ROW."""
+    for start in range(0, len(texts), _ROW):
+        some = texts[start : start + _ROW]
+        long = max(1, *map(len, some))
+        packed = "".join(text.ljust(long) for text in some)
+        group.set_str(f"{name}{_number(start)}", "", packed, long, len(some))
+
+
+def _plain(text: str) -> str:
+    """As ASCII, up to 60 letters."""
+    return text.encode("ascii", "replace").decode().replace("?", "_")[:60]
+
+
+def read_c3d(path: Path) -> NamedPoints:
+    """Read points. Those whose residual is negative, and those at exactly 0, 0, 0, were not seen.
+
+    Raises:
+        InputError: It is no such file, holds no points, or says that it holds more than it does.
+    """
+    try:
+        regular_file(path, most=_MOST_BYTES)
+        with path.open("rb") as file, _quietly():
+            if file.read(2)[1:] != b"\x50":
+                raise InputError(f"{path}: does not begin as such files do; expected {_C3D}.")
+            file.seek(0)
+            return _read(path, _Reader(file))
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {_C3D}.") from error
+    except Exception as error:  # whatever c3d's unpacking comes upon in a damaged file
+        raise InputError(f"{path}: is damaged ({type(error).__name__}: {error!s:.80}); expected {_C3D}.") from error
+
+
+class _Reader(c3d.Reader):
+    """Takes files whose header and parameters disagree on analogue signals, which c3d refuses and programs write."""
+
+    def _check_metadata(self) -> None:
+        pass
+
+
+def _read(path: Path, reader: c3d.Reader) -> NamedPoints:
+    count, rate = int(reader.point_used), float(reader.point_rate)
+    if not 0 < count <= _MOST_POINTS:
+        raise InputError(f"{path}: holds {count} points; expected 1 to {_MOST_POINTS}.")
+    if not 0 < rate < np.inf:
+        raise InputError(f"{path}: has {rate:g} frames per second; expected a number above 0.")
+    unit = _text(reader.get("POINT:UNITS"))
+    if unit not in _UNITS:
+        raise InputError(f"{path}: is in {unit[:20]!r}; expected {', '.join(filter(None, _UNITS))}.")
+    frames = _frames(path, reader, count)
+    names = _labels(reader)[:count]
+    named = [i for i, name in enumerate(names) if name]
+    names = tuple(_without_subject([names[i] for i in named]))
+    check_names(path, names)
+    places = np.full((frames, len(named), 3), np.nan)
+    for t, (_, points, _) in zip(range(frames), reader.read_frames(copy=False, analog_transform=False), strict=False):
+        seen = (points[named, 3] >= 0) & (points[named, :3] != 0).any(1)
+        places[t, seen] = _UNITS[unit] * points[named, :3][seen]
+    return NamedPoints(
+        names=names,
+        places=places,
+        frame_rate=rate,
+        # The first frame's number is 1, also where a trial was cut.
+        first_frame=max(reader.first_frame - 1, 0) or None,
+    )
+
+
+def _frames(path: Path, reader: c3d.Reader, points: int) -> int:
+    """How many frames there are. Raises InputError where the file is too short for as many as it says."""
+    frames = int(reader.frame_count)
+    width = 4 if reader.point_scale < 0 else 2
+    each = width * (4 * points + int(reader.analog_used) * int(reader.analog_per_frame))
+    size = path.stat().st_size
+    room = max(0, size - _BLOCK * (int(reader.header.data_block) - 1)) // each
+    if not 0 < frames <= min(room, _MOST_FRAMES):
+        raise InputError(
+            f"{path}: says that it holds {frames} frames of {points} points, and has room for {room}; expected 1 to "
+            f"{_MOST_FRAMES}, all of them there. It was cut off, or is damaged."
+        )
+    return frames
+
+
+def _labels(reader: c3d.Reader) -> list[str]:
+    """Of all points, also of more than one parameter can list."""
+    found: list[str] = []
+    for number in range(_MOST_POINTS // _ROW + 1):
+        param = reader.get(f"POINT:LABELS{_number(number * _ROW)}")
+        if param is not None:
+            found += [str(label).strip(" \0") for label in np.ravel(param.string_array)]
+    return found
+
+
+def _without_subject(names: list[str]) -> list[str]:
+    """LASI for Anna:LASI, where all names that have a subject before them have the same."""
+    subjects = {name.rpartition(":")[0] for name in names} - {""}
+    return [name.rpartition(":")[2] for name in names] if len(subjects) == 1 else names
+
+
+def _text(param: "c3d.c3d.Param | None") -> str:
+    return "" if param is None else param.string_value.strip(" \0").lower()
+
+
+def _quietly() -> warnings.catch_warnings:
+    """Without c3d's warnings: of files without analogue signals, and of what is checked here."""
+    return warnings.catch_warnings(action="ignore")

@@ -1,0 +1,96 @@
+"""When which foot stands: stretches of a motion, as a table and as events."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from fitting_core.errors import InputError
+from fitting_core.frame_runs import runs_where
+from fitting_core.ground.contacts import SIDES, Contacts
+from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.io.points.c3d_file import Event
+
+Begin = Literal["foot strike", "first frame", "comes into view"]
+End = Literal["foot off", "last frame", "leaves the view"]
+_HEADER = ("side", "first_frame", "last_frame", "begin_seconds", "end_seconds", "begins_with", "ends_with")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stand:
+    """A foot that stands for a while."""
+
+    side: str
+    """left or right."""
+    frames: range
+    """Numbers in the video."""
+    begins: Begin
+    ends: End
+
+
+def stands_of(motion: Motion) -> list[Stand]:
+    """By when they begin; the contacts of the feet's own frames.
+
+    Raises:
+        InputError: Nobody looked where the feet stand.
+    """
+    contacts = motion.contacts
+    if contacts is None:
+        raise InputError(
+            f"{motion.name}: it is not known which foot stands; expected a fit of tcfit's own, of a body with feet. "
+            "Results of other programs and of older versions do not say it: fit the clip again."
+        )
+    found = []
+    for foot, side in enumerate(SIDES):
+        for run in runs_where(contacts.standing[:, foot]):
+            frames = range(motion.first_frame + run.start, motion.first_frame + run.stop)
+            begins, ends = _begins(contacts, foot, run.start), _ends(contacts, foot, run.stop)
+            found.append(Stand(side=side, frames=frames, begins=begins, ends=ends))
+    return sorted(found, key=lambda stand: (stand.frames.start, stand.side))
+
+
+def _begins(contacts: Contacts, foot: int, start: int) -> Begin:
+    if start == 0:
+        return "first frame"
+    return "foot strike" if contacts.seen[start - 1, foot] else "comes into view"
+
+
+def _ends(contacts: Contacts, foot: int, stop: int) -> End:
+    if stop == len(contacts.standing):
+        return "last frame"
+    return "foot off" if contacts.seen[stop, foot] else "leaves the view"
+
+
+def events_of(motion: Motion) -> list[Event]:
+    """Foot strikes, at the first frame in which a foot stands, and feet off, at the first in which it does no longer.
+
+    By time; none where it is not known which foot stands. What merely comes into view or leaves it is no event.
+    """
+    if motion.contacts is None:
+        return []
+    found = []
+    for stand in stands_of(motion):
+        side = "Left" if stand.side == "left" else "Right"
+        if stand.begins == "foot strike":
+            found.append(Event(seconds=stand.frames.start / motion.frame_rate, side=side, label="Foot Strike"))
+        if stand.ends == "foot off":
+            found.append(Event(seconds=stand.frames.stop / motion.frame_rate, side=side, label="Foot Off"))
+    return sorted(found, key=lambda event: event.seconds)
+
+
+def write_contacts(path: Path, motion: Motion) -> None:
+    """Write a CSV table, a line for each time that a foot stands: frames by their numbers in the video, both included,
+    and seconds of the video, from where the first frame begins to where the last one ends.
+
+    Raises:
+        InputError: Nobody looked where the feet stand.
+        OSError: It cannot be written.
+    """
+    rate = motion.frame_rate
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(_HEADER)
+        for stand in stands_of(motion):
+            frames = stand.frames
+            times = f"{frames.start / rate:.4f}", f"{frames.stop / rate:.4f}"
+            table.writerow([stand.side, frames.start, frames[-1], *times, stand.begins, stand.ends])

@@ -1,0 +1,36 @@
+"""Points with names that move: what files of motion capture hold."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NamedPoints:
+    """N points over T frames."""
+
+    names: tuple[str, ...]
+    places: Float[np.ndarray, "T N 3"]
+    """Metres, in the file's own world; NaN where a point was not seen."""
+    frame_rate: float
+    """Frames per second."""
+    first_frame: int | None = None
+    """Number of the first frame at this rate, from 0; None: the file does not say."""
+    notes: tuple[str, ...] = ()
+    """What a user should know of how they were read."""
+
+    def __post_init__(self) -> None:
+        assert self.places.shape[1:] == (len(self.names), 3)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def check_names(path: object, names: tuple[str, ...]) -> None:
+    """Raises InputError if two points have the same name."""
+    if len(set(names)) < len(names):
+        twice = next(name for i, name in enumerate(names) if name in names[:i])
+        raise InputError(f"{path}: has two points {twice[:40]!r}; expected each name once. Rename one of them.")

@@ -1,0 +1,157 @@
+"""`tcfit fit --people all`: everybody in a clip, each with a folder of their own, and all together in one file."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.ground.level import best_grounding, level_of
+from fitting_core.io.motion_files import motion_of
+from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people, write_people
+from fitting_core.io.people_reader import PersonInClip, people_of
+from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result
+from tcfit_app.cli.fit_command import Outcome, fit_into, prepared_body, tell
+from tcfit_app.cli.json_lines import emit_wrote
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.starts import start_of
+from tcfit_app.options.clip_input import everybody_of
+from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
+from tcfit_app.options.preparing import check_out, compile_kernels
+
+GLB_NAME = "people.glb"
+"""Everybody, in one world."""
+_RESULT = (FIT_NAME, SUMMARY_NAME, OVERLAY_NAME)
+
+
+def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
+    """Fit everybody as the options say, write their results, and say on the standard output where they are.
+
+    Args:
+        options: The command line.
+        command: The same as text, for the record.
+
+    Raises:
+        InputError: Files or options cannot be used; nothing has been written then.
+        KeyboardInterrupt: Cancelled; what had finished has been written, and is in people.json.
+    """
+    _refuse_what_is_of_one(options)
+    config = fit_config(options.method)
+    old = _check_out(options.out, overwrite=options.overwrite)
+    body = prepared_body(options, config)
+    people, starts = _started(options, everybody_of(options), body)
+    compile_kernels(config)
+    _remove(options.out, old)
+    outcomes: list[Outcome] = []
+    try:
+        for one, start in zip(people, starts, strict=True):
+            tell([f"{one.about.name.capitalize()} of {len(people)}"])
+            folder = options.out / one.about.folder
+            outcomes.append(fit_into(folder, one.clip, body, config, options, start=start, command=command))
+    finally:
+        _list(options.out, people)
+    _write_together(options.out, people, outcomes)
+    return outcomes
+
+
+def _refuse_what_is_of_one(options: FitOptions) -> None:
+    """Raises InputError where an option is about one person."""
+    ones = {"--shape": options.shape, "--start-person": options.begin.start_person}
+    if given := [name for name, value in ones.items() if value is not None]:
+        raise InputError(
+            f"--people {options.people} fits everybody, and {' and '.join(given)} would be one person's: leave out one "
+            "or the other."
+        )
+
+
+def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
+    """Folders of an earlier fit of several people at this place, which the new ones replace.
+
+    Raises:
+        InputError: The folder holds something else, and `overwrite` is not given.
+    """
+    old = [folder / one.folder for one in read_people(folder).people] if holds_people(folder) else []
+    if overwrite or not folder.is_dir():
+        check_out(folder, overwrite=overwrite)
+        return old
+    known = {folder / PEOPLE_NAME, folder / GLB_NAME, *old} if old else set()
+    others = [path for path in sorted(folder.iterdir()) if path not in known]
+    others += [path for one in old if one.is_dir() for path in sorted(one.iterdir()) if path.name not in _RESULT]
+    if others:
+        some = ", ".join(str(path.relative_to(folder)) for path in others[:4]) + (", ..." if len(others) > 4 else "")
+        raise InputError(
+            f"--out {folder}: holds files that are no result of several people ({some}). Choose another folder, or "
+            "give --overwrite to write the results among them."
+        )
+    check_out(folder, overwrite=True)
+    return old
+
+
+def _remove(folder: Path, old: Sequence[Path]) -> None:
+    """Take an earlier fit of several people away, so that nobody of it stays among those of the next."""
+    try:
+        for path in (folder / PEOPLE_NAME, folder / GLB_NAME, *(one / name for one in old for name in _RESULT)):
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be replaced ({error.strerror}). Choose another --out.") from error
+    for one in old:
+        with suppress(OSError):  # with --overwrite other files may lie in it
+            one.rmdir()
+
+
+def _started(
+    options: FitOptions, people: list[PersonInClip], body: BodyModel
+) -> tuple[list[PersonInClip], list[GivenStart | None]]:
+    """What each fit begins with, whoever in the given result follows that person's keypoints; for others, notes.
+
+    Raises:
+        InputError: The result cannot be read, or has nobody of these.
+    """
+    if options.begin == StartOptions():
+        return people, [None] * len(people)
+    bodies = Bodies(options.body.models)
+    noted: list[PersonInClip] = []
+    starts: list[GivenStart | None] = []
+    refused: list[InputError] = []
+    for one in people:
+        try:
+            starts.append(start_of(options.begin, one.clip, body, bodies))
+            noted.append(one)
+        except InputError as error:
+            refused.append(error)
+            starts.append(None)
+            note = f"Fitted without --start, which has nobody who follows these keypoints. {error}"
+            noted.append(replace(one, clip=replace(one.clip, notes=(*one.clip.notes, note))))
+    if len(refused) == len(people):
+        raise refused[0]
+    return noted, starts
+
+
+def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
+    """Write people.json of those who have a result."""
+    fitted = [one for one in people if is_result(folder / one.about.folder)]
+    if fitted:
+        write_people(folder, people_of(fitted))
+
+
+def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:
+    """Write everybody into one file, on the floor that is seen best, and say so."""
+    from fitting_core.io.motion.glb import write_people_glb  # here: pygltflib would take 0.4 s of every start
+
+    best = best_grounding([outcome.fit.grounding for outcome in outcomes])
+    camera = outcomes[0].fit.camera
+    level = level_of(None if best is None else outcomes[best].fit.grounding, camera.world)
+    motions = [
+        replace(motion_of(outcome.fit, one.clip, outcome.body), name=one.about.name, level=level)
+        for one, outcome in zip(people, outcomes, strict=True)
+    ]
+    path = folder / GLB_NAME
+    try:
+        write_people_glb(path, motions, name=people[0].name)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
+    emit_wrote(folder / PEOPLE_NAME, path)
+    floor = "" if best is None else f", on the floor of {people[best].about.name}, which is seen best"
+    print(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {len(people)} people{floor}")

@@ -1,0 +1,70 @@
+"""Where a reference lies in the time of a fit's video: as it says, as the user says, or as the movement tells."""
+
+import math
+from dataclasses import replace
+
+from fitting_core.errors import InputError
+from fitting_core.measure.clocks import found_offset
+from fitting_core.measure.references.reference import Reference
+from fitting_core.measure.references.resampling import at_frames_of
+from tcfit_app.evaluation.evaluated_fits import EvaluatedFit
+
+AUTO = "auto"
+"""The offset that is found by the movement."""
+_LONGEST = 1e5
+"""Seconds: more than a day."""
+
+
+def in_time(
+    reference: Reference | None, fit: EvaluatedFit, *, first_frame: int | None, offset: str | None
+) -> Reference | None:
+    """The reference at the frames of the fit's video, as far as it can be.
+
+    Args:
+        reference: As it was read.
+        fit: What it is compared with.
+        first_frame: Number in the video of its first frame; None: as it says.
+        offset: Second of the video at which its first frame was taken, or AUTO; None: as it says.
+
+    Raises:
+        InputError: There is no reference, the offset is no number, or cannot be found.
+    """
+    if reference is None:
+        for name, given in (("first-frame", first_frame), ("offset", offset)):
+            if given is not None:
+                raise InputError(f"--reference-{name}: {fit.source} has no reference: give --reference too.")
+        return None
+    if first_frame is not None:
+        reference = reference.starting_at(first_frame, fit.frame_rate)
+    if offset is None:
+        return _as_it_says(reference, fit)
+    if offset != AUTO:
+        return at_frames_of(reference, fit.frame_rate, start=seconds_of(offset))
+    found = found_offset(fit.estimate(list(fit.phases)[-1]), reference)
+    placed = at_frames_of(reference, fit.frame_rate, start=found.seconds)
+    return replace(placed, notes=(*placed.notes, found.text))
+
+
+def _as_it_says(reference: Reference, fit: EvaluatedFit) -> Reference:
+    """Points between whose frames the fit's lie are interpolated; whatever else there is, is left."""
+    if reference.params is not None or reference.joints is not None or reference.is_even(fit.frame_rate):
+        return reference
+    count = len(next(iter(fit.phases.values()))[0])
+    reference.frames_of(count, fit.first_frame, fit.frame_rate)  # raises where it is not clear where it begins
+    note = f"Its {reference.frame_rate:g} frames per second are interpolated to the fit's {fit.frame_rate:g}."
+    placed = at_frames_of(reference, fit.frame_rate)
+    return replace(placed, notes=(*placed.notes, note))
+
+
+def seconds_of(offset: str) -> float:
+    """Raises InputError for what is no time."""
+    try:
+        seconds = float(offset)
+    except ValueError:
+        seconds = math.nan
+    if not abs(seconds) <= _LONGEST:
+        raise InputError(
+            f"--reference-offset {offset[:40]}: is no time; expected seconds, such as -0.37, or {AUTO} to find it by "
+            "the movement."
+        )
+    return seconds

@@ -1,0 +1,97 @@
+"""FBX, which Blender writes: found on the computer, run as a process of its own, and ended when nobody wants it."""
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import scratch_folder
+from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.motion_files import MOTION_FILES
+from tcfit_app.exports.source import ExportSource
+
+_SCRIPT = Path(__file__).with_name("glb_to_fbx.py")
+_LONGEST, _PER_FRAME = 120.0, 0.5
+"""Seconds after which Blender is ended, and more of them for each frame. 145 frames take 4 s."""
+_LOOK = 0.1
+"""Seconds between looks whether it has ended, or is to be."""
+_OF_GLB = 0.6
+"""Share of the whole time until the GLB is there that Blender reads."""
+_MISSING = (
+    "Blender writes FBX, and there is none on this computer. Install Blender (blender.org) so that the terminal knows "
+    "the command blender, or its module into tcfit's environment: pip install bpy==4.2.0. Then start tcfit again."
+)
+
+
+def missing() -> str:
+    """What has to be installed for FBX; empty when everything is there."""
+    return "" if _command() else _MISSING
+
+
+def _command() -> list[str]:
+    """How Blender is started with a script; empty without one."""
+    if program := shutil.which("blender"):
+        return [program, "--background", "--factory-startup", "--python-exit-code", "1", "--python"]
+    return [sys.executable] if importlib.util.find_spec("bpy") else []
+
+
+def write_fbx(source: ExportSource, path: Path, progress: Progress) -> str | None:
+    """Write the character of a GLB as FBX, with a key in each frame.
+
+    Raises:
+        InputError: There is no Blender, or it fails, or takes too long.
+    """
+    command = _command()
+    if not command:
+        raise InputError(_MISSING)
+    from fitting_core.io.motion.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
+
+    motion = source.motion(MOTION_FILES[".glb"].axes)
+    with scratch_folder() as folder:
+        glb, fbx = folder / "character.glb", folder / "character.fbx"
+        write_glb(glb, motion, lambda share: progress(_OF_GLB * share))
+        seconds = _LONGEST + _PER_FRAME * len(motion)
+        given = ["--", str(glb), str(fbx), f"{motion.frame_rate:.9g}"]
+        _run([*command, str(_SCRIPT), *given], folder, seconds, progress)
+        if not fbx.is_file():
+            raise InputError(f"Blender wrote no FBX. {_last_of(folder)}")
+        shutil.copyfile(fbx, path)
+    return None if source.keys_within is None else "Blender writes a key for every frame"
+
+
+def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -> None:
+    """Until it has ended. Whatever `progress` raises ends it as well."""
+    with (folder / "said.txt").open("wb") as said:
+        try:
+            process = subprocess.Popen(
+                command, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, close_fds=True
+            )
+        except OSError as error:
+            raise InputError(
+                f"{command[0]}: cannot be started ({error.strerror or error}). Try it in a terminal; install it again."
+            ) from error
+        begun = time.monotonic()
+        try:
+            while process.poll() is None:
+                spent = time.monotonic() - begun
+                if spent > seconds:
+                    raise InputError(
+                        f"Blender has not ended after {seconds:.0f} s, and was stopped. {_last_of(folder)}"
+                    )
+                progress(_OF_GLB + (1 - _OF_GLB) * spent / seconds)
+                time.sleep(_LOOK)
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+    if process.returncode:
+        raise InputError(f"Blender failed with exit code {process.returncode}. {_last_of(folder)}")
+
+
+def _last_of(folder: Path, lines: int = 8) -> str:
+    """The end of what Blender has said."""
+    found = (folder / "said.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return "It said:\n" + "\n".join(found[-lines:]) if found else "It said nothing."

@@ -1,0 +1,48 @@
+"""New projects of the people of one clip: a folder with people.json, one copy of the video, and a project for each."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from fitting_core.files.atomic import drafting, put_folder
+from fitting_core.io.people_file import write_people
+from fitting_core.io.people_reader import PersonInClip, people_of
+from tcfit_app.project.project import check_free
+from tcfit_app.project.storage import media
+from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.clip import write_clip
+
+
+def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: bool = False) -> None:
+    """Make the folder, whole or not at all; `opened_people` opens it.
+
+    Args:
+        folder: Does not exist yet, or is empty.
+        people: Of one clip, one at least.
+        copy_media: Copy the clip's source into the folder, once for all; else it is linked.
+
+    Raises:
+        InputError: The folder holds something, or cannot be written; the source cannot be read.
+    """
+    folder = folder.resolve()
+    with accessing(folder):
+        check_free(folder)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with drafting(folder) as draft:
+            draft.mkdir()
+            source = people[0].clip.source
+            copied = media.copy(source, draft) if source is not None and copy_media else None
+            for one in people:
+                own, link = one.about.folder, None
+                if copied is not None:
+                    link = msgspec.structs.replace(copied, relative=f"../{copied.relative}")
+                elif source is not None:
+                    link = media.link(source, folder / own)
+                (draft / own).mkdir()
+                write_clip(draft / own, one.clip, link=link)
+            write_people(draft, people_of(people))
+            check_free(folder)
+            if folder.exists():
+                folder.rmdir()
+            put_folder(draft, folder)

@@ -1,0 +1,83 @@
+"""The user's own rig in a project: its file, and beside it the mapping file that says what its joints stand for."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing, scratch_folder
+from fitting_core.io.motion.rigs.mapping import (
+    Joints,
+    RigMapping,
+    guess_joints,
+    read_mapping,
+    read_skeleton,
+    write_mapping,
+)
+from fitting_core.io.motion.rigs.skeleton import Skeleton
+from tcfit_app.project.storage.names import name_of_file, portable
+
+FOLDER, MAPPING = "rig", "mapping.toml"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeptRig:
+    """A rig that a project has."""
+
+    mapping: Path
+    """The mapping file, as the joints are; it may not be complete yet."""
+    rig: Path
+    skeleton: Skeleton
+    joints: Joints
+
+
+def keep_rig(project: Path, name: str, content: bytes) -> KeptRig:
+    """Make a rig the project's, in the place of the one before, with the mapping that its names tell.
+
+    Args:
+        project: Its folder.
+        name: What the rig's file is called.
+        content: What is in it.
+
+    Raises:
+        InputError: It is no rig that can be read.
+        OSError: It cannot be written.
+    """
+    shown = name_of_file(name)
+    with scratch_folder() as scratch:
+        read = scratch / f"rig{Path(shown).suffix.lower()}"
+        read.write_bytes(content)
+        try:
+            skeleton = read_skeleton(read)
+        except InputError as error:
+            raise InputError(str(error).replace(str(read), shown)) from error
+    folder = project / FOLDER
+    folder.mkdir(exist_ok=True)
+    rig, mapping = folder / portable(shown), folder / MAPPING
+    with replacing(rig) as draft:
+        draft.write_bytes(content)
+    kept = KeptRig(mapping=mapping, rig=rig, skeleton=replace(skeleton, source=shown), joints=guess_joints(skeleton))
+    write_mapping(mapping, RigMapping(skeleton=rig, joints=kept.joints))
+    for file in folder.iterdir():
+        if file not in (rig, mapping) and file.is_file():
+            file.unlink()
+    return kept
+
+
+def keep_joints(kept: KeptRig, joints: Joints) -> KeptRig:
+    """The same rig with another mapping, which is written. Raises OSError."""
+    write_mapping(kept.mapping, RigMapping(skeleton=kept.rig, joints=joints))
+    return replace(kept, joints=joints)
+
+
+def kept_rig(project: Path) -> KeptRig | None:
+    """The project's rig, if it has one.
+
+    Raises:
+        InputError: Its files cannot be read any more.
+    """
+    path = project / FOLDER / MAPPING
+    if not path.exists():
+        return None
+    mapping = read_mapping(path, checked=False)
+    skeleton = replace(read_skeleton(mapping.skeleton), source=mapping.skeleton.name)
+    return KeptRig(mapping=path, rig=mapping.skeleton, skeleton=skeleton, joints=mapping.joints)

@@ -1,0 +1,193 @@
+"""The user's own rig: its file from the browser, what its joints stand for, and exports of the fit on it."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from fitting_core.errors import InputError
+from fitting_core.io.motion.rigs.mapping import check_joints
+from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, PARTS, meant
+from tcfit_app.exports.table import exports
+from tcfit_app.project.storage.rig import KeptRig, keep_joints, keep_rig, kept_rig
+from tcfit_app.review.panels.elements.field import Dropdown, Field, take_uploads
+from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
+from tcfit_app.review.session.tasks import Task
+from tcfit_app.review.tab.tab import Tab
+
+_NONE = "none"
+_SAID = (
+    "A character or skeleton of your own (.glb, .gltf, .vrm or .bvh) moves as the fit does. Its joints are told by "
+    "their names: look through the list, and correct it."
+)
+_FIRST = 20
+"""Parts of the body, before those of face and fingers."""
+
+
+class OwnRig:
+    """A part of a panel.
+
+    Args:
+        tab: whose panel it is.
+    """
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+        self._kept: KeptRig | None = None
+        self._problem = ""
+        """Why the project's rig cannot be read."""
+        self._looked = False
+        self._reading: Task[KeptRig] | None = None
+        """The upload that began last."""
+        self._shown: KeptRig | None = None
+        """Whose joints the inputs offer."""
+        self._inputs: dict[str, Field[str]] = {}
+        self._handles: dict[str, Any] = {}
+        self._lists: list[Any] = []
+        gui = tab.client.gui
+        self._folder = gui.add_folder("Own rig", expand_by_default=False)
+        with self._folder:
+            self._about = Board(tab)
+            hint = "From this browser's computer: the rig's own GLB, glTF, VRM or BVH. It is kept in the project."
+            self._upload: Any = gui.add_upload_button("Upload a rig …", color="gray", hint=hint)
+        take_uploads(tab, self._upload, self._begin)
+        tab.buttons.on("rig.download", lambda _: self._download())
+
+    @property
+    def mapping(self) -> Path | None:
+        """The mapping file, where the project has a rig."""
+        return None if self._kept is None else self._kept.mapping
+
+    @property
+    def _busy(self) -> bool:
+        return self._reading is not None and self._reading.state == "running"
+
+    def _begin(self, file: viser.UploadedFile) -> None:
+        tab = self._tab
+        tab.refuse_read_only()
+        if self._busy:
+            raise InputError("Another rig is still being read: wait for it.")
+        folder, name, content = tab.session.project.folder, file.name, file.content
+        self._reading = tab.begin("Reading the rig", lambda report: keep_rig(folder, name, content), self._take)
+
+    def _take(self, kept: KeptRig) -> None:
+        self._kept, self._problem = kept, ""
+        self._tab.say(f"The project has the rig {kept.rig.name}")
+
+    def _choose(self, part: str, value: str) -> None:
+        """A part stands for another joint; who had this one before has none."""
+        self._tab.refuse_read_only()
+        kept = self._kept
+        if kept is None:
+            return
+        given = value.split(",") if part in CHAINS else [value]
+        names = tuple(name for text in given if (name := text.strip()) and name != _NONE)
+        joints = {
+            other: left
+            for other, had in kept.joints.items()
+            if other != part and (left := tuple(name for name in had if name not in names))
+        }
+        self._kept = keep_joints(kept, joints | ({part: names} if names else {}))
+
+    def _download(self) -> None:
+        if self.mapping is not None:
+            name = f"{Path(self._kept.rig.name).stem if self._kept else 'rig'}.toml"
+            self._tab.client.send_file_download(name, self.mapping.read_bytes(), save_immediately=True)
+
+    # --- drawing ---
+
+    def draw(self, *, there: bool) -> None:
+        """Send what changed.
+
+        Args:
+            there: whether there is a fit to export.
+        """
+        if not self._looked:
+            self._look()
+        if self._kept is not None and (self._shown is None or self._shown.skeleton is not self._kept.skeleton):
+            self._make_inputs(self._kept)
+        off = self._tab.session.project.read_only or self._busy
+        if not self._tab.sent.differs("own rig", self._kept, self._problem, off, there):
+            return
+        self._upload.disabled = off
+        joints = {} if self._kept is None else self._kept.joints
+        for part, field in self._inputs.items():
+            names = joints.get(part, ())
+            field.show(", ".join(names) if part in CHAINS else (*names, _NONE)[0])
+            self._handles[part].label = _label(part, missing=not names)
+            self._handles[part].disabled = off
+        self._about.show(paragraph(_SAID, "dim"), *self._told(there))
+
+    def _look(self) -> None:
+        """The project may have one since yesterday."""
+        self._looked = True
+        try:
+            self._kept = kept_rig(self._tab.session.project.folder)
+        except InputError as error:
+            self._problem = str(error)
+
+    def _make_inputs(self, kept: KeptRig) -> None:
+        """A list of joints for each part."""
+        gui, offered = self._tab.client.gui, (_NONE, *dict.fromkeys(kept.skeleton.offered))
+        for made in self._lists:
+            made.remove()
+        self._inputs, self._handles = {}, {}
+        with self._folder:
+            self._lists = [
+                gui.add_folder(name, expand_by_default=False) for name in ("Its body", "Its face and fingers")
+            ]
+        for k, part in enumerate(PARTS):
+            hint = f"SMPL-X's {part}" + (", needed" if part in NEEDED else "")
+            take, names = partial(self._choose, part), kept.joints.get(part, ())
+            label = _label(part, missing=not names)
+            with self._lists[k >= _FIRST]:
+                if part in CHAINS:
+                    several = f"{hint}; any number of joints, with commas between them"
+                    handle: Any = gui.add_text(label, ", ".join(names), hint=several)
+                    self._inputs[part] = Field(self._tab, handle, take)
+                else:
+                    chosen = names[0] if names and names[0] in offered else _NONE
+                    handle = gui.add_dropdown(label, offered, initial_value=chosen, hint=hint)
+                    self._inputs[part] = Dropdown(self._tab, handle, take)
+            self._handles[part] = handle
+        self._shown = kept
+
+    def _told(self, there: bool) -> list[Html]:
+        """What the rig is, what is missing, and the exports."""
+        if self._problem:
+            return [paragraph(f"The project's rig cannot be read: {self._problem} Upload it again.", "bad")]
+        kept = self._kept
+        if kept is None:
+            return []
+        try:
+            check_joints(kept.joints, kept.skeleton)
+            wrong = ""
+        except InputError as error:
+            wrong = str(error)
+        found = sum(part in kept.joints for part in PARTS)
+        about = f"{kept.rig.name}: {len(kept.skeleton.offered)} joints, {found} of {len(PARTS)} parts have one."
+        bvh = kept.rig.suffix.lower() == ".bvh"
+        files = [
+            button(
+                export.title,
+                "export.begin",
+                name,
+                disabled=bool(wrong) or not there or (bvh and name == "rig-glb"),
+                hint="The rig is a BVH, which has no surface" if bvh and name == "rig-glb" else export.hint,
+            )
+            for name, export in exports().items()
+            if export.own_rig
+        ]
+        mapping = button("Mapping file", "rig.download", hint="For tcfit export --rig, beside the rig's file")
+        return [paragraph(about), *([paragraph(wrong, "bad")] if wrong else []), row(*files, mapping, wrap=True)]
+
+
+def _label(part: str, *, missing: bool) -> str:
+    """A part in an animator's words."""
+    side, _, rest = part.partition("_")
+    words = meant(part) if meant(part) != part or side not in ("left", "right") else f"{side} {rest}"
+    words = words.partition(",")[0]
+    if words[-1:].isdigit():
+        words = f"{words[:-1]} {words[-1]}"
+    return f"{words} – missing" if missing and part in NEEDED else words

@@ -1,0 +1,64 @@
+"""Whether the person on show is another of the clip's people in some frames: a part of the panel Review."""
+
+from fitting_core.io.people_file import Span
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, row
+from tcfit_app.review.tab.people import Someone
+
+_MOST = 12
+"""Spans that are listed; those that are settled make room."""
+_RIGHT = "It is the same person before and after these frames"
+_EXCHANGE = (
+    "Exchanges the keypoints of both people from the frame on show to the end. Undo takes it back, for each of them"
+)
+
+
+class WhoIsWho:
+    """Lists the frames that are not sure, with what can be done; nothing where there is but one person."""
+
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures, self._tab = gestures, gestures.tab
+        self._board = Board(gestures.tab)
+        tab = gestures.tab
+        tab.buttons.on("people.go", gestures.exchanging.go, self._span)
+        tab.buttons.on("people.right", gestures.exchanging.confirm, self._span)
+        tab.buttons.on(
+            "people.exchange", self._exchange, {f"{one.number}": one for one in tab.someone.others}.__getitem__
+        )
+
+    def _span(self, value: str) -> Span:
+        return {f"{i}": span for i, span in enumerate(self._gestures.exchanging.uncertain)}[value]
+
+    def _exchange(self, other: Someone) -> None:
+        tab = self._tab
+        tab.pause()
+        self._gestures.exchanging.exchange(other, tab.state.frame + tab.first_frame)
+
+    def draw(self) -> None:
+        """Send what changed."""
+        tab, spans = self._tab, self._gestures.exchanging.uncertain
+        number = None if tab.state.playing else tab.state.frame + tab.first_frame
+        if tab.someone.others and tab.sent.differs("who is who", spans, number):
+            self._board.show(*self._rows(spans, number))
+
+    def _rows(self, spans: tuple[Span, ...], number: int | None) -> list[Html]:
+        someone, fixed = self._tab.someone, self._tab.session.project.read_only
+        rows = [heading("Who is who", f"{len(spans)} not sure" if spans else "")]
+        if spans:
+            rows.append(paragraph(f"Is it {someone.name} before and after these frames?", "dim"))
+        for i, (first, last) in enumerate(spans[:_MOST]):
+            where = f"Frame {first}" if first == last else f"Frames {first}–{last}"
+            there = number is not None and first <= number <= last
+            rows.append(
+                row(
+                    button(where, "people.go", f"{i}", pressed=there, hint="Go there, and select them"),
+                    button("It is", "people.right", f"{i}", disabled=fixed, hint=_RIGHT),
+                )
+            )
+        label = "From here on" if number is None else f"From {number} on"
+        exchanges = (
+            button(f"Exchange with {one.name}", "people.exchange", f"{one.number}", disabled=fixed, hint=_EXCHANGE)
+            for one in someone.others
+        )
+        rows.append(row(*exchanges, label=label, wrap=len(someone.others) > 1))
+        return rows

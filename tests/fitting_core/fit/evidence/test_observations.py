@@ -1,0 +1,147 @@
+"""Which detections are taken at their word: parts that the image cuts off."""
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.camera import Camera, Lens
+from fitting_core.config.schema import PRESETS, FitConfig
+from fitting_core.fit.evidence.observations import _OF_CLIP, Observations, cut_off
+from fitting_core.fit.variables.state import Free
+from fitting_core.keypoints import Keypoints
+from fitting_core.lens import straightened
+from fitting_core.lifting.clip_lifting import LiftedClip
+from tests.samples.scenes import keypoints_of, random_params, stages_of
+from tests.samples.standing import by_hand, standing
+
+CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MoreObservations(Observations):
+    """With an array of later days, and a number of the whole clip that is as long as the clip."""
+
+    weight: np.ndarray
+    table: np.ndarray = field(metadata=_OF_CLIP)
+
+
+def test_a_part_slices_every_field_by_itself():
+    """Whatever is added, unless it is declared as the whole clip's."""
+    turned = replace(standing(), turn=np.arange(20 * 137 * 3.0).reshape(20, 137, 3))
+    clip = Observations.of(turned, CAMERA, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
+    more = MoreObservations(**vars(clip), weight=np.arange(20.0), table=np.arange(20))
+    part = more[3:7]
+    assert type(part) is MoreObservations and len(part) == 4 and part.keypoints.xy.shape[0] == 4
+    for f in fields(more):
+        whole, sliced = getattr(more, f.name), getattr(part, f.name)
+        if f.name in ("shown", "table"):
+            assert sliced is whole
+        elif f.name != "keypoints":
+            assert np.array_equal(np.asarray(sliced), np.asarray(whole)[3:7]), f.name
+
+
+def test_a_field_of_another_length_is_no_field_of_frames():
+    clip = Observations.of(standing(), CAMERA, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
+    with pytest.raises(AssertionError, match="weight"):
+        MoreObservations(**vars(clip), weight=np.arange(19.0), table=np.arange(20))
+
+
+def test_frames_that_were_swapped_back_are_those_of_the_part():
+    crossed = standing()
+    for side, other in (("left", "right"), ("right", "left")):
+        for part in ("elbow", "wrist"):
+            crossed.xy[8:12, kp.INDEX[f"{side}_{part}"]] = standing().xy[8:12, kp.INDEX[f"{other}_{part}"]]
+    clip = Observations.of(crossed, CAMERA, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
+    assert {name: frames.tolist() for name, frames in clip.swaps.items()} == {"arms": [8, 9, 10, 11]}
+    assert {name: frames.tolist() for name, frames in clip[10:20].swaps.items()} == {"arms": [0, 1]}
+    assert not clip[12:20].swaps
+
+
+def changed(keypoints: Keypoints, name: str, *, xy=None, confidence=None) -> Keypoints:
+    new_xy, new_confidence = keypoints.xy.copy(), keypoints.confidence.copy()
+    if xy is not None:
+        new_xy[:, kp.INDEX[name]] = xy
+    if confidence is not None:
+        new_confidence[:, kp.INDEX[name]] = confidence
+    return Keypoints(xy=new_xy, confidence=new_confidence)
+
+
+def test_points_inside_the_image_are_taken_as_they_are():
+    assert not cut_off(standing(), CAMERA).any()
+
+
+@pytest.mark.parametrize(
+    ("at", "side"),
+    [((300, 477), (0, 1)), ((638, 200), (1, 0)), ((2, 200), (-1, 0)), ((300, 1), (0, -1)), ((300, 470), (0, 0))],
+)
+def test_points_on_the_border_lie_there_or_beyond(at, side):
+    found = cut_off(changed(standing(), "left_wrist", xy=at), CAMERA)
+    assert (found[:, kp.INDEX["left_wrist"]] == side).all()
+    assert not np.delete(found, kp.INDEX["left_wrist"], axis=1).any()
+
+
+def test_hips_without_knees_lie_there_or_lower():
+    clip = changed(changed(standing(), "left_knee", confidence=0.0), "left_hip", confidence=0.3)
+    found = cut_off(clip, CAMERA)
+    assert (found[:, kp.INDEX["left_hip"]] == (0, 1)).all()
+    assert not found[:, kp.INDEX["right_hip"]].any()
+    assert not found[:, kp.INDEX["mid_hip"]].any(), "the other leg is seen"
+    none = changed(changed(clip, "right_knee", confidence=0.0), "right_hip", confidence=0.3)
+    assert (cut_off(none, CAMERA)[:, kp.INDEX["mid_hip"]] == (0, 1)).all()
+    sure = changed(changed(standing(), "left_knee", confidence=0.0), "left_hip", confidence=0.6)
+    assert not cut_off(sure, CAMERA)[:, kp.INDEX["left_hip"]].any()
+
+
+def test_the_border_is_that_of_the_picture_as_it_was_filmed():
+    lens = Lens(focal=CAMERA.focal, center=CAMERA.center, distortion=(-0.3, 0.1, 0.0, 0.0))
+    camera = replace(CAMERA, lens=lens)
+    # Barrel distortion: the straightened point lies outside the image that it was filmed in, 5 pixels from the border.
+    filmed_near, _ = straightened(lens, np.array([[638.0, 100.0], [600.0, 100.0]]))
+    assert (filmed_near[:, 0] > 600).all() and filmed_near[0, 0] > 645
+    near = changed(standing(), "left_wrist", xy=filmed_near[0])
+    inside = changed(standing(), "left_wrist", xy=filmed_near[1])
+    assert (cut_off(near, camera)[:, kp.INDEX["left_wrist"]] == (1, 0)).all()
+    assert not cut_off(inside, camera).any()
+
+
+def test_what_a_person_placed_on_the_border_lies_there():
+    clip = changed(standing(), "left_wrist", xy=(638, 200))
+    assert cut_off(clip, CAMERA).any() and not cut_off(by_hand(clip, ("left_wrist",), list(range(20))), CAMERA).any()
+
+
+@pytest.mark.parametrize("weight", [0.0, 2.0])
+def test_the_lifter_is_asked_where_it_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch, weight: float):
+    """Of body keypoints in the image alone, where it is sure; of detected ones the depth is taken."""
+    asked = []
+
+    def lifted(xy: np.ndarray, confidence: np.ndarray, *_: object, **__: object) -> LiftedClip:
+        asked.append(confidence)
+        deviation = np.full((len(xy), 25), 0.1)
+        deviation[:, kp.INDEX["left_ankle"]] = 0.5
+        points = np.zeros((len(xy), 25, 3))
+        points[..., 2] = 0.3
+        return LiftedClip(points, deviation, np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
+
+    monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
+    detections = keypoints_of(tiny_body, random_params(3))
+    detections.xy[:, kp.INDEX["right_wrist"]] = (798.0, 500.0)
+    detections.confidence[:, kp.INDEX["nose"]] = 0.0
+    config = FitConfig(one_sided_cut_off=True)
+    config = replace(config, weights=replace(config.weights, relative_position=(0.0, 0.0, 0.0, weight, weight)))
+    stages = stages_of(tiny_body, detections, config)
+    known = stages.observations.relative_position_deviation.isfinite()
+    assert len(asked) == (weight > 0)
+    if not weight:
+        assert not bool(known.any())
+        return
+    wrist, elbow, ankle, nose = (kp.INDEX[n] for n in ("right_wrist", "right_elbow", "left_ankle", "nose"))
+    assert (asked[0][:, wrist] == 0).all() and (asked[0][:, elbow] > 0).all()
+    assert known[:, kp.BODY, 2].float().mean(0).tolist() == [float(i != ankle) for i in range(25)]
+    assert known[:, kp.BODY, :2].float().mean((0, 2)).tolist() == [float(i == nose) for i in range(25)]
+    assert not bool(known[:, 25:].any()) and bool((stages.observations.relative_position[:, kp.BODY, 2] == 0.3).all())
+    objectives = [stages.objective(k, stages.parametrisation.neutral(3), Free()) for k in (3, 4)]
+    assert [any(t.name == "relative_position" for t in o.terms) for o in objectives] == [False, True]

@@ -1,0 +1,166 @@
+"""Depths that a person said of keypoints: what the fit makes of them, in every preset."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.clip import Clip
+from fitting_core.config.schema import PRESETS, FitConfig
+from fitting_core.fit.evidence.observations import TOLD
+from fitting_core.fit.fitting import fit_clip, rerun_events
+from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips, mirrored_as_told
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.terms.positions import RelativePosition
+from fitting_core.fit.variables.state import Free
+from fitting_core.keypoints import Keypoints
+from fitting_core.lifting.clip_lifting import LiftedClip
+from tests.samples.posed_clips import clip_of, motion, shipped_body
+from tests.samples.scenes import finished
+
+FRAMES, FRAME = 9, 4
+SHOULDER, ELBOW, WRIST = (kp.INDEX[f"right_{n}"] for n in ("shoulder", "elbow", "wrist"))
+
+
+@pytest.fixture(scope="module")
+def params() -> BodyParams:
+    """The right arm reaches forward and bends."""
+    made = motion(FRAMES)
+    pose = made.body_pose.clone()
+    shoulder, elbow = (slice(3 * n, 3 * n + 3) for n in (16, 18))
+    pose[:, shoulder] = torch.tensor([0.0, 1.0, 0.5], dtype=torch.float64)
+    pose[:, elbow] = torch.tensor([0.0, 0.5, 0.0], dtype=torch.float64)
+    return replace(made, body_pose=pose)
+
+
+@pytest.fixture(scope="module")
+def clip(params: BodyParams) -> Clip:
+    return clip_of(params, noise=0.5)
+
+
+def depths(params: BodyParams) -> np.ndarray:
+    """Behind the pelvis, metres, (T, 137)."""
+    body = shipped_body()
+    return keypoints_in_space(body, params)[0][..., 2] - joints_in_space(body, params)[:, :1, 2]
+
+
+def told(clip: Clip, frames: list[int], joints: list[int], values: np.ndarray) -> Clip:
+    depth = clip.keypoints.told_depth.copy()
+    depth[np.ix_(frames, joints)] = values
+    return replace(clip, keypoints=replace(clip.keypoints, depth=depth))
+
+
+def config_of(preset: str) -> FitConfig:
+    config = PRESETS[preset]
+    weights = replace(config.weights, collision=(0.0,) * 5, held_position=(0.0,) * 5)
+    temporal = replace(config.temporal, stages=(5,))
+    return replace(config, pose_prior="relaxed", solver="lm", weights=weights, temporal=temporal)
+
+
+def refitted(clip: Clip, params: BodyParams, preset: str, frames: range) -> np.ndarray:
+    return depths(finished(rerun_events(clip, shipped_body(), config_of(preset), params, frames)).params)
+
+
+def mirrored(params: BodyParams) -> np.ndarray:
+    """The depths of elbow and wrist on the other side of the shoulder."""
+    found = depths(params)
+    return 2 * found[:, [SHOULDER]] - found[:, [ELBOW, WRIST]]
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_fit_follows_a_depth_in_every_preset(clip: Clip, params: BodyParams, preset: str):
+    """An arm goes to the other side of its shoulder, where the image shows it alike; its neighbours come along."""
+    before, target = depths(params), mirrored(params)
+    assert abs(target - before[:, [ELBOW, WRIST]]).min(0)[1] > 0.3
+    one = refitted(told(clip, [FRAME], [ELBOW, WRIST], target[[FRAME]]), params, preset, range(1, 8))
+    assert abs(one[FRAME, [ELBOW, WRIST]] - target[FRAME]).max() < 0.04
+    way = (one - before)[:, WRIST] / (target - before[:, [ELBOW, WRIST]])[:, 1]
+    assert way[FRAME - 1] > 0.3 < way[FRAME + 1] and not way[[0, 8]].any()
+    every = list(range(1, 8))
+    whole = refitted(told(clip, every, [ELBOW, WRIST], target[1:8]), params, preset, range(1, 8))
+    assert abs(whole[2:7][:, [ELBOW, WRIST]] - target[2:7]).max() < 0.04
+
+
+@pytest.mark.parametrize("preset", ["tcfit", "paper"])
+def test_a_depth_counts_where_nothing_is_detected(clip: Clip, params: BodyParams, preset: str):
+    confidence = clip.keypoints.confidence.copy()
+    confidence[:, WRIST] = 0
+    blind = replace(clip, keypoints=replace(clip.keypoints, confidence=confidence))
+    target = mirrored(params)[:, [1]]
+    every = list(range(FRAMES))
+    found = refitted(told(blind, every, [WRIST], target), params, preset, range(FRAMES))
+    assert abs(found[:, WRIST] - target[:, 0]).max() < 0.01
+
+
+def test_a_fit_from_the_start_takes_it_up(clip: Clip, params: BodyParams):
+    target, every = mirrored(params), list(range(FRAMES))
+    config = replace(PRESETS["tcfit"], pose_prior="relaxed")
+    found = depths(fit_clip(told(clip, every, [ELBOW, WRIST], target), shipped_body(), config).last.params)
+    assert abs(found[:, [ELBOW, WRIST]] - target).max() < 0.04
+    without = depths(fit_clip(clip, shipped_body(), config).last.params)
+    assert abs(without[:, WRIST] - target[:, 1]).min() > 0.2
+
+
+def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypatch: pytest.MonkeyPatch):
+    """In depth alone, and in the told cells alone; and its word counts however far off the limb is."""
+
+    def lifted(xy: np.ndarray, *_: object, **__: object) -> LiftedClip:
+        points = np.full((len(xy), 25, 3), 0.3)
+        return LiftedClip(points, np.full((len(xy), 25), 0.1), np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
+
+    monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
+    said, config = told(clip, [FRAME], [WRIST], np.array(-0.5)), config_of("tcfit")
+    stages = Stages.of(said.keypoints, said.camera, shipped_body(), config)
+    o = stages.observations
+    assert o.relative_position[FRAME, WRIST, 2] == -0.5 and o.relative_position_deviation[FRAME, WRIST, 2] == TOLD
+    others = torch.ones(FRAMES, 25, dtype=torch.bool)
+    others[FRAME, WRIST] = False
+    assert bool((o.relative_position[:, kp.BODY, 2][others] == 0.3).all()) and int(o.told.sum()) == 1
+    terms = stages.objective(5, stages.parametrisation.from_params(params), Free()).terms
+    (term,) = (term for term in terms if isinstance(term, RelativePosition))
+    column = stages.looked_at(5).tolist().index(WRIST)
+    lifter = config.robust_deviations * o.relative_position_deviation[FRAME, ELBOW, 2]
+    assert term.rho[FRAME, column, 2] >= 3.0 > 2 * lifter == 2 * term.rho[FRAME, column - 1, 2]
+
+
+def test_without_a_word_nothing_changes(clip: Clip):
+    """No term in presets that do not ask the lifter, and none where nothing is told."""
+    stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), config_of("paper"))
+    objective = stages.objective(5, stages.parametrisation.neutral(FRAMES), Free())
+    assert not any(isinstance(term, RelativePosition) for term in objective.terms)
+    said = told(clip, [0], [WRIST], np.array(0.1))
+    part = Stages.of(said.keypoints, said.camera, shipped_body(), config_of("paper")).within(range(2, 6))
+    objective = part.objective(5, part.parametrisation.neutral(4), Free())
+    assert not any(isinstance(term, RelativePosition) for term in objective.terms)
+
+
+def test_depths_are_sliced_with_their_frames(clip: Clip):
+    said = told(clip, [2, 5], [WRIST], np.array([[0.1], [0.2]])).keypoints
+    assert said[1:4].told_depth[:, WRIST].tolist()[1] == 0.1 and np.isfinite(said[1:4].told_depth).sum() == 1
+    assert said[np.array([5, 2])].told_depth[:, WRIST].tolist() == [0.2, 0.1]
+    assert clip.keypoints[1:4].depth is None and np.isnan(clip.keypoints.told_depth).all()
+    with pytest.raises(AssertionError):
+        Keypoints(xy=said.xy, confidence=said.confidence, depth=said.told_depth[:3])
+
+
+def test_a_limb_that_bends_the_other_way_is_found(clip: Clip, params: BodyParams):
+    """The knee of a leg behind the body: from the front, a descent does not come through the straight leg."""
+    pose = params.body_pose.clone()
+    pose[:, 0:3] = torch.tensor([0.5, 0.0, 0.0], dtype=torch.float64)
+    pose[:, 9:12] = torch.tensor([1.2, 0.0, 0.0], dtype=torch.float64)
+    true = replace(params, body_pose=pose)
+    seen, leg = clip_of(true, noise=0.5), [kp.INDEX["left_knee"], kp.INDEX["left_ankle"]]
+    stages = Stages.of(seen.keypoints, seen.camera, shipped_body(), config_of("tcfit"))
+    state = stages.parametrisation.from_params(true)
+    flipped = LimbFlips(stages).flipped(state, LIMBS["left_leg"], upper=True, lower=True)
+    wrong = replace(true, body_pose=flipped)
+    target, every = depths(true)[:, leg], list(range(FRAMES))
+    assert abs(depths(wrong)[:, leg] - target).max() > 0.3
+    found = refitted(told(seen, every, leg, target), wrong, "tcfit", range(FRAMES))
+    assert abs(found[:, leg] - target).max() < 0.05
+    changed = mirrored_as_told(stages, state, stages.all_frames)
+    assert torch.equal(changed.vector, state.vector), "nothing is told"

@@ -1,0 +1,170 @@
+"""Everybody in a clip: who is who, what is named as uncertain, and what is no person."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.people.everybody import Everybody, find_everybody
+
+Figure = Callable[..., np.ndarray]
+RATE = 25.0
+
+
+def found(frames: list[list[np.ndarray]], rate: float = RATE) -> Everybody:
+    people = tuple(np.array(frame).reshape(-1, 137, 3) for frame in frames)
+    stems = tuple(f"a_{t}" for t in range(len(people)))
+    return find_everybody(Detections(frames=people, stems=stems, source=Path("a")), frame_rate=rate, first_frame=100)
+
+
+def noses(everybody: Everybody) -> list[np.ndarray]:
+    """Where the nose of each is, by frame; NaN where it is not seen."""
+    return [np.where(one.keypoints.confidence[:, 0] > 0, one.keypoints.xy[:, 0, 0], np.nan) for one in everybody.people]
+
+
+def uncertain(everybody: Everybody) -> list[set[int]]:
+    return [{t for span in one.uncertain for t in span} for one in everybody.people]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_cross_in_plain_sight_are_told_apart_without_a_doubt(figure: Figure, seed: int):
+    rng = np.random.default_rng(seed)
+    frames = []
+    for t in range(60):
+        both = [figure(200 + 10 * t, 300), figure(800 - 10 * t, 270, height=180)]
+        frames.append([both[k] for k in rng.permutation(2)])
+    everybody = found(frames)
+    one, other = noses(everybody)
+    assert np.array_equal(one, 200 + 10 * np.arange(60.0)) and np.array_equal(other, 800 - 10 * np.arange(60.0))
+    assert everybody.note == "" and [one.frames for one in everybody.people] == [range(60), range(60)]
+    # Only the frames in which both are in one place can be doubtful.
+    assert all(frames <= set(range(27, 34)) for frames in uncertain(everybody))
+
+
+def test_who_is_hidden_in_a_crossing_goes_on_and_is_named(figure: Figure):
+    """B, as large as A and at the same height, is not seen for 12 frames."""
+    frames = []
+    for t in range(80):
+        a, b = figure(100 + 10 * t, 300), figure(900 - 10 * t, 300)
+        frames.append([a] if 34 <= t < 46 else [b, a])
+    everybody = found(frames)
+    one, other = noses(everybody)
+    assert np.array_equal(one, 100 + 10 * np.arange(80.0))
+    assert np.nanmin(other) == 110 and np.isnan(other[34:46]).all() and not np.isnan(other[46:]).any()
+    assert all({38, 40, 42} <= named for named in uncertain(everybody))
+    assert all(named <= set(range(30, 52)) for named in uncertain(everybody))
+
+
+def test_an_exchange_that_nobody_could_see_is_named(figure: Figure):
+    """Two walk up to each other, both vanish, and come out where they came from or on the other side: who knows."""
+    frames = []
+    for t in range(80):
+        far = 20 + 10 * abs(t - 40)
+        both = [figure(500 - far, 300), figure(500 + far, 300)]
+        frames.append([] if 36 <= t <= 44 else both)
+    assert all({40} <= named for named in uncertain(found(frames)))
+
+
+def test_without_others_near_nothing_is_uncertain(figure: Figure):
+    frames = [[figure(200, 300), figure(900, 300)] for _ in range(60)]
+    for t in range(20, 32):
+        frames[t] = [frames[t][1]]
+    everybody = found(frames)
+    assert len(everybody.people) == 2 and uncertain(everybody) == [set(), set()]
+    assert [t for t, entry in enumerate(everybody.people[0].entries) if entry is None] == list(range(20, 32))
+
+
+def test_one_of_two_who_leaves_and_comes_back_is_the_same_and_it_is_said(figure: Figure):
+    frames = []
+    for t in range(200):
+        stays = figure(300, 300)
+        x = 700 + 20 * t if t < 30 else 1280 - 20 * (t - 130)
+        frames.append([stays, figure(x, 300)] if x < 1280 and not 30 <= t < 130 else [stays])
+    everybody = found(frames)
+    assert len(everybody.people) == 2
+    assert everybody.people[1].frames == range(0, 200)
+    assert uncertain(everybody) == [set(), set(range(28, 132))] or uncertain(everybody)[1] >= set(range(35, 125))
+
+
+def test_of_two_who_are_away_a_like_one_is_somebody_new(figure: Figure):
+    """Nothing tells which of both it is that comes back: it is nobody's guess."""
+    gone = [[figure(300, 300), figure(800, 300)]] * 30 + [[]] * 60
+    everybody = found([*gone, *[[figure(550, 300)]] * 30])
+    assert [one.frames for one in everybody.people] == [range(30), range(30), range(90, 120)]
+
+
+def test_of_two_who_are_away_the_size_tells(figure: Figure):
+    gone = [[figure(300, 300, height=100), figure(800, 300)]] * 30 + [[]] * 60
+    everybody = found([*gone, *[[figure(550, 300, height=105)]] * 30])
+    assert [one.frames for one in everybody.people] == [range(120), range(30)]
+    assert uncertain(everybody)[0] == set(range(29, 91))
+
+
+def test_nobody_crosses_the_image_in_no_time(figure: Figure):
+    """Who is somewhere else a moment later is another person."""
+    everybody = found([*[[figure(100, 300)]] * 30, *[[]] * 30, *[[figure(1900, 300)]] * 30])
+    assert len(everybody.people) == 2
+
+
+def test_a_person_detected_twice_is_one(figure: Figure):
+    rng = np.random.default_rng(0)
+    frames = []
+    for t in range(40):
+        again = figure(103 + 2 * t, 302, confidence=0.5)
+        again[rng.permutation(25)[:8]] = 0
+        frames.append([again, figure(100 + 2 * t, 300)])
+    everybody = found(frames)
+    assert len(everybody.people) == 1 and everybody.people[0].entries == (1,) * 40
+
+
+def test_a_flash_is_nobody_and_that_is_said(figure: Figure):
+    frames = [[figure(100, 300)] for _ in range(40)]
+    for t in (7, 8, 20):
+        frames[t] = [figure(600, 200), *frames[t]]
+    everybody = found(frames)
+    assert len(everybody.people) == 1 and uncertain(everybody) == [set()]
+    assert everybody.note == (
+        "Whoever is seen for fewer than 6 frames at a stretch was left out as a false detection, in frames 107-108, "
+        "120."
+    )
+
+
+def test_people_are_numbered_as_they_appear_from_left_to_right(figure: Figure):
+    """Who appears within a quarter of a second appears together."""
+    places = {500: 0, 100: 1, 900: 2, 300: 30}
+    frames = [[figure(x, 300) for x, since in places.items() if t >= since] for t in range(60)]
+    assert [one[~np.isnan(one)][0] for one in noses(found(frames))] == [100, 500, 900, 300]
+
+
+@pytest.mark.parametrize("frames", [[], [[]], [[np.zeros((137, 3))]] * 3])
+def test_nobody_at_all(frames: list[list[np.ndarray]]):
+    with pytest.raises(InputError, match="Nobody is found for 6 frames in a"):
+        found(frames)
+
+
+def test_crowds_take_a_bounded_time(figure: Figure):
+    """A hundred people in each frame, and ten thousand in one; the hundred largest of these are followed."""
+    rng = np.random.default_rng(0)
+    crowd = rng.uniform(0, 4000, (100, 2))
+    frames = [[figure(*place, height=150) for place in crowd + rng.normal(0, 2, (100, 2))] for _ in range(20)]
+    many = np.repeat(figure(0, 0, height=20)[None], 10_000, axis=0)
+    many[:, :25, :2] += rng.uniform(0, 4000, (10_000, 1, 2))
+    frames[9] = [*many, *frames[9]]
+    begun = time.process_time()
+    everybody = found(frames)
+    assert time.process_time() - begun < 20
+    # Where two of them stand in one place they are one.
+    assert 90 <= len(everybody.people) <= 100
+    assert "In frames 109 more than 100 people are detected; the largest were followed." in everybody.note
+
+
+@pytest.mark.parametrize("camera", ["cam03", "cam04"])
+def test_the_man_on_the_treadmill_is_one_person(shared_data: Path, camera: str):
+    everybody = find_everybody(read_detections(shared_data / "balancing" / camera / "keypoints"), frame_rate=60.0)
+    whole = [one for one in everybody.people if one.entries == (0,) * 100]
+    assert len(whole) == 1

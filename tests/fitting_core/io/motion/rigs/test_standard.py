@@ -1,0 +1,205 @@
+"""Mixamo's and Unreal's skeletons: where their joints are in files, how they stand at rest, and how they are turned."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.io.motion.rigs.known.animated import on_standard
+from fitting_core.io.motion.rigs.known.known_rigs import MIXAMO, UNREAL, VRM
+from fitting_core.io.motion.rigs.known.rig_glb import write_standard_glb
+from fitting_core.io.motion.rigs.known.standard import Standard
+from fitting_core.io.motion.rigs.retargeting.retarget import Posed
+from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh
+from tests.fitting_core.io.motion.gltf_player import Player
+from tests.fitting_core.io.motion.motions import CAMERA, meshes, swinging
+from tests.fitting_core.io.motion.rigs.readers import Bvh, glb_joints, scaled
+
+RIGS = {"mixamo": MIXAMO, "unreal": UNREAL, "vrm": VRM}
+FRAMES = (0, 3, 6)
+BODY = {
+    "mixamo": {
+        "mixamorig:Hips": "pelvis", "mixamorig:Spine2": "spine3", "mixamorig:Head": "head",
+        "mixamorig:LeftShoulder": "left_collar", "mixamorig:LeftArm": "left_shoulder",
+        "mixamorig:RightForeArm": "right_elbow", "mixamorig:RightHand": "right_wrist",
+        "mixamorig:LeftUpLeg": "left_hip", "mixamorig:RightLeg": "right_knee", "mixamorig:LeftFoot": "left_ankle",
+        "mixamorig:RightToeBase": "right_foot", "mixamorig:LeftHandPinky3": "left_pinky3",
+        "mixamorig:RightHandThumb2": "right_thumb2",
+    },
+    "unreal": {
+        "pelvis": "pelvis", "spine_03": "spine3", "neck_01": "neck", "clavicle_r": "right_collar",
+        "upperarm_l": "left_shoulder", "lowerarm_r": "right_elbow", "hand_l": "left_wrist", "thigh_l": "left_hip",
+        "calf_r": "right_knee", "foot_l": "left_ankle", "ball_r": "right_foot", "index_03_l": "left_index3",
+        "thumb_01_r": "right_thumb1",
+    },
+    "vrm": {
+        "hips": "pelvis", "upperChest": "spine3", "leftUpperArm": "left_shoulder", "rightLowerLeg": "right_knee",
+        "leftToes": "left_foot", "rightThumbMetacarpal": "right_thumb1", "leftLittleDistal": "left_pinky3",
+    },
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def upright(free_body: BodyModel) -> Motion:
+    return swinging(free_body).in_axes("y-up")
+
+
+@pytest.fixture(scope="module", params=RIGS)
+def rig(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def files(upright: Motion, rig: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp(rig)
+    write_standard_glb(folder / "x.glb", upright, RIGS[rig])
+    write_rig_bvh(folder / "x.bvh", on_standard(upright, RIGS[rig]), upright.frame_rate, unit=100.0)
+    return {"glb": folder / "x.glb", "bvh": folder / "x.bvh"}
+
+
+def neutral(body: BodyModel) -> Motion:
+    params = BodyParams.neutral(2, hand_components=45)
+    hands = torch.as_tensor(-body.hand_mean)  # flat hands: the rest pose, and not the mean
+    params = replace(params, left_hand_pose=hands[:1].expand(2, -1), right_hand_pose=hands[1:].expand(2, -1))
+    return Motion(body=body, params=params, camera=CAMERA, frame_rate=30.0, name="still", axes="y-up")
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_joints_are_where_the_fit_has_them(files: dict[str, Path], upright: Motion, rig: str, frame: int):
+    expected = Posed.of(upright).places[frame]
+    in_glb = glb_joints(files["glb"], frame / upright.frame_rate)
+    in_bvh = Bvh.of(files["bvh"]).joints(frame)
+    for name, joint in BODY[rig].items():
+        assert np.linalg.norm(in_glb[name][:3, 3] - expected[JOINT[joint]]) < 1e-4, name
+        assert np.linalg.norm(in_bvh[name][:3, 3] / 100 - expected[JOINT[joint]]) < 1e-4, name
+
+
+def test_they_are_those_of_the_fit_s_own_joints(upright: Motion):
+    """But for the expression, which `Posed` leaves out and which moves joints of the head."""
+    calm = replace(upright, params=replace(upright.params, expression=0 * upright.params.expression))
+    assert np.allclose(Posed.of(calm).places, calm.joints(), atol=1e-5)
+
+
+def test_time_is_the_video_s(files: dict[str, Path], upright: Motion):
+    assert np.allclose(Player.of(files["glb"]).times, np.arange(7) / 29.97)
+    assert Bvh.of(files["bvh"]).frame_time == pytest.approx(1 / 29.97, abs=1e-8)
+
+
+def test_the_surface_is_the_fit_s_as_far_as_it_says(files: dict[str, Path], upright: Motion, rig: str):
+    player = Player.of(files["glb"])
+    extras = player.document.asset.extras
+    off = [np.linalg.norm(player.vertices(float(player.times[t])) - meshes(upright)[t], axis=1) for t in range(7)]
+    assert np.max(off) == pytest.approx(extras["largest_deviation_m"], abs=2e-5)
+    assert np.mean(off) == pytest.approx(extras["mean_deviation_m"], abs=2e-6) and np.mean(off) < 5e-4
+    assert rig == "unreal" or np.max(off) < 2e-3
+
+
+def directions(path: Path, pairs: dict[str, tuple[str, str]]) -> dict[str, np.ndarray]:
+    """Where bones point at rest, by the nodes of a GLB."""
+    player = Player.of(path)
+    rest = dict(zip((node.name for node in player.document.nodes), scaled(player, None)[:, :3, 3], strict=True))
+    return {name: (rest[b] - rest[a]) / np.linalg.norm(rest[b] - rest[a]) for name, (a, b) in pairs.items()}
+
+
+def test_mixamo_stands_in_a_t_pose(free_body: BodyModel, tmp_path: Path):
+    write_standard_glb(tmp_path / "x.glb", neutral(free_body), MIXAMO)
+    at = "mixamorig:"
+    found = directions(tmp_path / "x.glb", {
+        "upper arm": (f"{at}LeftArm", f"{at}LeftForeArm"), "forearm": (f"{at}RightForeArm", f"{at}RightHand"),
+        "index": (f"{at}LeftHandIndex1", f"{at}LeftHandIndex2"), "thigh": (f"{at}RightUpLeg", f"{at}RightLeg"),
+    })  # fmt: skip
+    assert np.allclose(found["upper arm"], [1, 0, 0], atol=1e-3) and np.allclose(found["index"], [1, 0, 0], atol=1e-3)
+    assert np.allclose(found["forearm"], [-1, 0, 0], atol=1e-3) and found["thigh"][1] < -0.999
+
+
+def test_the_mannequin_stands_in_its_a_pose(free_body: BodyModel, tmp_path: Path):
+    write_standard_glb(tmp_path / "x.glb", neutral(free_body), UNREAL)
+    found = directions(tmp_path / "x.glb", {
+        "left": ("upperarm_l", "lowerarm_l"), "right": ("upperarm_r", "lowerarm_r"), "fore": ("lowerarm_l", "hand_l"),
+    })  # fmt: skip
+    assert np.degrees(np.arcsin(-found["left"][1])) == pytest.approx(41.8, abs=0.3)
+    assert np.allclose(found["right"], found["left"] * (-1, 1, 1), atol=5e-3)
+    assert found["fore"][2] > 0.4, "the elbow is bent to the front"
+
+
+@pytest.mark.parametrize(
+    ("name", "standard", "axis", "towards"),
+    [
+        ("mixamorig:LeftArm", MIXAMO, 1, "mixamorig:LeftForeArm"),
+        ("mixamorig:RightForeArm", MIXAMO, 1, "mixamorig:RightHand"),
+        ("mixamorig:LeftLeg", MIXAMO, 1, "mixamorig:LeftFoot"),
+        ("mixamorig:RightHandIndex2", MIXAMO, 1, "mixamorig:RightHandIndex3"),
+        ("upperarm_l", UNREAL, 0, "lowerarm_l"),
+        ("lowerarm_r", UNREAL, -1, "hand_r"),
+        ("thigh_l", UNREAL, -1, "calf_l"),
+        ("calf_r", UNREAL, 0, "foot_r"),
+        ("spine_01", UNREAL, 0, "spine_02"),
+    ],
+)
+def test_axes_run_along_the_bones(
+    free_body: BodyModel, tmp_path: Path, name: str, standard: Standard, axis: int, towards: str
+):
+    """`axis` 0 or 1 is x or y along the bone; -1 is x against it."""
+    write_standard_glb(tmp_path / "x.glb", neutral(free_body), standard)
+    player = Player.of(tmp_path / "x.glb")
+    rest = dict(zip((node.name for node in player.document.nodes), scaled(player, None), strict=True))
+    along = rest[name][:3, max(axis, 0)] * (-1 if axis < 0 else 1)
+    bone = rest[towards][:3, 3] - rest[name][:3, 3]
+    assert along @ bone / np.linalg.norm(bone) > 0.999
+
+
+@pytest.mark.parametrize("name", ["clavicle", "lowerarm", "hand", "index_02", "thigh", "calf", "foot", "ball"])
+def test_the_mannequin_s_right_side_is_mirrored_and_negated(free_body: BodyModel, name: str):
+    target = on_standard(neutral(free_body), UNREAL).target
+    left, right = (target.turns[target.names.index(f"{name}_{side}")] for side in "lr")
+    assert np.allclose(right, -np.diag([-1.0, 1.0, 1.0]) @ left, atol=0.02)
+
+
+def standing_as(body: BodyModel, standard: Standard, **turned: np.ndarray) -> Motion:
+    """A body in the pose that a rig has at rest; with joints turned on, by rotations in the rig's world."""
+    still = neutral(body)
+    rest, parents = on_standard(still, standard).target.rest, body.parents
+    world = np.stack([turned.get(name, np.eye(3)) @ rest[j] for name, j in JOINT.items()])
+    local = np.stack([world[parents[j]].T @ world[j] if j else world[j] for j in range(55)])
+    pose, hands = torch.as_tensor(Rotation.from_matrix(local).as_rotvec()), torch.as_tensor(body.hand_mean)
+    params = replace(
+        still.params,
+        body_pose=pose[1:22].reshape(1, -1).expand(2, -1),
+        left_hand_pose=(pose[25:40].reshape(1, -1) - hands[:1]).expand(2, -1),
+        right_hand_pose=(pose[40:55].reshape(1, -1) - hands[1:]).expand(2, -1),
+    )
+    return replace(still, params=params)
+
+
+@pytest.mark.parametrize("standard", RIGS.values(), ids=list(RIGS))
+def test_a_body_that_stands_as_the_rig_does_turns_nothing(free_body: BodyModel, standard: Standard):
+    moving = on_standard(standing_as(free_body, standard), standard)
+    assert np.allclose(moving.moved, np.eye(3), atol=1e-6)
+
+
+def test_unreal_s_root_is_on_the_floor_below_the_person(files: dict[str, Path], upright: Motion, rig: str):
+    if rig != "unreal":
+        pytest.skip("the others have no root above the pelvis")
+    nodes = [glb_joints(files["glb"], frame / upright.frame_rate) for frame in FRAMES]
+    pelvis = Posed.of(upright).places[0, 0]
+    assert all(np.allclose(node["root"][:3, 3], nodes[0]["root"][:3, 3]) for node in nodes)
+    assert np.allclose(nodes[0]["root"][[0, 2], 3], pelvis[[0, 2]], atol=1e-6)
+    assert nodes[0]["root"][1, 3] == pytest.approx(upright.joints()[0, :, 1].min(), abs=1e-5)
+
+
+def test_half_of_the_hand_s_twist_is_the_forearm_s(free_body: BodyModel):
+    target = on_standard(neutral(free_body), UNREAL).target
+    bone = target.places[target.names.index("hand_l")] - target.places[target.names.index("lowerarm_l")]
+    twist = Rotation.from_rotvec(0.8 * bone / np.linalg.norm(bone)).as_matrix()
+    hand = [name for name in JOINT if name.startswith("left_") and (name[-1].isdigit() or name == "left_wrist")]
+    moved = on_standard(standing_as(free_body, UNREAL, **dict.fromkeys(hand, twist)), UNREAL).moved[0]
+    turned = {n: Rotation.from_matrix(moved[target.names.index(n)]).magnitude() for n in target.names}
+    assert turned["lowerarm_l"] == pytest.approx(0, abs=1e-6) and turned["hand_l"] == pytest.approx(0.8, abs=1e-6)
+    assert turned["lowerarm_twist_01_l"] == pytest.approx(0.4, abs=1e-6)
+    assert turned["upperarm_twist_01_l"] == pytest.approx(0, abs=1e-6)

@@ -1,0 +1,240 @@
+"""Joint angles of motions whose angles are known, what their signs mean, and where they are not determined."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from fitting_core.body.geometry import MIRROR, MIRROR_ROTATION
+from fitting_core.body.model import JOINT, JOINTS, BodyModel, other_side
+from fitting_core.body.params import BodyParams
+from fitting_core.ground.level import Level, upright
+from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.measure.angles.cardan import angles_of, continuous, held
+from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
+from fitting_core.measure.angles.segments import Segments
+from tests.fitting_core.io.motion.motions import CAMERA, swinging
+from tests.fitting_core.measure.angles.anatomy import PARENTS, bone, frames, mirrored, posed, turned
+
+TOLERANCE = 0.05
+KNOWN = {
+    # joint: sequence, turns about its axes, and what the angles then are
+    "lumbar": ("ZXY", (-35, 12, 20), {"extension": -35, "bending": 12, "rotation": 20}),
+    "neck": ("ZXY", (18, -10, -40), {"extension": 18, "bending": -10, "rotation": -40}),
+    "hip": ("ZXY", (70, -25, 15), {"flexion": 70, "adduction": -25, "rotation": 15}),
+    "knee": ("ZXY", (-30, 4, -9), {"flexion": 30, "adduction": 4, "rotation": -9}),
+    "ankle": ("ZXY", (-22, 14, 6), {"dorsiflexion": -22, "inversion": 14, "rotation": 6}),
+    "toes": ("ZXY", (33, 0, 0), {"extension": 33}),
+    "shoulder": ("YXY", (60, -80, -35), {"plane": 60, "elevation": 80, "axial": -35}),
+    "elbow": ("ZXY", (95, -8, 110), {"flexion": 95, "carrying": 8, "pronation": 110}),
+    "wrist": ("ZXY", (-40, 17, 5), {"flexion": -40, "deviation": 17, "rotation": 5}),
+}
+SIDED = [joint for joint in KNOWN if joint not in ("lumbar", "neck")]
+
+
+@pytest.mark.parametrize("betas", [(0.0,) * 10, (2.0, -1.5, 1.0, *(0.5,) * 7)])
+def test_angles_by_which_a_body_was_posed_come_back(free_body: BodyModel, betas: tuple[float, ...]):
+    turns = {}
+    for joint, (sequence, about, _) in KNOWN.items():
+        if joint in SIDED:
+            turns |= {
+                f"right_{joint}": [turned(sequence, *about)],
+                f"left_{joint}": [mirrored(turned(sequence, *about))],
+            }
+        else:
+            turns[joint] = [turned(sequence, *about)]
+    root = [turned("YXZ", 40, -7, -15)]
+    angles = joint_angles(posed(free_body, turns, root=root, betas=betas))
+    expected = {"pelvis_rotation": 40, "pelvis_obliquity": 7, "pelvis_tilt": 15}
+    for joint, (_, _, named) in KNOWN.items():
+        for side in ("left_", "right_") if joint in SIDED else ("",):
+            expected |= {f"{side}{joint}_{name}": value for name, value in named.items()}
+    off = {name: float(angles[name][0]) - value for name, value in expected.items()}
+    assert max(map(abs, off.values())) < TOLERANCE, off
+    assert set(ANGLES) - set(expected) == {
+        *(f"thorax_{name}" for name in ("rotation", "obliquity", "tilt")),
+        *(f"{side}_shoulder_{name}" for side in ("left", "right") for name in ("flexion", "abduction")),
+    }
+
+
+def test_who_stands_anatomically_has_zeros(free_body: BodyModel):
+    angles = joint_angles(posed(free_body, {}, root=[Rotation.identity()]))
+    assert {name for name, values in angles.items() if np.isnan(values).any()} == {
+        f"{side}_shoulder_{name}" for side in ("left", "right") for name in ("plane", "axial")
+    }, "the hanging arm has no plane of elevation"
+    assert all(np.nan_to_num(abs(values)).max() < TOLERANCE for values in angles.values())
+
+
+@pytest.mark.parametrize(
+    ("joint", "turn", "moved", "direction", "name"),
+    [
+        # a turn of one angle alone; a point of the body; where it goes, in front, up, outward; the angle that grows
+        ("hip", ("Z", 30), "knee", (1, 1, 0), "hip_flexion"),
+        ("hip", ("X", -30), "knee", (0, 1, 1), "hip_adduction"),
+        ("hip", ("Y", 30), "foot", (0, 0, -1), "hip_rotation"),
+        ("knee", ("Z", -30), "ankle", (-1, 1, 0), "knee_flexion"),
+        ("knee", ("X", 30), "ankle", (0, 1, -1), "knee_adduction"),
+        ("knee", ("Y", 30), "foot", (0, 0, -1), "knee_rotation"),
+        ("ankle", ("Z", 30), "foot", (0, 1, 0), "ankle_dorsiflexion"),
+        ("ankle", ("Y", 30), "foot", (0, 0, -1), "ankle_rotation"),
+        ("shoulder", ("X", -30), "elbow", (0, 1, 1), "shoulder_elevation"),
+        ("shoulder", ("X", -30), "elbow", (0, 1, 1), "shoulder_abduction"),
+        ("shoulder", ("Z", 30), "elbow", (1, 1, 0), "shoulder_flexion"),
+        ("elbow", ("Z", 30), "wrist", (1, 1, 0), "elbow_flexion"),
+        ("elbow", ("X", -30), "wrist", (0, 1, 1), "elbow_carrying"),
+        ("elbow", ("Y", 90), "thumb2", (1, 0, -1), "elbow_pronation"),
+        ("wrist", ("Z", 30), "middle1", (1, 1, 0), "wrist_flexion"),
+        ("wrist", ("X", 30), "middle1", (0, 1, -1), "wrist_deviation"),
+    ],
+)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_signs_are_what_the_body_does(
+    free_body: BodyModel, side: str, joint: str, turn: tuple[str, float], moved: str, direction: tuple, name: str
+):
+    rotation = turned(turn[0], turn[1])
+    rotation = rotation if side == "right" else mirrored(rotation)
+    motion = posed(free_body, {f"{side}_{joint}": [Rotation.identity(), rotation]})
+    place = motion.joints()[:, JOINT[f"{side}_{moved}"]]
+    outward, up, front = (place[1] - place[0]) * ([1, 1, 1] if side == "left" else [-1, 1, 1])
+    for went, expected in zip((front, up, outward), direction, strict=True):
+        if expected:
+            assert went * expected > 0.001, f"{name}: went {went:.4f}"
+    angle = joint_angles(motion)[f"{side}_{name}"]
+    assert abs(np.diff(angle)[0]) == pytest.approx(abs(turn[1]), abs=TOLERANCE)
+    grows = np.diff(angle)[0] > 0
+    assert grows == (name not in ("hip_adduction",)), "abducted, in this one"
+
+
+def test_the_trunk_s_signs(free_body: BodyModel):
+    motion = posed(free_body, {"lumbar": [Rotation.identity(), turned("Z", 30), turned("X", 30), turned("Y", 30)]})
+    neck = motion.joints()[:, JOINT["neck"]]
+    left_shoulder = motion.joints()[:, JOINT["left_shoulder"]]
+    angles = joint_angles(motion)
+    assert neck[1, 2] < neck[0, 2] - 0.05 and angles["lumbar_extension"][1] == pytest.approx(30, abs=TOLERANCE)
+    assert neck[2, 0] < neck[0, 0] - 0.05 and angles["lumbar_bending"][2] == pytest.approx(30, abs=TOLERANCE)
+    assert left_shoulder[3, 2] < left_shoulder[0, 2] - 0.05, "it goes back where the chest turns to the left"
+    assert angles["lumbar_rotation"][3] == pytest.approx(30, abs=TOLERANCE)
+    assert angles["thorax_tilt"][1] == pytest.approx(-30, abs=TOLERANCE)
+
+
+def test_against_frames_built_otherwise(free_body: BodyModel):
+    """Of the posed body: long axes from joints in the world, and the angles by other formulas."""
+    motion = swinging(free_body, 30).in_axes("y-up")
+    angles = joint_angles(motion)
+    rest = frames(motion.rest_joints[0].numpy())
+    bones = Segments(motion)._posed[0]
+    joints = motion.joints()
+    for side, sign in (("right", 1.0), ("left", -1.0)):
+        thigh, shank = (bones[:, bone(f"{side}_{s}")] @ rest[f"{side}_{s}"] for s in ("thigh", "shank"))
+        hip, knee, ankle = (joints[:, JOINT[f"{side}_{name}"]] for name in ("hip", "knee", "ankle"))
+        assert np.allclose(thigh[:, :, 1], (hip - knee) / np.linalg.norm(hip - knee, axis=1)[:, None], atol=1e-5)
+        assert np.allclose(shank[:, :, 1], (knee - ankle) / np.linalg.norm(knee - ankle, axis=1)[:, None], atol=1e-5)
+        # Grood & Suntay 1983: e1 the thigh's flexion axis, e3 the shank's length, e2 across both
+        e1, e3 = thigh[:, :, 2], shank[:, :, 1]
+        e2 = np.cross(e3, e1)
+        e2 /= np.linalg.norm(e2, axis=1)[:, None]
+        flexion = np.degrees(np.arctan2((e2 * thigh[:, :, 1]).sum(1), (e2 * thigh[:, :, 0]).sum(1)))
+        adduction = sign * (90 - np.degrees(np.arccos((e1 * e3).sum(1))))
+        rotation = sign * np.degrees(np.arctan2((e2 * shank[:, :, 2]).sum(1), (e2 * shank[:, :, 0]).sum(1)))
+        assert np.allclose(-flexion, angles[f"{side}_knee_flexion"], atol=TOLERANCE)
+        assert np.allclose(adduction, angles[f"{side}_knee_adduction"], atol=TOLERANCE)
+        assert np.allclose(rotation, angles[f"{side}_knee_rotation"], atol=TOLERANCE)
+        for joint in ("hip", "ankle", "elbow", "wrist"):
+            parent, child = PARENTS[joint]
+            above, below = (bones[:, bone(s)] @ rest[s] for s in (
+                parent if parent in rest else f"{side}_{parent}", f"{side}_{child}"))  # fmt: skip
+            turns = Rotation.from_matrix(np.swapaxes(above, 1, 2) @ below).as_euler("ZXY", degrees=True)
+            first, second, third = (values for name, values in angles.items() if name.startswith(f"{side}_{joint}_"))
+            second = -second if joint == "elbow" else second
+            for value, expected in ((first, turns[:, 0]), (sign * second, turns[:, 1]), (sign * third, turns[:, 2])):
+                assert abs((value - expected + 180) % 360 - 180).max() < TOLERANCE, joint
+        # the arm's elevation is the angle between the trunk and the upper arm
+        thorax, humerus = bones[:, JOINT["spine3"]] @ rest["thorax"], bones[:, bone(f"{side}_humerus")]
+        cosine = (thorax[:, :, 1] * (humerus @ rest[f"{side}_humerus"])[:, :, 1]).sum(1)
+        assert np.allclose(np.degrees(np.arccos(cosine)), angles[f"{side}_shoulder_elevation"], atol=TOLERANCE)
+
+
+def test_a_mirrored_motion_has_the_other_side_s_angles(free_body: BodyModel):
+    motion = swinging(free_body, 8).in_axes("y-up")
+    swapped = [JOINT[other_side(name)] for name in JOINTS]
+    pose = motion.pose.numpy()[:, swapped] * MIRROR_ROTATION
+    params = replace(
+        motion.params,
+        global_orient=torch.as_tensor(pose[:, 0]),
+        body_pose=torch.as_tensor(pose[:, 1:22].reshape(len(pose), -1)),
+    )
+    angles, others = joint_angles(motion), joint_angles(replace(motion, params=params))
+    rest = motion.rest_joints[0].numpy()
+    assert np.allclose(rest[swapped] * MIRROR, rest, atol=2e-3), "the free body is nearly symmetric"
+    other = {"bending", "obliquity", "rotation"}
+    for name, values in angles.items():
+        middle = not name.startswith(("left", "right"))
+        expected = -others[name] if middle and name.split("_")[1] in other else others[other_side(name)]
+        assert np.allclose((values - expected + 180) % 360, 180, atol=0.6, equal_nan=True), name
+
+
+def test_angles_run_on_over_many_turns(free_body: BodyModel):
+    turning = np.arange(0, 1100, 20.0)
+    motion = posed(free_body, {}, root=[turned("Y", angle) for angle in turning])
+    assert np.allclose(joint_angles(motion)["pelvis_rotation"], turning, atol=TOLERANCE)
+
+
+def test_an_arm_that_goes_over_the_head_and_on(free_body: BodyModel):
+    raised = np.arange(2, 200, 5.0)
+    angles = joint_angles(posed(free_body, {"left_shoulder": [turned("Z", angle) for angle in raised]}))
+    assert np.allclose(angles["left_shoulder_flexion"], raised, atol=TOLERANCE)
+    assert np.allclose(angles["left_shoulder_elevation"], np.minimum(raised, 360 - raised), atol=TOLERANCE)
+    plane = angles["left_shoulder_plane"]
+    unknown = abs(np.sin(np.radians(raised))) < np.sin(np.radians(5))
+    assert np.array_equal(np.isnan(plane), unknown) and unknown.sum() == 3
+    assert np.allclose(plane[(raised > 2) & (raised < 175)], 90, atol=TOLERANCE)
+
+
+def test_an_arm_held_sideways_is_seen_from_the_front_alone(free_body: BodyModel):
+    arms = [turned("X", -angle) for angle in (60, 79, 81, 90, 110)]
+    angles = joint_angles(posed(free_body, {"right_shoulder": arms}))
+    assert np.array_equal(np.isnan(angles["right_shoulder_flexion"]), [False, False, True, True, False])
+    assert np.allclose(angles["right_shoulder_abduction"], [60, 79, 81, 90, 110], atol=TOLERANCE)
+
+
+def test_the_world_is_upright_where_gravity_is_known(free_body: BodyModel):
+    """A camera that looks down by 25 degrees, and a person who stands upright before it."""
+    pitch = Rotation.from_rotvec(np.radians([25.0, 0, 0]))  # camera space: x right, y down, z away
+    stands = pitch.as_matrix() @ np.diag([1.0, -1.0, -1.0])
+    motion = posed(free_body, {}, root=[Rotation.identity()], axes="camera")
+    params = replace(motion.params, global_orient=torch.as_tensor(Rotation.from_matrix(stands).as_rotvec()[None]))
+    level = Level(turn=upright(stands[:, 1]), height=None, text="")
+    known = joint_angles(replace(motion, params=params, level=level))
+    unknown = joint_angles(replace(motion, params=params))
+    for name in ("tilt", "obliquity", "rotation"):
+        assert abs(known[f"pelvis_{name}"][0]) < TOLERANCE
+    assert abs(unknown["pelvis_tilt"][0]) == pytest.approx(25, abs=TOLERANCE)
+
+
+def test_held_angles_play_the_rotation_where_axes_coincide():
+    turns = Rotation.from_euler("ZXY", [[20, 80, 10], [20, 90, 30], [25, 90, 35], [30, 85, 30]], degrees=True)
+    angles = held(turns.as_matrix(), "ZXY")
+    again = Rotation.from_euler("ZXY", angles, degrees=True)
+    assert np.degrees((again.inv() * turns).magnitude()).max() < 0.2
+    assert angles[1, 0] == angles[0, 0], "the first axis waits"
+    assert abs(np.diff(angles, axis=0)).max() < 40
+
+
+def test_the_nearer_triple_is_taken():
+    turns = [[10.0, angle, -20.0] for angle in range(40, 150, 10)]
+    matrices = Rotation.from_euler("ZXY", turns, degrees=True).as_matrix()
+    assert abs(angles_of(matrices, "ZXY")[-1] - turns[-1]).max() > 100
+    assert np.allclose(continuous(angles_of(matrices, "ZXY"), "ZXY")[[0, -1]], [turns[0], turns[-1]])
+
+
+def test_a_body_without_fingers_has_straight_wrists(free_body: BodyModel):
+    fingers = [JOINT[name] for name in JOINTS[25:]]
+    regressor = free_body.joint_regressor.copy()
+    for joint in fingers:
+        regressor[joint] = regressor[JOINT["left_wrist" if JOINTS[joint].startswith("left") else "right_wrist"]]
+    body = replace(free_body, joint_regressor=regressor)
+    angles = joint_angles(Motion(body=body, params=BodyParams.neutral(2), camera=CAMERA, frame_rate=25, name="tpose"))
+    assert all(abs(angles[f"left_wrist_{name}"]).max() < TOLERANCE for name in ("flexion", "deviation", "rotation"))
+    assert abs(angles["left_elbow_pronation"] - 90).max() < TOLERANCE

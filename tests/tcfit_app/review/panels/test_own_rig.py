@@ -1,0 +1,110 @@
+"""The user's own rig in the panel Export: uploaded, its joints picked by names, kept in the project, exported."""
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.io.motion.rigs.mapping import read_mapping
+from tcfit_app.project.storage.rig import kept_rig
+from tcfit_app.review.panels.export_panel import ExportPanel
+from tests.drivers.lone_page import LonePage, tiny_page
+from tests.fitting_core.io.motion.rigs.rig_files import PERSON, bvh_text, glb_bytes, gltf_document
+
+ODD = tuple((*(name.replace("LeftForeArm", "Bone_7") for name in bone[:2]), bone[2]) for bone in PERSON)
+"""With a forearm that no name tells."""
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, ExportPanel) as page:
+        yield page
+
+
+def upload(tested: LonePage, name: str, content: bytes) -> None:
+    button = tested.field("Upload a rig …")
+    button._impl.value = viser.UploadedFile(name=name, content=content)
+    tested.call_back(button, MagicMock())
+    tested.settle()
+    tested.draw()
+
+
+def downloaded(tested: LonePage, name: str) -> bytes:
+    tested.press("export.begin", name)
+    running = tested.panels[0].running
+    tested.settle()
+    assert running.state == "finished", running.reason
+    return tested.downloads[running.title]
+
+
+def test_a_rig_is_uploaded_completed_kept_and_exported(tested: LonePage):
+    tested.fit()
+    upload(tested, "hero.glb", glb_bytes(gltf_document(ODD)))
+    folder = tested.page.tab.session.project.folder / "rig"
+    assert sorted(path.name for path in folder.iterdir()) == ["hero.glb", "mapping.toml"]
+    assert "no joint stands for left_elbow (left forearm)" in tested.html() and tested.button("Own rig (GLB)").disabled
+    assert tested.field("right forearm").value == "RightForeArm" and tested.field("spine").value == "Spine, Spine1"
+    forearm = tested.field("left forearm – missing")
+    assert forearm.value == "none" and {"none", "Bone_7", "Hips"} < set(forearm.options)
+    tested.enter("left forearm – missing", "Bone_7")
+    assert not tested.button("Own rig (GLB)").disabled and tested.field("left forearm").value == "Bone_7"
+    assert read_mapping(folder / "mapping.toml").joints["left_elbow"] == ("Bone_7",)
+    assert downloaded(tested, "rig-glb").startswith(b"glTF") and b"ROOT Hips" in downloaded(tested, "rig-bvh")
+    tested.press("rig.download")
+    assert tomllib.loads(tested.downloads["hero.toml"].decode())["joints"]["left_elbow"] == "Bone_7"
+    found = kept_rig(tested.page.tab.session.project.folder)
+    assert found is not None and found.joints["left_elbow"] == ("Bone_7",), "it is there tomorrow"
+
+
+def test_a_joint_stands_for_one_part(tested: LonePage):
+    upload(tested, "hero.bvh", bvh_text().encode())
+    tested.enter("left thigh", "RightUpLeg")
+    tested.draw()
+    assert tested.field("right thigh – missing").value == "none"
+    tested.enter("spine", " Spine1 ")
+    tested.draw()
+    kept = kept_rig(tested.page.tab.session.project.folder)
+    assert kept is not None and kept.joints["left_hip"] == ("RightUpLeg",) and kept.joints["spine"] == ("Spine1",)
+    tested.fit()
+    tested.draw()
+    assert tested.button("Own rig (GLB)").disabled, "a BVH has no surface"
+
+
+def test_another_rig_takes_the_place_of_the_first(tested: LonePage):
+    upload(tested, "hero.glb", glb_bytes(gltf_document()))
+    upload(tested, "villain.bvh", bvh_text(ODD).encode())
+    folder = tested.page.tab.session.project.folder / "rig"
+    assert sorted(path.name for path in folder.iterdir()) == ["mapping.toml", "villain.bvh"]
+    assert "Bone_7" in tested.field("left forearm – missing").options
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("hero.fbx", b"Kaydara", "Convert it to GLB"),
+        ("hero.glb", b"glTF and no more", "hero.glb"),
+        ("hero.bvh", b"\xff\xfe nothing", "hero.bvh"),
+        ("../mapping.toml", b"[joints]", "is not read as a rig"),
+    ],
+)
+def test_what_is_no_rig_is_told_and_changes_nothing(tested: LonePage, name: str, content: bytes, said: str):
+    upload(tested, "good.glb", glb_bytes(gltf_document()))
+    folder = tested.page.tab.session.project.folder / "rig"
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    upload(tested, name, content)
+    assert any(said in notice.text for notice in tested.notices)
+    assert not any("tcfit-scratch" in notice.text for notice in tested.notices)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert tested.field("right forearm").value == "RightForeArm"
+
+
+def test_a_rig_that_was_damaged_is_told(tested: LonePage):
+    upload(tested, "hero.glb", glb_bytes(gltf_document()))
+    panel = tested.panels[0]._own_rig
+    panel.mapping.write_text("skeleton = 3")
+    panel._kept, panel._looked = None, False
+    assert "cannot be read" in tested.html() and "Upload it again" in tested.html()

@@ -1,0 +1,435 @@
+"""The people of a clip without a browser: opening, leaving out, locks, and who can be seen by whom."""
+
+import shutil
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import MagicMock
+
+import msgspec
+import numpy as np
+import pytest
+import torch
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from fitting_core.io.people_file import read_people
+from tcfit_app.cli.main import main
+from tcfit_app.cli.review_command import open_project
+from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.fitting.reports import Notice
+from tcfit_app.project.edits.kinds import MarkBad, SetDepth, TakeOver, check
+from tcfit_app.project.edits.taken_over import packed
+from tcfit_app.project.people import opened_people
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.lock import ProjectLocked
+from tcfit_app.review.app import ReviewApp
+from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Press
+from tcfit_app.review.panels.export_panel import ExportPanel
+from tcfit_app.review.panels.review_panel import ReviewPanel
+from tcfit_app.review.session.group import Group
+from tcfit_app.review.session.session import Session
+from tcfit_app.review.tab.people import Someone, alone
+from tcfit_app.review.tab.state import TabState, seen_alike
+from tests.fitting_core.io.motion.gltf_player import Player
+from tests.samples.people_projects import FRAMES, LATE, PLACES, open_two, two_people
+
+
+@pytest.fixture(scope="module")
+def talk(free_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Not to be changed."""
+    return two_people(tmp_path_factory.mktemp("people") / "talk", free_body)
+
+
+@pytest.fixture
+def folder(talk: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(talk, tmp_path / "talk"))
+
+
+@contextmanager
+def reviewed(folder: Path, server: viser.ViserServer) -> Iterator[ReviewApp]:
+    """An app with one client, which nobody is connected to."""
+    with open_two(folder) as people:
+        bodies = Bodies()
+        sessions = [Session(project, bodies) for _, project in people.projects]
+        app = ReviewApp(sessions[0], MagicMock(), group=Group(people, sessions))
+        client = MagicMock()
+        client.gui, client.scene, client.client_id = server.gui, server.scene, 1
+        client.camera.image_width, client.camera.image_height = 1000, 700
+        try:
+            app._open(client)
+            app._obey(0.0)
+            yield app
+        finally:
+            app.close()
+            server.gui.reset()
+
+
+def hello(app: ReviewApp, tab: str) -> None:
+    app.pages[1].receive(Hello(tab=tab, width=1000, height=700))
+
+
+def test_each_person_counts_frames_from_the_own_first(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        one, other = app.people
+        assert one.everybody == other.everybody == (one, other)
+        assert [one.frame_of(n) for n in (-1, 0, FRAMES - 1, FRAMES)] == [None, 0, FRAMES - 1, None]
+        assert [other.frame_of(n) for n in (LATE - 1, LATE)] == [None, 0]
+
+
+def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_other_s(
+    folder: Path, panel_server: viser.ViserServer
+):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        first = app.pages[1]
+        first.tab.set(frame=7, frames=range(6, 9), selection=(4,), opacity=0.3, plots=("volume",), playing=True)
+        first.receive(GoToPerson(1))
+        second = app.pages[1]
+        assert second is not first and second.tab.someone.name == "person 2"
+        state = second.tab.state
+        assert (state.frame, state.opacity, state.plots) == (7 - LATE, 0.3, ("volume",))
+        assert (state.frames, state.selection, state.playing, first.tab.state.playing) == (None, (), False, False)
+        second.tab.set(selection=(7,), opacity=0.5)
+        second.receive(GoToPerson(0))
+        assert app.pages[1] is first, "what was begun there goes on"
+        assert (first.tab.state.selection, first.tab.state.opacity) == ((4,), 0.5)
+        first.tab.seek(1)
+        first.receive(GoToPerson(1))
+        assert app.pages[1].tab.state.frame == 0, "as near as the other is there"
+
+
+def test_a_tab_that_is_loaded_again_shows_whom_it_has_shown(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        app.pages[1].receive(GoToPerson(1))
+        client = app.pages[1].tab.client
+        app._close(1)
+        app._open(client)
+        assert app.pages[1].tab.someone.name == "person 1"
+        hello(app, "mine")
+        assert app.pages[1].tab.someone.name == "person 2"
+        app._close(1)
+        app._open(client)
+        hello(app, "another")
+        assert app.pages[1].tab.someone.name == "person 1"
+
+
+def test_whoever_is_not_there_cannot_be_gone_to(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        page = app.pages[1]
+        for number in (2, 999):
+            page.receive(GoToPerson(number))
+        page.receive(GoToPerson(0))
+        assert app.pages[1] is page
+
+
+def test_a_link_leads_to_its_person(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+
+        def follow(link: OpenLink) -> list[str]:
+            """What is told."""
+            app.pages[1].tab.browser.toasts.show = MagicMock()
+            app.pages[1].tab.browser.receive(link)
+            app._obey(0.0)
+            app._obey(0.0)
+            return [call.args[0].text for call in app.pages[1].tab.browser.toasts.show.call_args_list]
+
+        def place() -> tuple[str, int]:
+            return app.pages[1].tab.someone.name, app.pages[1].tab.state.frame
+
+        assert follow(OpenLink(frame=6, run=1, phase=2, person=2)) == [] and place() == ("person 2", 6 - LATE)
+        assert app.pages[1].tab.state.b == FitChoice(run=1, phase=2)
+        assert app._first.remembered["mine"].b == FitChoice(), "the other's fit is what it was"
+        assert follow(OpenLink(frame=8)) == [] and place() == ("person 2", 8 - LATE), "whoever is shown"
+        assert follow(OpenLink(frame=1, person=1)) == [] and place() == ("person 1", 1)
+        for forged in (0, 3, 2**53):
+            (told,) = follow(OpenLink(frame=5, person=forged))
+            assert f"person {forged}; here are 1 (person 1), 2 (person 2)" in told and place() == ("person 1", 1)
+        (told,) = follow(OpenLink(frame=1, person=2))
+        assert "this clip has frames 4 to 11" in told
+
+
+def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Path, panel_server: viser.ViserServer):
+    shutil.rmtree(folder / "person-1")
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        page, sent = app.pages[1], MagicMock()
+        page.tab.channel.send = sent
+        page.gestures.noting.copy_link()
+        assert [call.args[1].person for call in sent.call_args_list] == [2]
+        assert page.tab.someone.numbered(2) is page.tab.someone
+        with pytest.raises(InputError, match="here are 2 "):
+            page.tab.someone.numbered(1)
+        with pytest.raises(InputError, match="one person's project"):
+            alone(page.tab.data).numbered(2)
+
+
+def test_news_of_somebody_else_say_whose_they_are(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        told: list[Notice] = []
+        app.pages[1].tab.notify = told.append  # pyright: ignore[reportAttributeAccessIssue]
+        for someone in app.people:
+            someone.session.tell(Notice(title="Fit everything: done", text="", kind="done"))
+        assert [notice.title for notice in told] == ["Fit everything: done", "person 2: Fit everything: done"]
+
+
+def test_all_locks_are_held_until_the_end(folder: Path):
+    with open_two(folder) as people:
+        assert [project.read_only for _, project in people.projects] == [False, False]
+        for name in ("person-1", "person-2"):
+            with pytest.raises(ProjectLocked):
+                Project.open(folder / name)
+        with opened_people(folder, open_project, print) as others:
+            assert [project.read_only for _, project in others.projects] == [True, True]
+    for name in ("person-1", "person-2"):
+        Project.open(folder / name).close()
+
+
+def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.CaptureFixture):
+    shutil.rmtree(folder / "person-1")
+    with open_two(folder) as people:
+        assert [person.name for person, _ in people.projects] == ["person 2"]
+        assert people.chosen(None) is people.chosen(2)
+        for number, told in ((1, "could not be opened"), (0, "people 1 to 2"), (3, "people 1 to 2")):
+            with pytest.raises(InputError, match=told):
+                people.chosen(number)
+    assert "person 1 is left out" in capsys.readouterr().out
+    shutil.rmtree(folder / "person-2")
+    (folder / "person-2").mkdir()
+    with pytest.raises(InputError, match="none of its people"), open_two(folder):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--keypoints", "x"], "leave out --keypoints"),
+        (["--reference", "x.npz"], "a reference is of one"),
+        (["--fov", "60"], "--fov counts for a new project"),
+        (["--person", "3"], "people 1 to 2"),
+    ],
+)
+def test_options_of_a_new_project_are_refused(talk: Path, options: list[str], told: str, capsys: pytest.CaptureFixture):
+    assert main(["review", str(talk), "--no-browser", "--port", "0", *options]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_how_things_are_looked_at_goes_along(talk: Path):
+    mine = TabState(frame=3, selection=(1,), frames=range(2))
+    other = TabState(frame=9, selection=(2,), opacity=0.2, others=False, mode="ab", playing=True)
+    found = seen_alike(mine, other)
+    assert (found.frame, found.selection, found.frames, found.playing) == (3, (1,), range(2), False)
+    assert (found.opacity, found.others, found.mode) == (0.2, False, "ab")
+
+
+def exchanged(app: ReviewApp, number: int) -> None:
+    page = app.pages[1]
+    page.gestures.exchanging.exchange(app.people[1 - page.tab.someone.number], number)
+
+
+def test_two_people_are_exchanged_from_a_frame_on_and_each_can_be_undone(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        one, other = (someone.session.project for someone in app.people)
+        one.append(MarkBad(frames=(10,), joints=(4,)))
+        one.append(SetDepth(frames=(10,), joints=(7,), depth=((0.5,),)))
+        before, theirs = one.corrected.xy.copy(), other.corrected.xy.copy()
+        exchanged(app, 9)
+        assert np.allclose(one.corrected.xy[9:], theirs[9 - LATE :], atol=1e-3)
+        assert np.allclose(other.corrected.xy[9 - LATE :], before[9:], atol=1e-3)
+        assert np.array_equal(one.corrected.xy[:9], before[:9])
+        assert np.array_equal(other.corrected.xy[: 9 - LATE], theirs[: 9 - LATE])
+        assert other.corrected.confidence[10 - LATE, 4] == 0, "what was bad does not count there either"
+        assert not one.corrected.bad[10, 4] and np.isnan(one.corrected.depth[10, 7])
+        assert app.people[1].uncertain == () and read_people(folder).people[1].uncertain == ()
+        app.people[0].session.undo(author="me")
+        assert np.array_equal(one.corrected.xy, before) and one.corrected.bad[10, 4]
+        app.people[1].session.undo(author="me")
+        assert np.array_equal(other.corrected.xy, theirs)
+        exchanged(app, LATE)
+        kept = one.corrected.xy.copy()
+    with Project.open(folder / "person-1") as again:
+        assert np.array_equal(again.corrected.xy, kept), "as it was, after a restart"
+
+
+def test_nothing_is_exchanged_where_one_of_them_is_not_or_may_not_be_changed(
+    folder: Path, panel_server: viser.ViserServer
+):
+    with reviewed(folder, panel_server) as app:
+        with pytest.raises(InputError, match="are not both there from frame 12 on"):
+            exchanged(app, FRAMES)
+        app.people[1].session.project._lock, held = None, app.people[1].session.project._lock
+        try:
+            with pytest.raises(InputError, match="read-only"):
+                exchanged(app, 9)
+        finally:
+            app.people[1].session.project._lock = held
+        assert not app.people[0].session.project.log
+
+
+def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        app.pages[1].receive(GoToPerson(1))
+        page = app.pages[1]
+        page.draw(0.0)
+        panel = next(panel for panel in page.panels if isinstance(panel, ReviewPanel))
+        page.tab.look()
+        panel.draw()
+        page.receive(Press("people.go", "0"))
+        assert page.tab.state.frames == range(9 - LATE, FRAMES - LATE) and page.tab.state.frame == 9 - LATE
+        page.receive(Press("people.right", "0"))
+        assert page.tab.someone.uncertain == () and read_people(folder).people[1].uncertain == ()
+        panel.draw()
+        assert not page.tab.buttons.on_show("people.go", "0")
+        page.receive(Press("people.exchange", "0"))
+        assert [entry.action.source for entry in page.tab.session.project.log] == ["person 1"]
+        assert page.tab.session.project.log[0].action.frames == tuple(range(9 - LATE, FRAMES - LATE))
+        page.receive(Press("people.exchange", "7"))
+        page.receive(Press("people.exchange", "1"))
+        page.receive(Press("people.go", "5"))
+        assert len(page.tab.session.project.log) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"packed": b"nothing"}, "cannot be unpacked"),
+        ({"packed": packed(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "has not one position"),
+        ({"packed": zlib.compress(bytes(10**7))}, "has not one position"),
+        ({"packed": packed(np.full((2, 1, 2), np.nan), np.zeros((2, 1)))}, "a position is not a number"),
+        ({"packed": packed(np.zeros((2, 1, 2)), np.full((2, 1), 1.5))}, "a confidence"),
+        ({"packed": packed(np.zeros((2, 1, 2)), np.full((2, 1), np.nan))}, "a confidence"),
+        ({"frames": (0, 99)}, "no frame 99"),
+    ],
+)
+def test_keypoints_that_make_no_sense_are_not_taken_over(changes: dict[str, Any], told: str):
+    edit = TakeOver(frames=(0, 1), joints=(4,), source="x", packed=packed(np.zeros((2, 1, 2)), np.ones((2, 1))))
+    check(edit, 6)
+    with pytest.raises(InputError, match=told):
+        check(msgspec.structs.replace(edit, **changes), 6)
+
+
+def test_the_second_person_may_be_the_first_at_the_end(talk: Path):
+    assert [person.uncertain for person in read_people(talk).people] == [(), ((9, FRAMES - 1),)]
+    assert np.all([len(person.frames) == 2 for person in read_people(talk).people])
+
+
+class Exporting:
+    """The panel Export of a tab that nobody is connected to, and what it sends."""
+
+    def __init__(self, app: ReviewApp, folder: Path) -> None:
+        self.app, self._folder = app, folder
+        hello(app, "mine")
+
+    def begin(self, **wishes: str) -> ExportPanel:
+        """Choose what is wished for, and press the button."""
+        page = self.app.pages[1]
+        page.draw(0.0)
+        panel = next(panel for panel in page.panels if isinstance(panel, ExportPanel))
+        chosen = [(f"export.{name}", value) for name, value in wishes.items()]
+        for command, value in [*chosen, ("export.everybody", "")]:
+            page.tab.look()
+            panel.draw()
+            assert page.tab.buttons.on_show(command, value)
+            page.receive(Press(command, value))
+        return panel
+
+    def read(self, **wishes: str) -> tuple[str, str, Player]:
+        """The file's name, what is told of it, and the file."""
+        for someone in self.app.people:
+            someone.session.stored.show(FitChoice())
+        self._until(lambda: not any(self._reading(someone) for someone in self.app.people))
+        panel = self.begin(**wishes)
+        task = panel.running
+        assert task is not None
+        self._until(lambda: task.state != "running" and not self.app.pages[1].tab.session.tasks._running)
+        assert task.state == "finished", task.reason
+        name, content = self.app.pages[1].tab.client.send_file_download.call_args.args
+        (self._folder / name).write_bytes(content)
+        return name, panel._note, Player.of(self._folder / name)
+
+    def _reading(self, someone: Someone) -> bool:
+        return any(someone.session.stored.reading(run) for run in someone.session.fits.showable())
+
+    def _until(self, there: Callable[[], bool]) -> None:
+        end = time.monotonic() + 60.0
+        while not there():
+            assert time.monotonic() < end, "waited too long"
+            for someone in self.app.people:
+                someone.session.take_news()
+            time.sleep(0.01)
+
+
+def people_of(player: Player) -> list[tuple[str, int]]:
+    return [(one["name"], one["frames"]) for one in player.document.asset.extras["people"]]
+
+
+def pelvis(player: Player, person: int, frame: int) -> np.ndarray:
+    """Metres, y up."""
+    return player.matrices(frame / 25.0)[player.document.skins[person].joints[0], :3, 3]
+
+
+def test_everybody_is_exported_in_one_glb(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
+    with reviewed(folder, panel_server) as app:
+        tested = Exporting(app, tmp_path)
+        name, note, player = tested.read()
+        assert name == "talk.glb" and note == "2 people"
+        assert people_of(player) == [("talk person 1", FRAMES), ("talk person 2", FRAMES - LATE)]
+        apart = pelvis(player, 1, LATE) - pelvis(player, 0, LATE)
+        assert apart == pytest.approx([PLACES[1] - PLACES[0], 0.0, 0.0], abs=1e-4)
+        app.pages[1].tab.set(frames=range(2, 6))
+        name, note, player = tested.read(frames="selected", keys="5")
+        assert name == "talk-2-5.glb"
+        assert people_of(player) == [("talk person 1", 4), ("talk person 2", 2)], "by number in the video"
+        assert note.count("keys (") == 2 and "talk person 2: " in note
+        app.pages[1].tab.set(frames=range(LATE))
+        name, note, player = tested.read()
+        assert note.endswith("person 2 is not there in these frames") and len(player.document.skins) == 1
+
+
+def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
+    with Project.open(folder / "person-2") as other:
+        moved = other.runs.load(1)
+        phases = []
+        for phase in moved.phases:
+            place = phase.params.camera_translation + torch.tensor([float(phase.phase), 0.0, 0.0])
+            phases.append(replace(phase, params=replace(phase.params, camera_translation=place)))
+        run = other.runs.start(moved.config, body=other.runs.get(1).body, edits_seen=0, name="moved")
+        other.runs.finish(run.id, replace(moved, phases=tuple(phases)))
+    with reviewed(folder, panel_server) as app:
+        tested = Exporting(app, tmp_path)
+
+        def right_of_the_first(**wishes: str) -> float:
+            player = tested.read(**wishes)[2]
+            return (pelvis(player, 1, LATE) - pelvis(player, 0, LATE))[0] - (PLACES[1] - PLACES[0])
+
+        assert right_of_the_first() == pytest.approx(3.0, abs=1e-4), "the newest"
+        assert right_of_the_first(side="A") == pytest.approx(1.0, abs=1e-4), "its first phase"
+        app.pages[1].receive(GoToPerson(1))
+        app.pages[1].tab.set(b=FitChoice(run=1), a=FitChoice(run=run.id, phase=2))
+        assert right_of_the_first() == pytest.approx(0.0, abs=1e-4), "as it is on show"
+        app.pages[1].receive(GoToPerson(0))
+        assert right_of_the_first(side="B") == pytest.approx(0.0, abs=1e-4), "as it was on show"
+        assert right_of_the_first(side="A") == pytest.approx(2.0, abs=1e-4)
+
+
+def test_who_has_no_fit_is_left_out_and_told(free_body: BodyModel, panel_server: viser.ViserServer, tmp_path: Path):
+    nobody = two_people(tmp_path / "nobody", free_body, fitted=False)
+    with reviewed(nobody, panel_server) as app, pytest.raises(InputError, match="Nobody has a fit"):
+        Exporting(app, tmp_path).begin()
+    folder = two_people(tmp_path / "again", free_body)
+    with Project.open(folder / "person-2") as other:
+        other.runs.delete(1)
+    with reviewed(folder, panel_server) as app:
+        _, note, player = Exporting(app, tmp_path).read()
+        assert note == "talk person 1. person 2 has no fit yet and is left out" and len(player.document.skins) == 1

@@ -1,0 +1,163 @@
+"""Several people of one clip: each can be gone to and worked on, the others are drawn beside them."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from fitting_core.body.model import BodyModel
+from fitting_core.keypoints import INDEX
+from tcfit_app.review.browser.page_events import GoToPerson
+from tests.drivers.review_page import Reviewing, opened, reviewed_people, serving, until
+from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+WRIST = INDEX["right_wrist"]
+
+
+@pytest.fixture(scope="module")
+def review(browser: "Browser", free_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
+    folder = two_people(tmp_path_factory.mktemp("people") / "talk", free_body)
+    with open_two(folder) as people, serving("talk", lambda server: reviewed_people(people, server)) as served:
+        yield opened(*served, browser)
+
+
+def person(review: Reviewing) -> str:
+    return review.page.tab.someone.name
+
+
+def choose(review: Reviewing, name: str) -> None:
+    """In the drop-down."""
+    review.tab.get_by_label("Person").click()
+    review.tab.get_by_role("option", name=name, exact=True).click()
+    until(lambda: person(review) == name, name)
+
+
+def state(review: Reviewing, name: str) -> dict[str, Any]:
+    # The page's script may still be on its way, after a reload.
+    look = "(name) => (window.tcfit?.state ? tcfit.state(name) : null)"
+    return until(lambda: review.tab.evaluate(look, name), name)
+
+
+def names(review: Reviewing) -> list[str]:
+    return review.tab.locator(".tcfit-person:visible").all_inner_texts()
+
+
+def back(review: Reviewing) -> None:
+    """To the first person, from the first frame on."""
+    review.app.post(lambda: review.page.tab.browser.go_to(review.app.people[0]))
+    until(lambda: person(review) == "person 1")
+    review.app.post(lambda: review.page.tab.set(frame=0, selection=(), mode="edit", others=True))
+    until(lambda: state(review, "cursor")["frame"] == 0)
+
+
+def test_the_drop_down_swaps_the_person(review: Reviewing):
+    back(review)
+    assert state(review, "timeline")["first_frame"] == 0
+    until(lambda: review.tab.get_by_label("Person").is_visible(), "the drop-down")
+    review.app.post(lambda: review.page.tab.seek(LATE + 2))
+    until(lambda: state(review, "cursor")["frame"] == LATE + 2)
+    choose(review, "person 2")
+    until(lambda: state(review, "timeline")["first_frame"] == LATE, "the other timeline")
+    until(lambda: state(review, "cursor")["frame"] == 2, "the same moment")
+    mine = review.app.people[1].session.project.corrected.xy[2, WRIST]
+    until(lambda: state(review, "keypoints")["xy"][WRIST] == pytest.approx(mine, abs=0.01), "the other keypoints")
+    until(lambda: review.tab.get_by_label("Person").input_value() == "person 2", "the drop-down")
+    choose(review, "person 1")
+    until(lambda: state(review, "timeline")["length"] == FRAMES, "the timeline of before")
+    until(lambda: review.tab.get_by_label("Person").input_value() == "person 1", "the drop-down")
+    assert not review.complaints
+
+
+def test_a_press_on_a_name_goes_to_that_person(review: Reviewing):
+    back(review)
+    until(lambda: names(review) == [], "nobody else is there yet")
+    review.app.post(lambda: review.page.tab.seek(LATE))
+    until(lambda: names(review) == ["person 2"], "the name")
+    review.tab.locator(".tcfit-person").click()
+    until(lambda: person(review) == "person 2")
+    until(lambda: names(review) == ["person 1"], "the other name")
+    review.press("q", lambda: person(review) == "person 1")
+
+
+def test_the_others_are_drawn_until_they_are_switched_off(review: Reviewing):
+    back(review)
+    review.app.post(lambda: review.page.tab.seek(LATE))
+
+    def drawn() -> set[str]:
+        scene = review.page.tab.client.scene._handle_from_node_name
+        nodes = (f"{root}/body{i}" for root in ("/posters/0", "/posters/side", "/space/filmed") for i in (0, 2))
+        return {name for name in nodes if name in scene and scene[name].visible}
+
+    until(lambda: {"/posters/0/body0", "/posters/0/body2"} <= drawn(), "both people")
+    review.app.post(lambda: review.page.tab.set(mode="space"))
+    until(lambda: {"/space/filmed/body0", "/space/filmed/body2"} <= drawn(), "both people in 3D")
+    until(lambda: names(review) == [], "no names in 3D")
+    review.app.post(lambda: review.page.tab.set(mode="edit"))
+    review.tab.get_by_role("tab", name="View", exact=True).click()
+    review.tab.get_by_role("button", name="Other people").click()
+    until(lambda: "/posters/0/body2" not in drawn(), "one person")
+    until(lambda: names(review) == [], "no names")
+    assert "/posters/0/body0" in drawn()
+
+
+def test_each_tab_shows_whom_it_wants_and_does_again_after_a_reload(review: Reviewing, browser: "Browser"):
+    back(review)
+    second = opened(review.app, review.server, browser)
+    first_page = next(page for page in review.app.pages.values() if page is not second.page)
+    second.press("q", lambda: person(second) == "person 2")
+    assert first_page.tab.someone.name == "person 1"
+    second.tab.reload()
+    until(lambda: second.page.tab.ready and person(second) == "person 2", "the same person again")
+    until(lambda: state(second, "timeline")["first_frame"] == LATE, "that one's timeline")
+    second.tab.close()
+    until(lambda: len(review.app.pages) == 1)
+
+
+def test_a_link_of_one_person_opens_that_one_for_others(review: Reviewing, browser: "Browser"):
+    back(review)
+    review.tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    review.app.post(lambda: review.page.tab.browser.go_to(review.app.people[1]))
+    until(lambda: person(review) == "person 2")
+    review.app.post(lambda: review.page.tab.seek(3))
+    review.rest()
+    review.app.post(lambda: review.page.gestures.noting.copy_link())
+    link = f"{review.server.address.url}/#frame={LATE + 3}&run=1&phase=3&person=2"
+    until(lambda: review.tab.evaluate("() => navigator.clipboard.readText()") == link, "the link")
+    second = opened(review.app, review.server, browser)
+    assert person(second) == "person 1"
+    second.tab.evaluate("(link) => void (location.href = link)", link)
+    until(lambda: (person(second), second.frame) == ("person 2", 3), "what the link says")
+    until(lambda: state(second, "timeline")["first_frame"] == LATE, "that one's timeline")
+    second.tab.evaluate("() => void (location.hash = 'frame=5&person=9')")
+    second.tab.get_by_text("The link leads to person 9").wait_for()
+    assert person(second) == "person 2"
+    second.tab.close()
+    until(lambda: len(review.app.pages) == 1)
+
+
+def test_a_correction_belongs_to_the_person_on_show(review: Reviewing):
+    back(review)
+    review.press("q", lambda: person(review) == "person 2")
+    review.rest()
+    logs = [len(someone.session.project.log) for someone in review.app.people]
+    x, y = review.place("right_wrist")
+    mouse = review.tab.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x + 30, y + 10, steps=3)
+    mouse.up()
+    until(lambda: len(review.app.people[1].session.project.log) == logs[1] + 1, "the edit")
+    assert len(review.app.people[0].session.project.log) == logs[0]
+    review.press("Control+z", lambda: len(review.app.people[1].session.project.log) == logs[1] + 2)
+
+
+def test_nobody_is_there_for_a_forged_number(review: Reviewing):
+    back(review)
+    shown = review.page
+    for number in (2, 999):
+        review.app.post(lambda number=number: shown.receive(GoToPerson(number)))
+    review.rest()
+    assert review.page is shown and person(review) == "person 1"
