@@ -122,8 +122,9 @@ class ExportPanel:
         """One GLB of all people."""
         self._refuse_second()
         tab, frames = self._tab, self._frames
-        assert tab.someone.group is not None, "the button is there where there are several people"
-        name = tab.someone.group.name
+        if (group := tab.someone.group) is None:
+            raise InputError("This project is of one person. Choose Character (GLB).")
+        name = group.name
         sources, left_out = self._people(name)
         if not sources:
             raise InputError("Nobody has a fit to export here. Fit somebody first, or choose other frames or B.")
@@ -329,7 +330,7 @@ def _axes_hint(name: str) -> str:
     if not name:
         return _AXES_HINT
     text = "As the camera file has it" if name == OWN_WORLD else AXES[name].text
-    return f"{text}; counts for SMPL-X npz, BVH, OBJ and PLY"
+    return f"{text}; counts for motions, meshes, TRC and C3D"
 
 
 def _said(going: Task[tuple[bytes, str | None]], size: int, note: str) -> list[Html]:
