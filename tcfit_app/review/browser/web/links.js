@@ -1,4 +1,5 @@
-// Links to a frame and a fit, and of several people to one: in the part of the page's address after #, which no server sees.
+// Links to a frame, a fit and, of several people, a person: in the part of the page's address after #, which no server
+// sees.
 
 import { emit, states, watch } from "./connection.js";
 
