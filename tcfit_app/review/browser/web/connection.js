@@ -4,7 +4,7 @@
 
 import { remember, remembered } from "./remembered.js";
 import { isDark, onOtherTheme } from "./theme.js";
-import { canvas, canvasSize, onOtherConnection, sendText } from "./viser/bridge.js";
+import { canvas, canvasFits, canvasSize, onOtherConnection, sendText } from "./viser/bridge.js";
 
 /**
  * What the server sent last under each name; and under "lost" whether the connection has ended, the server is silent,
@@ -160,6 +160,16 @@ export function connect(uuid, strip, largest) {
   toAcknowledge = null;
   clearTimeout(asking);
   receive("strip", strip); // before the page tells the size of its canvas
+  greet(uuid, performance.now() + FOLLOWING);
+}
+
+const FOLLOWING = 500; // milliseconds that viser's canvas has for following its box
+
+/** Says hello, upon which the first picture comes: in a busy browser it would be drawn on a canvas that still has the
+ * strip's room, and then be moved. @param {string} uuid @param {number} end */
+function greet(uuid, end) {
+  if (field !== uuid) return; // that connection is gone
+  if (!canvasFits() && performance.now() < end) return void setTimeout(greet, SPACING, uuid, end);
   const about = { browser: browserName(), hinted: remembered("tcfit-hints") !== undefined };
   emit({ type: "hello", tab: tabName, ...canvasSize(), ...about, dark: isDark() });
 }

@@ -83,6 +83,9 @@ export function canvasSize() {
   return { width: canvas().clientWidth, height: Math.min(canvas().clientHeight, canvasBox().clientHeight) };
 }
 
+/** Whether the canvas has followed its box. */
+export const canvasFits = () => Math.abs(canvas().clientHeight - canvasBox().clientHeight) <= 1;
+
 /**
  * viser's box around its canvas: a stacking context, so what is put into it stays below panels and messages.
  * @param {HTMLCanvasElement} inner
