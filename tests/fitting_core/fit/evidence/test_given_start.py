@@ -129,6 +129,25 @@ def test_hands_of_any_number_of_components_become_those_of_the_fit(free_body: Bo
     assert not start_of(free_body, still, body_seen(free_body, truth)).tells_hands
 
 
+@pytest.mark.parametrize(("rate", "left"), [(25.0, 0.218), (60.0, 0.086), (5.0, 1.0)])
+def test_what_trembles_is_not_held(free_body: BodyModel, rate: float, left: float):
+    """White noise keeps that share of its second differences, by the filter's coefficients; what moves evenly, gaps and
+    points that are not there stay as they are."""
+    frames = 80
+    start = start_of(free_body, arms_in_motion(frames), body_seen(free_body, arms_in_motion(frames)))
+    seconds = np.arange(frames)[:, None, None] / rate
+    even = np.broadcast_to(0.3 + 0.8 * seconds - 1.5 * seconds**2, start.points.shape)
+    there = np.arange(frames) != 40
+    points = np.where(np.isfinite(start.points), even, np.nan)
+    steady = replace(start, points=points, there=there).steady_points(rate)
+    assert np.allclose(steady, points, equal_nan=True)
+    noise = np.random.default_rng(3).normal(0.0, 0.01, points.shape)
+    trembling = replace(start, points=points + noise, there=there).steady_points(rate)
+    assert np.array_equal(trembling[40], (points + noise)[40], equal_nan=True)
+    second = [np.nanstd(np.diff(some[41:] - points[41:], 2, axis=0)) for some in (trembling, points + noise)]
+    assert second[0] <= 1.1 * left * second[1]
+
+
 def held(body: BodyModel, deviation: float | None, **weights: tuple[float, ...]) -> Stages:
     truth = arms_in_motion(2)
     keypoints = hidden(body_seen(body, truth), [ELBOW])
