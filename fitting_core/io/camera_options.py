@@ -1,15 +1,28 @@
-"""The camera as a user describes it: a focal length given in one of several ways, and a principal point."""
+"""The camera as a user describes it: by a calibration file, or a focal length given in one of several ways."""
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import get_args
 
-from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalRule, default_focal, focal_from_35mm, focal_from_fov
+from fitting_core.camera import (
+    DEFAULT_FOCAL,
+    Camera,
+    FocalRule,
+    PathScale,
+    Up,
+    default_focal,
+    focal_from_35mm,
+    focal_from_fov,
+)
 from fitting_core.errors import InputError
+from fitting_core.io.cameras.moving import ClipFrames
+from fitting_core.io.cameras.reading import CameraFile, read_camera
 
 _FOV_RANGE = (0.5, 170.0)
 """Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
-FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
+_FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
     "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels, as given"),
     "fov": (
         lambda degrees, size: focal_from_fov(degrees, size[0]),
@@ -22,8 +35,48 @@ _MAX_CENTER = 2.0
 """Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
 
 
-def focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, float] | None:
-    """The one way of FOCAL_OPTIONS that is given, and its value; None for none, or for a rule.
+@dataclass(frozen=True, kw_only=True)
+class CameraGiven:
+    """What a user says of the camera, checked; `read_clip` has the words."""
+
+    file: CameraFile | None
+    focal: tuple[str, float] | None
+    center: tuple[float, float] | None
+    automatic: bool
+    """The focal length is told by photographs, or estimated."""
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        focal_length: float | FocalRule | None,
+        fov: float | None,
+        focal_length_35mm: float | None,
+        center: tuple[float, float] | None,
+        camera: Path | None,
+        camera_name: str | None,
+        camera_unit: float | None,
+        camera_up: Up | None,
+    ) -> "CameraGiven":
+        """Raises InputError where these contradict each other."""
+        focal = _focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
+        file = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
+        return cls(file=file, focal=focal, center=center, automatic=focal_length == "auto")
+
+    def camera(
+        self,
+        size: tuple[int, int],
+        frames: ClipFrames,
+        scale_of: Callable[[Camera], PathScale | None] | None = None,
+    ) -> tuple[Camera, tuple[str, ...]]:
+        """The camera by its calibration or by what else is said of it, and notes; `scale_of` as of `read_camera`."""
+        if self.file is None:
+            return _camera_of(size, self.center, self.focal), ()
+        return read_camera(self.file, size, frames, scale_of=scale_of)
+
+
+def _focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, float] | None:
+    """The one way of _FOCAL_OPTIONS that is given, and its value; None for none, or for a rule.
 
     Raises:
         InputError: More than one is given, or something that is no focal length.
@@ -46,7 +99,34 @@ def focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, flo
     return name, value
 
 
-def camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
+def _camera_file(
+    path: Path | None, name: str | None, unit: float | None, up: Up | None, others: object
+) -> CameraFile | None:
+    """The calibration that a user gave.
+
+    Args:
+        path: The file.
+        name: Of a camera in it.
+        unit: Of its world.
+        up: Of its world.
+        others: Whatever else was said of the camera.
+
+    Raises:
+        InputError: The camera is given twice, or something of a file that is not given.
+    """
+    if path is None:
+        told = {"camera_name": name, "camera_unit": unit, "camera_up": up}
+        if given := [option for option, value in told.items() if value is not None]:
+            raise InputError(f"{given[0]} is given without a camera file. Give the file, or leave it out.")
+        return None
+    if others:
+        raise InputError(
+            f"The camera is given twice: by {path}, and by a focal length or a principal point. Give one of them only."
+        )
+    return CameraFile(path=path, name=name, unit=unit, up=up)
+
+
+def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
     """The camera of an image of this size; without a focal length, that of the image diagonal.
 
     Raises:
@@ -55,7 +135,7 @@ def camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: 
     if focal is None:
         pixels, source = default_focal(size), DEFAULT_FOCAL
     else:
-        to_focal, words = FOCAL_OPTIONS[focal[0]]
+        to_focal, words = _FOCAL_OPTIONS[focal[0]]
         pixels, source = to_focal(focal[1], size), words.format(focal[1])
         _check_angle(pixels, size, source)
     middle = (size[0] / 2, size[1] / 2)

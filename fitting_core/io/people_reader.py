@@ -75,13 +75,13 @@ def read_people(
         last_frame=last_frame,
     )
     found = find_everybody(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
-    inside_notes = check_inside(_together(found.people), shot.size)
-    seen, camera_notes = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
+    of_places = check_inside(_together(found.people), shot.size)
+    seen, of_camera = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
     people = []
     for number, one in enumerate(found.people, 1):
         about = _about(one, number, shot)
         notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
-        clip = shot.clip(one.keypoints, seen, notes, inside_notes, camera_notes)
+        clip = shot.clip(one.keypoints, seen, of_person=notes, of_places=of_places, of_camera=of_camera)
         people.append(PersonInClip(about=about, clip=_part(clip, one.frames, about), name=shot.name))
     return people
 

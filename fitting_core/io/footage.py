@@ -1,0 +1,132 @@
+"""What is known of a clip's frames before its keypoints: from the video, from options, or guessed."""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.io.keypoints.alignment import Timeline
+from fitting_core.io.keypoints.detections import Detections
+from fitting_core.video.frames import FrameSource
+
+DEFAULT_FRAME_RATE = 30.0
+_MAX_FRAME_RATE = 2000.0
+_SQUARE = 0.01
+"""By so much a pixel's width and height may differ: rounded numbers in files do."""
+
+_LANDSCAPE = ((320, 240), (640, 480), (854, 480), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160), (7680, 4320))
+_COMMON_SIZES = sorted([*_LANDSCAPE, *((h, w) for w, h in _LANDSCAPE)], key=lambda size: size[0] * size[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Footage:
+    """A video or a folder of images; without any, nothing of it is known."""
+
+    path: Path | None = None
+    size: tuple[int, int] | None = None
+    frame_rate: float | None = None
+    timeline: Timeline | None = None
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, path: Path | None) -> "Footage":
+        """Look at a video or a folder of images, if there is one. Raises InputError if it cannot be read."""
+        if path is None:
+            return cls()
+        with FrameSource(path) as frames:
+            notes = []
+            if frames.count < frames.declared_count:
+                notes.append(
+                    f"{path.name} is truncated: it says it has {frames.declared_count} frames, but only "
+                    f"{frames.count} can be decoded; these are used."
+                )
+            if frames.uneven:
+                says = f" (its header says {frames.declared_frame_rate:.4g})" if frames.declared_frame_rate else ""
+                notes.append(
+                    f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were: "
+                    f"{frames.frame_rate:.4g} per second on average{says}. Re-encode it at a constant frame rate if "
+                    "motion looks jerky, and detect the keypoints on the result."
+                )
+            if abs(frames.pixel_aspect - 1) > _SQUARE:
+                notes.append(_pixel_note(path, frames.pixel_aspect))
+            timeline = Timeline(numbers=range(frames.count), stems=frames.stems, source=path)
+            return cls(path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=tuple(notes))
+
+    def known_size(self, option: tuple[int, int] | None) -> tuple[int, int] | None:
+        """Width and height in pixels, its own or as a user says. Raises InputError if these contradict each other."""
+        if option is None:
+            return self.size
+        if not all(1 <= side <= 100_000 and side == int(side) for side in option):
+            raise InputError(f"image_size is {option[0]} x {option[1]}; expected width and height in whole pixels.")
+        if self.size and self.size != tuple(option):
+            raise InputError(
+                f"image_size is {option[0]} x {option[1]}, but {self.path} is {self.size[0]} x {self.size[1]} "
+                "pixels. Leave the option out."
+            )
+        return (int(option[0]), int(option[1]))
+
+    def known_rate(self, option: float | None, told: float | None) -> tuple[float, tuple[str, ...]]:
+        """Frames per second, and notes: as a user says, its own, as keypoints tell, or the usual one.
+
+        Raises InputError if no video has the user's.
+        """
+        if option is not None and not 0 < option <= _MAX_FRAME_RATE:
+            raise InputError(
+                f"frame_rate is {option:g}; expected frames per second, above 0 and up to {_MAX_FRAME_RATE:g}."
+            )
+        known = self.frame_rate or told
+        if option is None and known is None:
+            note = (
+                f"The frame rate is not known; {DEFAULT_FRAME_RATE:g} frames per second are assumed. Give frame_rate."
+            )
+            return DEFAULT_FRAME_RATE, (note,)
+        if option is None:
+            return known or DEFAULT_FRAME_RATE, ()
+        if known and abs(option - known) > 0.01:
+            says = "the video" if self.frame_rate else "the keypoint file"
+            return option, (f"The frame rate is {option:g} as given; {says} says {known:g}.",)
+        return option, ()
+
+
+def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path]:
+    """Where the frames and the keypoints are, given what the user pointed at.
+
+    Raises:
+        InputError: Neither names keypoints.
+    """
+    inside = video if video is not None and (video / "images").is_dir() else None
+    images = inside / "images" if inside else video
+    if keypoints is not None:
+        return images, keypoints
+    if video is None:
+        raise InputError("Neither a video nor keypoints were given; expected at least the keypoints.")
+    found = video / "keypoints"
+    if found.is_dir() and inside:
+        return images, found
+    missing = "keypoints" if inside else "images"
+    hint = f"; as a folder in SMPLify-X layout it lacks {missing}/" if video.is_dir() else ""
+    raise InputError(f"No keypoints given for {video}{hint}. Name the folder or file of the keypoints.")
+
+
+def _pixel_note(path: Path, aspect: float) -> str:
+    come_out = "thin" if aspect > 1 else "wide"
+    made = f"{shlex.quote(path.name)} -vf scale=iw*sar:ih,setsar=1 {shlex.quote(path.stem)}-square.mp4"
+    return (
+        f"The pixels of {path.name} are {aspect:.3g} times as wide as high, but are taken for square, so that a person "
+        f"comes out too {come_out}. Convert it (ffmpeg -i {made}), and detect the keypoints on the result."
+    )
+
+
+def guessed_size(detections: Detections) -> tuple[tuple[int, int], tuple[str, ...]]:
+    """The smallest common image size that holds all keypoints."""
+    points = detections.detected_points()
+    width, height = np.ceil(points.max(0)).astype(int) + 1 if len(points) else (1, 1)
+    fitting = [size for size in _COMMON_SIZES if width <= size[0] and height <= size[1]]
+    size = fitting[0] if fitting else (int(width), int(height))
+    note = (
+        f"The image size is not known; {size[0]} x {size[1]} is assumed, the smallest common size that holds all "
+        f"keypoints (they reach {width} x {height}). Give image_size for a right camera."
+    )
+    return size, (note,)
