@@ -41,7 +41,8 @@ def refusal(path: Path, *, most: int | None = MAX_BYTES, expected: str = "a file
         kind = next((name for is_kind, name in _KINDS.items() if is_kind(found.st_mode)), "something else")
         return f"is {kind}, expected {expected}"
     if most is not None and found.st_size > most:
-        return f"has {found.st_size / 2**30:.1f} GB, expected at most {most / 2**30:.1f} GB"
+        unit, name = (2**30, "GB") if most >= 2**30 else (2**20, "MB")
+        return f"has {found.st_size / unit:.1f} {name}, expected at most {most / unit:.1f} {name}"
     return ""
 
 

@@ -1,5 +1,6 @@
 """people.json: the people of one clip, each in a folder of its own beside it: projects, or results of fits."""
 
+from codecs import BOM_UTF8
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +37,10 @@ class Person(msgspec.Struct, frozen=True, kw_only=True):
     """Parts of `frames`, in order, in which this may be another of the people."""
 
 
+class _Version(msgspec.Struct, frozen=True):
+    tcfit_people: int
+
+
 class People(msgspec.Struct, frozen=True, kw_only=True, tag_field="tcfit_people", tag=VERSION):
     """The people of a clip. The file has its version as well."""
 
@@ -58,7 +63,11 @@ def read_people(folder: Path) -> People:
     """
     path = folder / PEOPLE_NAME
     try:
-        found = msgspec.json.decode(regular_file(path, most=_MOST_BYTES).read_bytes(), type=People)
+        content = regular_file(path, most=_MOST_BYTES).read_bytes().removeprefix(BOM_UTF8)  # of Windows' editors
+        version = msgspec.json.decode(content, type=_Version).tcfit_people
+        if version > VERSION:
+            raise InputError(f"{path}: is of version {version}, and this tcfit knows {VERSION}. Update tcfit.")
+        found = msgspec.json.decode(content, type=People)
     except FileNotFoundError as error:
         raise InputError(f"{folder}: has no {PEOPLE_NAME}; expected a folder of several people.") from error
     except (OSError, UnicodeDecodeError, msgspec.DecodeError, RecursionError) as error:

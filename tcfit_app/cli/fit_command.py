@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
@@ -81,6 +81,7 @@ def fit_into(
     start: GivenStart | None = None,
     shape: KnownShape | None = None,
     command: str = "",
+    begins: Callable[[], None] = lambda: None,
 ) -> Outcome:
     """Fit a clip, write the result into a folder, and say so; the options say what else is wished.
 
@@ -93,6 +94,7 @@ def fit_into(
         start: What the fit begins with.
         shape: The person's, where it is known.
         command: The command line as text, for the record.
+        begins: Called once, before the first phase that has finished is written.
 
     Raises:
         InputError: The folder cannot be written.
@@ -102,7 +104,8 @@ def fit_into(
     if start is not None:
         tell([start.about.sentence()])
     events = fit_events(clip, body, config, start=start, shape=shape)
-    fit, summary = _fit_and_write(events, clip, body, folder, last_phase=config.last_phase, command=command)
+    last = config.last_phase
+    fit, summary = _fit_and_write(events, clip, body, folder, last_phase=last, command=command, begins=begins)
     tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(folder / OVERLAY_NAME, fit, clip, body):
@@ -113,7 +116,14 @@ def fit_into(
 
 
 def _fit_and_write(
-    events: Iterable[FitEvent], clip: Clip, body: BodyModel, folder: Path, *, last_phase: int, command: str
+    events: Iterable[FitEvent],
+    clip: Clip,
+    body: BodyModel,
+    folder: Path,
+    *,
+    last_phase: int,
+    command: str,
+    begins: Callable[[], None],
 ) -> tuple[FitResult, dict[str, Any]]:
     """Run all phases; after each, what is finished is on the disk."""
     finished: PhaseFinished | None = None
@@ -123,6 +133,8 @@ def _fit_and_write(
             for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
+                    if finished is None:
+                        begins()
                     complete = event.phase == last_phase
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event

@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import sweep
 from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.ground.level import best_grounding, level_of
 from fitting_core.io.motion_files import motion_of
@@ -35,7 +37,8 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
-        KeyboardInterrupt: Cancelled; what had finished has been written, and is in people.json.
+        KeyboardInterrupt: Cancelled; what had finished has been written, and is in people.json. An earlier fit is still
+            there if nothing had.
     """
     _refuse_what_is_of_one(options)
     config = fit_config(options.method)
@@ -43,15 +46,27 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     body = prepared_body(options, config)
     people, starts = _started(options, everybody_of(options), body)
     compile_kernels(config)
-    _remove(options.out, old)
     outcomes: list[Outcome] = []
+    listed: list[PersonInClip] = []
+
+    def list_one(one: PersonInClip) -> None:
+        """Before each gets a result, so that a killed process leaves a folder of several people; until the first does,
+        the last fit stays."""
+        if not listed:
+            _remove(options.out, old)
+        listed.append(one)
+        _list(options.out, listed)
+
     try:
         for one, start in zip(people, starts, strict=True):
             tell([f"{one.about.name.capitalize()} of {len(people)}"])
-            folder = options.out / one.about.folder
-            outcomes.append(fit_into(folder, one.clip, body, config, options, start=start, command=command))
-    finally:
-        _list(options.out, people)
+            folder, begins = options.out / one.about.folder, partial(list_one, one)
+            fitted = fit_into(folder, one.clip, body, config, options, start=start, command=command, begins=begins)
+            outcomes.append(fitted)
+    except BaseException:
+        if listed and not is_result(options.out / listed[-1].about.folder):
+            _list(options.out, listed[:-1])
+        raise
     _write_together(options.out, people, outcomes)
     return outcomes
 
@@ -73,6 +88,8 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
         InputError: The folder holds something else, and `overwrite` is not given.
     """
     old = [folder / one.folder for one in read_people(folder).people] if holds_people(folder) else []
+    for path in (folder, *old):
+        sweep(path)  # what a killed process has left is nobody's
     if overwrite or not folder.is_dir():
         check_out(folder, overwrite=overwrite)
         return old
@@ -130,10 +147,15 @@ def _started(
 
 
 def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
-    """Write people.json of those who have a result."""
-    fitted = [one for one in people if is_result(folder / one.about.folder)]
-    if fitted:
-        write_people(folder, people_of(fitted))
+    """Write people.json. Raises InputError if that is impossible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not people:
+            (folder / PEOPLE_NAME).unlink()
+            return
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}). Choose another --out.") from error
+    write_people(folder, people_of(people))
 
 
 def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:

@@ -161,6 +161,18 @@ class Project:
         return self._stored.keypoints
 
     @property
+    def detected(self) -> Corrected:
+        """What is corrected: the detections, and what was taken over from another person in their place."""
+        with self._guard:
+            return self._history.detected
+
+    @property
+    def exchanges(self) -> list[LogEntry]:
+        """What is taken over from others of the clip's people, oldest first."""
+        with self._guard:
+            return self._history.exchanges
+
+    @property
     def corrected(self) -> Corrected:
         """The keypoints as they stand, with marks of what was edited and what is bad."""
         with self._guard:

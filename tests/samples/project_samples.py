@@ -188,7 +188,8 @@ def _taken_over(draw: st.DrawFn) -> TakeOver:
     frames, joints = draw(_FRAMES), draw(_JOINTS)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
     xy, confidence = rng.uniform(-1e4, 1e4, (len(frames), len(joints), 2)), rng.random((len(frames), len(joints)))
-    return TakeOver(frames=frames, joints=joints, source="person 2", packed=packed(xy, confidence))
+    content = packed(xy, confidence, rng.random(confidence.shape) < 0.5)
+    return TakeOver(frames=frames, joints=joints, source="person 2", exchange="x", packed=content)
 
 
 def _pinned(edit: SetDepth) -> Pin:

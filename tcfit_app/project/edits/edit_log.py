@@ -5,7 +5,8 @@ them they take back or bring back:
 
 - An edit or a remark is done; whatever was undone before it can no longer be redone.
 - Undo takes back the last one that is done. Redo brings back the one that was undone last.
-- The keypoints are the detections with all edits that are done, in order.
+- The keypoints are the detections with all edits that are done, in order. What is taken over from another person counts
+  as detected from then on.
 - A frame has the last mark that is done. There are the notes that are done, but for those that others replace.
 
 The log belongs to the project and not to a browser: two people at one project undo each other's edits.
@@ -22,7 +23,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.kinds import Edit, check
+from tcfit_app.project.edits.kinds import Edit, TakeOver, check
 
 _MEMORY = 256 * 2**20
 """Bytes for what undo puts back; where that does not suffice, all edits are made again."""
@@ -204,14 +205,14 @@ class EditHistory:
         Raises:
             InputError: One makes no sense, and there is nobody to take it.
         """
-        self._detections = Corrected.none(detections)
-        self._now = Corrected.none(detections)
+        self._original = detections
+        self._detections = self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
         """Those of _done about notes."""
-        self._before: deque[tuple[Edit, Corrected]] = deque()
-        """What the last edits of _done have overwritten, of as many as memory allows."""
+        self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
+        """What the last edits of _done have overwritten, of as many as memory allows; also of the detections."""
         self._bytes = 0
         self._published: Corrected | None = None
         self._keypoints: Keypoints | None = None
@@ -252,6 +253,16 @@ class EditHistory:
                 if text:
                     found[number] = Note(id=number, frames=frames, text=text, time=entry.time, author=entry.author)
         return tuple(sorted(found.values(), key=lambda note: (note.frames.start, note.id)))
+
+    @property
+    def exchanges(self) -> list[LogEntry]:
+        """What is taken over from others, in order."""
+        return [entry for entry in self._done if isinstance(entry.action, TakeOver)]
+
+    @property
+    def detected(self) -> Corrected:
+        """What is corrected: the detections, and what was taken over in their place."""
+        return self._detections
 
     @property
     def corrected(self) -> Corrected:
@@ -337,28 +348,41 @@ class EditHistory:
 
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)
-        self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
-        self._before.append((edit, before))
+        detected = self._detections.at(edit.frames, edit.joints) if isinstance(edit, TakeOver) else None
+        self._put(edit)
+        self._before.append((edit, before, detected))
         self._bytes += before.nbytes
         while self._bytes > _MEMORY:
             self._bytes -= self._before.popleft()[1].nbytes
 
+    def _put(self, edit: Edit) -> None:
+        values = edit.values(self._now, self._detections)
+        self._now.put(edit.frames, edit.joints, values)
+        if isinstance(edit, TakeOver):
+            self._detect(edit, values)
+
+    def _detect(self, edit: Edit, values: Corrected) -> None:
+        """In a copy: what was given to others never changes."""
+        self._detections = Corrected(records=self._detections.records.copy())
+        self._detections.put(edit.frames, edit.joints, values)
+
     def _make_all(self) -> None:
         """Everything that is done, on the keypoints as they were detected."""
+        self._detections, self._now = Corrected.none(self._original), Corrected.none(self._original)
         edits = [said for entry in self._done if not isinstance(said := _said(entry), Remark)]
         for edit in edits[:-_UNDOABLE]:
-            self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
+            self._put(edit)
         for edit in edits[-_UNDOABLE:]:
             self._make(edit)
 
     def _take_back(self) -> None:
         if self._before:
-            edit, values = self._before.pop()
+            edit, values, detected = self._before.pop()
             self._bytes -= values.nbytes
             self._now.put(edit.frames, edit.joints, values)
+            if detected is not None:
+                self._detect(edit, detected)
             return
-        every = range(len(self._now.xy)), range(self._now.xy.shape[1])
-        self._now.put(tuple(every[0]), tuple(every[1]), self._detections)
         self._make_all()
 
 

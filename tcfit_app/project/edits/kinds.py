@@ -292,18 +292,23 @@ class Unlock(_Edit, frozen=True, tag="unlock"):
 
 
 class TakeOver(_Edit, frozen=True, tag="take_over"):
-    """Take keypoints over from another of the clip's people, who was followed in this one's place. Nothing is told of
-    their depths and turns then."""
+    """Take keypoints over from another of the clip's people, who was followed in this one's place.
+
+    They count as detected here, but for those that a person has placed there. Nothing is told of their depths and turns
+    then."""
 
     source: str
     """Who that is."""
+    exchange: str
+    """The same in the edit of that one's project, who takes over the keypoints from here."""
     packed: bytes
-    """Position and confidence, for each of `frames` and in it for each of `joints` (see taken_over.py)."""
+    """What `taken_over.packed` made, for each of `frames` and in it for each of `joints`."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
         taken = unpacked(self.packed, len(self.frames), len(self.joints))
         _place(here, taken[..., :2], taken[..., 2])
+        here.edited[:] = taken[..., 3] > 0
         here.depth[:], here.turn[:] = np.nan, np.nan
         return here
 

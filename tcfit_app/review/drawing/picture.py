@@ -235,16 +235,16 @@ class Picture:
             tab.channel.send("style", style)
         if not tab.sent.differs("keypoints", state.frame, session.edits):
             return
-        corrected, detections, frame = session.project.corrected, session.project.detections, state.frame
+        corrected, found, frame = session.project.corrected, session.project.detected, state.frame
         edited = np.flatnonzero(corrected.edited[frame])
-        detected = [int(j) for j in edited if detections.confidence[frame, j] > 0]
+        detected = [int(j) for j in edited if found.confidence[frame, j] > 0]
         keypoints = Keypoints(
             frame=frame,
             xy=pixel_pairs(corrected.xy[frame]),
             confidence=shares(corrected.confidence[frame]),
             bad=tuple(np.flatnonzero(corrected.bad[frame]).tolist()),
             edited=tuple(edited.tolist()),
-            detections=tuple((j, *pixel_pairs(detections.xy[frame, [j]])[0]) for j in detected),
+            detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
         )
         tab.channel.send("keypoints", keypoints)
 

@@ -24,7 +24,7 @@ class Gestures:
         self.tab = tab
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
         self.depth = CorrectingDepth(tab, self.correcting)
-        self.noting, self.exchanging = Noting(tab), Exchanging(tab)
+        self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -254,16 +254,16 @@ class Correcting:
 
     def undo(self) -> None:
         """Take back the project's last edit or mark, and show where it was."""
-        self._refuse_while_dragging()
+        self.refuse_while_dragging()
         tab = self._tab
-        entry = tab.session.undo(author=tab.author, shown=tab.look().b)
+        entry = tab.someone.undo(author=tab.author, shown=tab.look().b)
         self._went_back(entry, "Undone", "There is nothing to undo.")
 
     def redo(self) -> None:
         """Bring back the edit or mark that was undone last, and show where it is."""
-        self._refuse_while_dragging()
+        self.refuse_while_dragging()
         tab = self._tab
-        entry = tab.session.redo(author=tab.author, shown=tab.look().b)
+        entry = tab.someone.redo(author=tab.author, shown=tab.look().b)
         self._went_back(entry, "Redone", "There is nothing to redo.")
 
     def _went_back(self, entry: LogEntry | None, verb: str, nothing: str) -> None:
@@ -296,14 +296,14 @@ class Correcting:
         if self._tab.session.project.corrected.bad[np.ix_(frames, joints)].all():
             raise InputError("The depth of keypoints that are marked bad does not count: restore them first (X).")
 
-    def _refuse_while_dragging(self) -> None:
-        """The end of the drag would undo what is done to its keypoints meanwhile."""
+    def refuse_while_dragging(self) -> None:
+        """Raise InputError during a drag, whose end would undo what is done to its keypoints meanwhile."""
         if self.dragging:
             raise InputError("A keypoint is being dragged: let go of it first, or give it up with Esc.")
 
     def make(self, edit: Edit) -> None:
         """Make an edit, say so, and let the fit follow. Raises InputError if it cannot be made."""
-        self._refuse_while_dragging()
+        self.refuse_while_dragging()
         tab = self._tab
         tab.refuse_read_only()
         tab.pause()

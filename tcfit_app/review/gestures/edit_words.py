@@ -53,7 +53,7 @@ VERBS: dict[type[Edit], str] = {
     Pin: "pinned in space",
     Lock: "locked as it is turned",
     Unlock: "unlocked",
-    TakeOver: "taken over from",
+    TakeOver: "exchanged with",
 }
 
 
@@ -82,7 +82,7 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{what} {verb}, {in_words((edit.at,), first_frame)}{others}"
     where = in_words(edit.frames, first_frame)
     if isinstance(edit, TakeOver):
-        return f"{what} {verb} {shortened(edit.source)}, {where}"
+        return f"{verb} {shortened(edit.source)}, {where}"
     return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"
 
 

@@ -1,5 +1,7 @@
 """Two people of a clip who were taken for each other: what is uncertain about them, and how that is put right."""
 
+import uuid
+
 import numpy as np
 
 from fitting_core.errors import InputError
@@ -8,6 +10,8 @@ from fitting_core.keypoints import COUNT
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.edits.taken_over import packed
+from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.session.group import Doubt
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.tab import Tab
 
@@ -17,33 +21,44 @@ _ALL = tuple(range(COUNT))
 class Exchanging:
     """In one tab. Frames of spans are numbers in the video, as people.json has them."""
 
-    def __init__(self, tab: Tab) -> None:
-        self._tab = tab
+    def __init__(self, tab: Tab, correcting: Correcting) -> None:
+        self._tab, self._correcting = tab, correcting
 
     @property
-    def uncertain(self) -> tuple[Span, ...]:
-        """The frames in which the person on show may be another one."""
-        return self._tab.someone.uncertain
+    def doubts(self) -> list[Doubt]:
+        """Where the person on show may be another one."""
+        someone = self._tab.someone
+        return [] if someone.group is None else someone.group.doubts(someone.number)
 
-    def go(self, span: Span) -> None:
-        """To the first of them; all are selected."""
+    @property
+    def halves(self) -> list[str]:
+        """Exchanges that are not whole, in words; there are none unless tcfit was killed or a project opened alone."""
+        someone = self._tab.someone
+        found = [] if someone.group is None else someone.group.half_exchanged(someone.number)
+        return [
+            f"{_words(span).capitalize()} were taken over from {other.person.name}, who has none from here. Undo that."
+            for other, span in found
+        ]
+
+    def go(self, doubt: Doubt) -> None:
+        """To the first of its frames; all are selected."""
         tab = self._tab
         last = tab.length - 1
-        first, end = (min(max(number - tab.first_frame, 0), last) for number in span)
+        first, end = (min(max(number - tab.first_frame, 0), last) for number in doubt.span)
         tab.pause()
         tab.seek(first)
         tab.set(frames=range(first, end + 1))
 
-    def confirm(self, span: Span) -> None:
-        """It is this person: nothing of that span is uncertain any more. Raises InputError if it cannot be written."""
+    def confirm(self, doubt: Doubt) -> None:
+        """It is this person: these frames are uncertain no more. Raises InputError if that cannot be written."""
         someone = self._tab.someone
         self._tab.refuse_read_only()
         assert someone.group is not None
-        someone.group.settle({someone.number: (span,)})
-        self._tab.say(f"It is {someone.name}: {_words(span)}")
+        someone.group.settle(doubt)
+        self._tab.say(f"It is {someone.name}: {_words(doubt.span)}")
 
     def exchange(self, other: Someone, number: int) -> None:
-        """Exchange the keypoints of two people from a frame on, in both projects; each can be undone there.
+        """Exchange the keypoints of two people from a frame on, in both projects.
 
         Args:
             other: With whom.
@@ -52,23 +67,24 @@ class Exchanging:
         Raises:
             InputError: They are not both there from this frame on, or a project cannot be written.
         """
-        mine, group = self._tab.someone, self._tab.someone.group
-        assert group is not None
+        mine = self._tab.someone
+        self._correcting.refuse_while_dragging()
         for one in (mine, other):
             one.session.project.refuse_read_only()
         frames = [one.frames_from(number) for one in (mine, other)]
         shared = range(max(f.start for f in frames), min(f.stop for f in frames))
         if not shared:
             raise InputError(f"{mine.name} and {other.name} are not both there from frame {number} on.")
-        both = [(one, *_keypoints(one, shared)) for one in (mine, other)]
+        name = uuid.uuid4().hex
         edits = [
             TakeOver(
                 frames=tuple(n - one.session.project.clip.first_frame for n in shared),
                 joints=_ALL,
                 source=source.name,
-                packed=packed(xy, confidence),
+                exchange=name,
+                packed=_keypoints(source, shared),
             )
-            for (one, _, _), (source, xy, confidence) in zip(both, reversed(both), strict=True)
+            for one, source in ((mine, other), (other, mine))
         ]
         author = self._tab.author
         mine.session.edit(edits[0], author=author)
@@ -77,17 +93,20 @@ class Exchanging:
         except InputError:
             mine.session.undo(author=author)
             raise
-        settled = {one.number: [s for s in one.uncertain if s[0] <= number <= s[1] + 1] for one in (mine, other)}
-        group.settle(settled)
-        where = f"from frame {shared[0]} on" if shared[-1] + 1 == mine.stop else _words((shared[0], shared[-1]))
-        self._tab.say(f"{mine.name} and {other.name} exchanged {where}: fit both again, or undo it in both")
+        stay = [
+            f"; {_words((shared.stop, one.stop - 1))} of {one.name} stay, where {another.name} is not"
+            for one, another in ((mine, other), (other, mine))
+            if one.stop > shared.stop
+        ]
+        where = _words((shared[0], shared[-1]))
+        self._tab.say(f"{mine.name} and {other.name} exchanged, {where}: fit both again{''.join(stay)}")
 
 
-def _keypoints(someone: Someone, numbers: range) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and confidences as they count now: 0 for what is marked bad."""
+def _keypoints(someone: Someone, numbers: range) -> bytes:
+    """As they count now: what is marked bad has confidence 0."""
     first = someone.session.project.clip.first_frame
     now: Corrected = someone.session.project.corrected.at(tuple(n - first for n in numbers), _ALL)
-    return now.xy, np.where(now.bad, 0.0, now.confidence)
+    return packed(now.xy, np.where(now.bad, 0.0, now.confidence), now.edited & now.present)
 
 
 def _words(span: Span) -> str:

@@ -330,11 +330,11 @@ def _line(tab: Tab, joint: int) -> Html:
 
 def _place(tab: Tab, joint: int) -> Html:
     """Where a keypoint is, and where it was detected if that is somewhere else."""
-    frame, detections = tab.state.frame, tab.session.project.detections
+    frame, detected = tab.state.frame, tab.session.project.detected
     x, y = tab.session.project.corrected.xy[frame, joint]
-    u, v = detections.xy[frame, joint]
+    u, v = detected.xy[frame, joint]
     here = tag("span", f"{x:.1f}, {y:.1f}")
-    if not detections.confidence[frame, joint] > 0 or (x, y) == (u, v):
+    if not detected.confidence[frame, joint] > 0 or (x, y) == (u, v):
         return here
     hint = f"Moved by {x - u:+.1f}, {y - v:+.1f} pixels from where it was detected"
     return joined(here, tag("div", f"was {u:.1f}, {v:.1f}", class_="tcfit-dim", title=hint))

@@ -3,14 +3,13 @@
 from fitting_core.io.people_file import Span
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, row
+from tcfit_app.review.session.group import Doubt
 from tcfit_app.review.tab.people import Someone
 
 _MOST = 12
 """Spans that are listed; those that are settled make room."""
 _RIGHT = "It is the same person before and after these frames"
-_EXCHANGE = (
-    "Exchanges the keypoints of both people from the frame on show to the end. Undo takes it back, for each of them"
-)
+_EXCHANGE = "Exchanges the keypoints of both people from the frame on show to the end. Undo takes it back for both"
 
 
 class WhoIsWho:
@@ -20,14 +19,14 @@ class WhoIsWho:
         self._gestures, self._tab = gestures, gestures.tab
         self._board = Board(gestures.tab)
         tab = gestures.tab
-        tab.buttons.on("people.go", gestures.exchanging.go, self._span)
-        tab.buttons.on("people.right", gestures.exchanging.confirm, self._span)
+        tab.buttons.on("people.go", gestures.exchanging.go, self._doubt)
+        tab.buttons.on("people.right", gestures.exchanging.confirm, self._doubt)
         tab.buttons.on(
             "people.exchange", self._exchange, {f"{one.number}": one for one in tab.someone.others}.__getitem__
         )
 
-    def _span(self, value: str) -> Span:
-        return {f"{i}": span for i, span in enumerate(self._gestures.exchanging.uncertain)}[value]
+    def _doubt(self, value: str) -> Doubt:
+        return {f"{i}": doubt for i, doubt in enumerate(self._gestures.exchanging.doubts)}[value]
 
     def _exchange(self, other: Someone) -> None:
         tab = self._tab
@@ -36,9 +35,10 @@ class WhoIsWho:
 
     def draw(self) -> None:
         """Send what changed."""
-        tab, spans = self._tab, self._gestures.exchanging.uncertain
+        tab, spans = self._tab, self._tab.someone.uncertain
+        edits = tuple(one.session.edits for one in tab.someone.everybody)
         number = None if tab.state.playing else tab.state.frame + tab.first_frame
-        if tab.someone.others and tab.sent.differs("who is who", spans, number):
+        if tab.someone.others and tab.sent.differs("who is who", spans, edits, number):
             self._board.show(*self._rows(spans, number))
 
     def _rows(self, spans: tuple[Span, ...], number: int | None) -> list[Html]:
@@ -55,6 +55,7 @@ class WhoIsWho:
                     button("It is", "people.right", f"{i}", disabled=fixed, hint=_RIGHT),
                 )
             )
+        rows += [paragraph(half, "warn") for half in self._gestures.exchanging.halves]
         label = "From here on" if number is None else f"From {number} on"
         exchanges = (
             button(f"Exchange with {one.name}", "people.exchange", f"{one.number}", disabled=fixed, hint=_EXCHANGE)

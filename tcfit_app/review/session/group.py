@@ -1,11 +1,14 @@
 """The open projects of one clip's people, with all that works on them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import msgspec
 
 from fitting_core.io.people_file import Person, Span, read_people, write_people
+from tcfit_app.project.edits.edit_log import LogEntry
+from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.people import OpenPeople
 from tcfit_app.review.session.session import Session
 
@@ -19,6 +22,27 @@ class Member:
     number: int
     """From 1, in the order of people.json, as --person has it."""
     session: Session
+
+    @property
+    def exchanges(self) -> dict[str, LogEntry]:
+        """What this one has taken over from others, by what the edits of both name it."""
+        return {_taken(entry).exchange: entry for entry in self.session.project.exchanges}
+
+    def span(self, entry: LogEntry) -> Span:
+        """The frames of an edit, by number in the video."""
+        first, frames = self.session.project.clip.first_frame, _taken(entry).frames
+        return first + frames[0], first + frames[-1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """Frames in which somebody may be another of the people, by number in the video."""
+
+    span: Span
+    listed: Span
+    """As people.json has it, which knows of no exchanges."""
+    owner: int
+    """The member with whom it stands there."""
 
 
 class Group:
@@ -37,25 +61,73 @@ class Group:
             Member(person=person, number=people.file.people.index(person) + 1, session=session)
             for (person, _), session in zip(people.projects, sessions, strict=True)
         )
+        self._doubts: tuple[object, list[list[Doubt]]] = (), []
+        """What they were found from, and they."""
 
-    def settle(self, spans: Mapping[int, Sequence[Span]]) -> None:
-        """Nothing of these spans is uncertain any more: they go out of people.json.
+    def doubts(self, number: int) -> list[Doubt]:
+        """What is uncertain about a member, in order; two who were exchanged have exchanged what comes after that."""
+        state = [(member.person, member.session.edits) for member in self.members]
+        if self._doubts[0] != state:
+            found = [
+                [Doubt(span=span, listed=span, owner=k) for span in member.person.uncertain]
+                for k, member in enumerate(self.members)
+            ]
+            for one, other, span in self._exchanges():
+                mine, theirs = found[one], found[other]
+                found[one], found[other] = _after(mine, theirs, span), _after(theirs, mine, span)
+            self._doubts = state, found
+        return self._doubts[1][number]
 
-        Args:
-            spans: By the number of a member.
+    def _exchanges(self) -> list[tuple[int, int, Span]]:
+        """Which members were exchanged, and in which frames; the oldest first."""
+        found = []
+        for (i, one), (j, other) in combinations(enumerate(self.members), 2):
+            taken = one.exchanges
+            found += [(taken[name].time, i, j, one.span(taken[name])) for name in taken.keys() & other.exchanges]
+        return [(i, j, span) for _, i, j, span in sorted(found)]
+
+    def half_exchanged(self, number: int) -> list[tuple[Member, Span]]:
+        """From whom a member has taken frames over who has not taken any in return, and which."""
+        own = self.members[number]
+        return [
+            (other, own.span(entry))
+            for name, entry in own.exchanges.items()
+            for other in self.members
+            if other.person.name == _taken(entry).source and name not in other.exchanges
+        ]
+
+    def settle(self, doubt: Doubt) -> None:
+        """These frames are uncertain no more: they go out of people.json.
 
         Raises:
             InputError: people.json cannot be read any more, or not be written; nothing has changed then.
         """
         file = read_people(self.folder)  # anew: another process may have settled others
-        gone = {self.members[number].person.folder: set(those) for number, those in spans.items()}
+        folder = self.members[doubt.owner].person.folder
         people = tuple(
-            msgspec.structs.replace(
-                one, uncertain=tuple(span for span in one.uncertain if span not in gone.get(one.folder, ()))
-            )
+            msgspec.structs.replace(one, uncertain=tuple(span for span in one.uncertain if span != doubt.listed))
+            if one.folder == folder
+            else one
             for one in file.people
         )
         write_people(self.folder, msgspec.structs.replace(file, people=people))
         by_folder = {one.folder: one for one in people}
         for member in self.members:
             member.person = by_folder.get(member.person.folder, member.person)
+
+
+def _after(own: list[Doubt], others: list[Doubt], exchanged: Span) -> list[Doubt]:
+    """What is uncertain about one of two people after an exchange, which settles what it begins in."""
+    first, last = exchanged
+    stay = [doubt for doubt in own if doubt.span[1] + 1 < first or doubt.span[0] > last]
+    come = [
+        replace(doubt, span=(doubt.span[0], min(doubt.span[1], last)))
+        for doubt in others
+        if first < doubt.span[0] <= last
+    ]
+    return sorted([*stay, *come], key=lambda doubt: doubt.span)
+
+
+def _taken(entry: LogEntry) -> TakeOver:
+    assert isinstance(entry.action, TakeOver)
+    return entry.action

@@ -1,9 +1,14 @@
 """The people under review: one, or all those of a clip, each of whom is a project of its own."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from fitting_core.errors import InputError
 from fitting_core.io.people_file import Span
+from tcfit_app.fitting.fits import Shown
+from tcfit_app.project.edits.edit_log import LogEntry
+from tcfit_app.project.edits.kinds import TakeOver
+from tcfit_app.project.project import Project
 from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
@@ -62,7 +67,43 @@ class Someone:
     @property
     def uncertain(self) -> tuple[Span, ...]:
         """Frames in which this may be another of the people, by number in the video."""
-        return () if self.group is None else self.group.members[self.number].person.uncertain
+        return () if self.group is None else tuple(doubt.span for doubt in self.group.doubts(self.number))
+
+    def undo(self, *, author: str, shown: Shown | None) -> LogEntry | None:
+        """Take back the last edit or remark; an exchange of two people for both.
+
+        Raises:
+            InputError: As of `Session.undo`; or the other one was corrected since they were exchanged.
+        """
+        return self._step(Session.undo, lambda project: project.undoable, author=author, shown=shown)
+
+    def redo(self, *, author: str, shown: Shown | None) -> LogEntry | None:
+        """Bring back what was undone last. Raises InputError as `undo`."""
+        return self._step(Session.redo, lambda project: project.redoable, author=author, shown=shown)
+
+    def _step(
+        self,
+        step: Callable[..., LogEntry | None],
+        next_of: Callable[[Project], LogEntry | None],
+        *,
+        author: str,
+        shown: Shown | None,
+    ) -> LogEntry | None:
+        entry = next_of(self.session.project)
+        if entry is None or not isinstance(entry.action, TakeOver):
+            return step(self.session, author=author, shown=shown)
+        taken = entry.action
+        for other in self.others:
+            if _is(taken, next_of(other.session.project)):
+                step(other.session, author=author)
+                break
+            done = any(_is(taken, theirs) for theirs in other.session.project.exchanges)
+            if other.name == taken.source and done == (step is Session.undo):
+                raise InputError(
+                    f"{other.name} and {self.name} were exchanged, and {other.name} was corrected or marked since. "
+                    f"Undo that first, or exchange them once more."
+                )
+        return step(self.session, author=author)  # fits that were made before the exchange are right again
 
     @property
     def stop(self) -> int:
@@ -77,6 +118,11 @@ class Someone:
         """The own frame with a number in the video; None if the clip does not have it."""
         frame = number - self.data.session.project.clip.first_frame
         return frame if 0 <= frame < self.data.length else None
+
+
+def _is(taken: TakeOver, entry: LogEntry | None) -> bool:
+    """Whether an edit is of the same exchange."""
+    return entry is not None and isinstance(entry.action, TakeOver) and entry.action.exchange == taken.exchange
 
 
 def alone(data: DrawingData) -> Someone:

@@ -49,7 +49,11 @@ MALFORMED: dict[str, tuple[object, str]] = {
     "no object": ([], "object"),
     "no people": (content(people=[]), "0 people"),
     "too many": (content(people=[one(name=f"{i}", folder=f"{i}") for i in range(101)]), "101 people"),
-    "another version": (content(tcfit_people=2), "tcfit_people"),
+    "a newer version": (content(tcfit_people=2), "is of version 2, and this tcfit knows 1. Update"),
+    "no such version": (content(tcfit_people=0), "tcfit_people"),
+    "no version": ({"name": "a talk", "people": [one()]}, "tcfit_people"),
+    "a text as version": (content(tcfit_people="1"), "tcfit_people"),
+    "too large": (" " * (2**24 + 1), "has 16.0 MB, expected at most 16.0 MB"),
     "no clip": (content(name=""), "name of a clip"),
     "two lines": (content(people=[one(name="a\nb")]), "name of a person"),
     "a lone surrogate": (content(people=[one(name="\ud800")]), "people of a clip"),
@@ -77,6 +81,11 @@ def test_a_malformed_file_is_refused_with_its_reason(name: str, tmp_path: Path) 
     (tmp_path / PEOPLE_NAME).write_text(made if isinstance(made, str) else json.dumps(made))
     with pytest.raises(InputError, match=told):
         read_people(tmp_path)
+
+
+def test_it_may_be_edited_on_windows(tmp_path: Path) -> None:
+    (tmp_path / PEOPLE_NAME).write_text(json.dumps(content()), encoding="utf-8-sig")
+    assert read_people(tmp_path).name == "a talk"
 
 
 def test_a_folder_without_the_file_says_so(tmp_path: Path) -> None:

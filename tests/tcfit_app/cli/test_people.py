@@ -2,7 +2,9 @@
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +14,7 @@ import torch
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import project
+from fitting_core.fit.events import FitEvent
 from fitting_core.io.people_file import read_people
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY
@@ -217,6 +220,46 @@ def test_without_out_the_folder_has_the_clip_s_name(clip: list[str], tmp_path: P
     monkeypatch.chdir(tmp_path)
     assert main(["new", *clip, "--people", "all"]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["talk.tcfit"]
+
+
+def test_a_cancelled_fit_leaves_the_last_one_until_somebody_has_a_result(
+    fitted: Path, clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    def cancelled(*arguments: Any, **options: Any) -> Iterator[FitEvent]:
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
+    folder = tmp_path / "out"
+    shutil.copytree(fitted, folder)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    with monkeypatch.context() as patch:
+        patch.setattr(fit_command, "fit_events", cancelled)
+        assert main(["fit", *clip, "--people", "all", "--out", str(folder), "--no-overlay", *QUICK]) == 130
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_a_killed_fit_leaves_a_folder_of_several_people(
+    clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    """Which lists who has a result, and which a next fit may replace."""
+    listed: list[list[str]] = []
+    whole = fit_command.write_result
+
+    def seen(folder: Path, *arguments: Any, **options: Any) -> dict[str, Any]:
+        listed.append([one.folder for one in read_people(folder.parent).people])
+        return whole(folder, *arguments, **options)
+
+    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
+    arguments = ["fit", *clip, "--people", "all", "--out", str(tmp_path / "out"), "--no-overlay", *QUICK]
+    arguments += ["--set", "last_phase=1"]
+    with monkeypatch.context() as patch:
+        patch.setattr(fit_command, "write_result", seen)
+        assert main(arguments) == 0
+    assert listed == [["person-1"], ["person-1", "person-2"]]
+    (tmp_path / "out" / "person-2" / ".fit.npz.partial").mkdir()
+    assert main(arguments) == 0
+    assert not list(tmp_path.rglob("*.partial"))
 
 
 def test_what_was_fitted_before_a_cancel_is_listed(

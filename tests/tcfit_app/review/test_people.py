@@ -18,13 +18,13 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import read_people
+from fitting_core.io.people_file import read_people, write_people
 from tcfit_app.cli.main import main
 from tcfit_app.cli.review_command import open_project
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.fitting.reports import Notice
-from tcfit_app.project.edits.kinds import MarkBad, SetDepth, TakeOver, check
+from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Reset, SetDepth, TakeOver, check
 from tcfit_app.project.edits.taken_over import packed
 from tcfit_app.project.people import opened_people
 from tcfit_app.project.project import Project
@@ -236,7 +236,7 @@ def exchanged(app: ReviewApp, number: int) -> None:
     page.gestures.exchanging.exchange(app.people[1 - page.tab.someone.number], number)
 
 
-def test_two_people_are_exchanged_from_a_frame_on_and_each_can_be_undone(folder: Path, panel_server: viser.ViserServer):
+def test_two_people_are_exchanged_from_a_frame_on_and_undone_together(folder: Path, panel_server: viser.ViserServer):
     with reviewed(folder, panel_server) as app:
         hello(app, "mine")
         one, other = (someone.session.project for someone in app.people)
@@ -250,15 +250,95 @@ def test_two_people_are_exchanged_from_a_frame_on_and_each_can_be_undone(folder:
         assert np.array_equal(other.corrected.xy[: 9 - LATE], theirs[: 9 - LATE])
         assert other.corrected.confidence[10 - LATE, 4] == 0, "what was bad does not count there either"
         assert not one.corrected.bad[10, 4] and np.isnan(one.corrected.depth[10, 7])
-        assert app.people[1].uncertain == () and read_people(folder).people[1].uncertain == ()
-        app.people[0].session.undo(author="me")
+        assert app.people[1].uncertain == ()
+        app.pages[1].gestures.correcting.undo()
         assert np.array_equal(one.corrected.xy, before) and one.corrected.bad[10, 4]
-        app.people[1].session.undo(author="me")
-        assert np.array_equal(other.corrected.xy, theirs)
+        assert np.array_equal(other.corrected.xy, theirs), "of both"
+        assert app.people[1].uncertain == ((9, FRAMES - 1),), "as unsure as before"
+        app.pages[1].receive(GoToPerson(1))
+        app.pages[1].gestures.correcting.redo()
+        assert np.allclose(one.corrected.xy[9:], theirs[9 - LATE :], atol=1e-3)
+        assert np.allclose(other.corrected.xy[9 - LATE :], before[9:], atol=1e-3)
+        app.pages[1].gestures.correcting.undo()
+        assert np.array_equal(one.corrected.xy, before) and np.array_equal(other.corrected.xy, theirs)
         exchanged(app, LATE)
         kept = one.corrected.xy.copy()
     with Project.open(folder / "person-1") as again:
         assert np.array_equal(again.corrected.xy, kept), "as it was, after a restart"
+
+
+def test_what_was_exchanged_counts_as_detected_but_for_what_a_person_has_placed(
+    folder: Path, panel_server: viser.ViserServer
+):
+    """Else the fit would trust a detector's points as a person's, and take no mixed-up sides back."""
+    with reviewed(folder, panel_server) as app:
+        one, other = (someone.session.project for someone in app.people)
+        one.append(MoveKeypoint(frames=(10,), joints=(4,), xy=(((100.0, 50.0),),)))
+        theirs = other.corrected.xy[10 - LATE, 7].copy()
+        exchanged(app, 9)
+        assert np.argwhere(other.corrected.edited).tolist() == [[10 - LATE, 4]] and not one.corrected.edited[9:].any()
+        assert np.allclose(one.detected.xy[10, 7], theirs, atol=1e-3)
+        one.append(MoveKeypoint(frames=(10,), joints=(7,), xy=(((1.0, 2.0),),)))
+        one.append(Reset(frames=(10,), joints=(7,)))
+        assert np.allclose(one.corrected.xy[10, 7], theirs, atol=1e-3), "not this one's own detection"
+        for _ in range(3):
+            one.undo()
+        assert np.array_equal(one.detected.xy, one.detections.xy)
+
+
+def test_an_exchange_is_not_undone_in_one_while_the_other_was_corrected(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        one, other = (someone.session.project for someone in app.people)
+        correcting = app.pages[1].gestures.correcting
+        exchanged(app, 9)
+        other.append(MarkBad(frames=(6,), joints=(4,)))
+        with pytest.raises(InputError, match="person 2 was corrected or marked since"):
+            correcting.undo()
+        assert len(one.log) == 1
+        other.undo()
+        correcting.undo()
+        other.append(MarkBad(frames=(6,), joints=(4,)))
+        with pytest.raises(InputError, match="person 2 was corrected or marked since"):
+            correcting.redo()
+        assert len(one.log) == 2
+
+
+def test_half_an_exchange_is_told_and_can_be_undone(folder: Path, panel_server: viser.ViserServer):
+    """As it is if tcfit is killed in between, or if one of the projects is opened by itself."""
+    with reviewed(folder, panel_server) as app:
+        exchanged(app, 9)
+        assert app.pages[1].gestures.exchanging.halves == []
+    with Project.open(folder / "person-2") as opened_alone:
+        opened_alone.undo()
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        gestures = app.pages[1].gestures
+        (told,) = gestures.exchanging.halves
+        assert told.startswith("Frames 9–11 were taken over from person 2")
+        assert app.people[1].uncertain == ((9, FRAMES - 1),), "not settled by half an exchange"
+        gestures.correcting.undo()
+        assert gestures.exchanging.halves == []
+
+
+def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_server: viser.ViserServer):
+    file = read_people(folder)
+    spans = ((6, 7), (9, 11)), ((5, 7),)
+    people = tuple(
+        msgspec.structs.replace(one, uncertain=uncertain) for one, uncertain in zip(file.people, spans, strict=True)
+    )
+    write_people(folder, msgspec.structs.replace(file, people=people))
+    with reviewed(folder, panel_server) as app:
+        hello(app, "mine")
+        exchanged(app, 6)
+        assert [someone.uncertain for someone in app.people] == [(), ((9, 11),)]
+        app.pages[1].receive(GoToPerson(1))
+        gestures = app.pages[1].gestures
+        gestures.exchanging.confirm(gestures.exchanging.doubts[0])
+        assert [someone.uncertain for someone in app.people] == [(), ()]
+        assert [one.uncertain for one in read_people(folder).people] == [((6, 7),), ((5, 7),)]
+        gestures.correcting.undo()
+        assert [someone.uncertain for someone in app.people] == [((6, 7),), ((5, 7),)]
 
 
 def test_nothing_is_exchanged_where_one_of_them_is_not_or_may_not_be_changed(
@@ -300,20 +380,26 @@ def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.Vi
         assert len(page.tab.session.project.log) == 1
 
 
+def taken(xy: np.ndarray, confidence: np.ndarray) -> bytes:
+    return packed(xy, confidence, np.zeros(confidence.shape, bool))
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
         ({"packed": b"nothing"}, "cannot be unpacked"),
-        ({"packed": packed(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "has not one position"),
+        ({"packed": taken(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "has not one position"),
         ({"packed": zlib.compress(bytes(10**7))}, "has not one position"),
-        ({"packed": packed(np.full((2, 1, 2), np.nan), np.zeros((2, 1)))}, "a position is not a number"),
-        ({"packed": packed(np.zeros((2, 1, 2)), np.full((2, 1), 1.5))}, "a confidence"),
-        ({"packed": packed(np.zeros((2, 1, 2)), np.full((2, 1), np.nan))}, "a confidence"),
+        ({"packed": taken(np.full((2, 1, 2), np.nan), np.zeros((2, 1)))}, "a position is not a number"),
+        ({"packed": taken(np.zeros((2, 1, 2)), np.full((2, 1), 1.5))}, "a confidence"),
+        ({"packed": taken(np.zeros((2, 1, 2)), np.full((2, 1), np.nan))}, "a confidence"),
         ({"frames": (0, 99)}, "no frame 99"),
     ],
 )
 def test_keypoints_that_make_no_sense_are_not_taken_over(changes: dict[str, Any], told: str):
-    edit = TakeOver(frames=(0, 1), joints=(4,), source="x", packed=packed(np.zeros((2, 1, 2)), np.ones((2, 1))))
+    edit = TakeOver(
+        frames=(0, 1), joints=(4,), source="x", exchange="y", packed=taken(np.zeros((2, 1, 2)), np.ones((2, 1)))
+    )
     check(edit, 6)
     with pytest.raises(InputError, match=told):
         check(msgspec.structs.replace(edit, **changes), 6)
