@@ -12,13 +12,19 @@ from tests.tcfit_app.review.panels.test_own_rig import ODD
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+_OPENED = """(input) => {
+  for (let box = input; box; box = box.parentElement)
+    if (getComputedStyle(box).overflowY === "hidden" && box.clientHeight < box.scrollHeight) return false;
+  return input.clientHeight > 0;
+}"""
+"""Whether nothing that grows clips an input any more."""
+
 
 def test_a_rig_is_uploaded_completed_and_exported(browser: "Browser", free_body: BodyModel, tmp_path: Path):
     folder = waving_project(tmp_path / "walk.tcfit", free_body)
     (tmp_path / "hero.glb").write_bytes(glb_bytes(gltf_document(ODD)))
     with reviewing(folder, browser) as review:
         tab = review.tab
-        tab.set_viewport_size({"width": 1400, "height": 1500})  # the list is long
         tab.get_by_role("tab", name="Export", exact=True).click()
         tab.get_by_text("Own rig", exact=True).click()
         with tab.expect_file_chooser() as chooser:
@@ -29,7 +35,11 @@ def test_a_rig_is_uploaded_completed_and_exported(browser: "Browser", free_body:
         assert export.is_disabled()
         tab.get_by_text("Its body").click()
         missing = "left forearm – missing"
-        tab.locator(f"xpath=//*[normalize-space(text())='{missing}']/following::input[1]").click()
+        forearm = tab.locator(f"xpath=//*[normalize-space(text())='{missing}']/following::input[1]")
+        # While the folder opens, a click finds the input by scrolling inside of it, and the list is hidden as soon as
+        # the folder has grown and its input is out of sight.
+        tab.wait_for_function(_OPENED, arg=forearm.element_handle())
+        forearm.click()
         tab.get_by_role("option", name="Bone_7").click()
         tab.get_by_text("28 of 53 parts").wait_for()
         with tab.expect_download(timeout=60_000) as download:
