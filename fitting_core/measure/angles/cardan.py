@@ -29,9 +29,13 @@ def singular(angles: Float[np.ndarray, "T 3"], sequence: str) -> Bool[np.ndarray
 
 
 def continuous(
-    angles: Float[np.ndarray, "T n"], sequence: str, *, start: tuple[float, ...] | None = None
+    angles: Float[np.ndarray, "T n"],
+    sequence: str,
+    *,
+    start: tuple[float, ...] | None = None,
+    determined: Bool[np.ndarray, "T n"] | None = None,
 ) -> Float[np.ndarray, "T n"]:
-    """The same rotations, each by the angles that are nearest to those of the frame before; NaN is not determined.
+    """The same rotations, each by the angles that are nearest to those before; NaN where one is not determined.
 
     Full turns are added, and of three different axes the other triple is taken, (a + 180, 180 - b, c + 180), where it
     is nearer. Where the first axis is the third as well, the middle angle keeps its sign: an arm's elevation.
@@ -39,17 +43,20 @@ def continuous(
     Args:
         angles: degrees.
         sequence: their axes.
-        start: what the first frame, and the first after one that is not determined, are near to; None: zeros.
+        start: what an angle is near to in the first frame, and in the first after some in which it was not determined;
+            None: zeros.
+        determined: which angles are; None: all.
     """
-    found, origin = angles.copy(), np.zeros(angles.shape[1]) if start is None else np.array(start)
+    found, origin = np.full_like(angles, np.nan), np.zeros(angles.shape[1]) if start is None else np.array(start)
+    told = np.ones(angles.shape, bool) if determined is None else determined
     before = origin
     for t, one in enumerate(angles):
-        if np.isnan(one).any():
-            before = origin
-            continue
+        near = np.where(told[t] & ~told[t - 1], origin, before) if t else before
         triples = [one, one * (1, -1, 1) + 180] if len(set(sequence)) == 3 else [one]
-        choices = [triple + 360 * np.round((before - triple) / 360) for triple in triples]
-        before = found[t] = choices[np.argmin([abs(choice - before).sum() for choice in choices])]
+        choices = [triple + 360 * np.round((near - triple) / 360) for triple in triples]
+        nearest = choices[np.argmin([abs(choice - near).sum() for choice in choices])]
+        found[t, told[t]] = nearest[told[t]]
+        before = np.where(told[t], nearest, before)
     return found
 
 

@@ -210,9 +210,9 @@ def _turns(joint: Joint, segments: Segments, side: str) -> Float[np.ndarray, "T 
     turns = angles_of(matrices, joint.sequence)
     if joint.sequence[0] == joint.sequence[2]:  # arms are raised by negative turns
         turns = turns * (1, -1, 1) + (180, 0, -180)
-    undetermined = singular(turns, joint.sequence)
-    run = continuous(np.where(undetermined[:, None], np.nan, turns), joint.sequence, start=joint.start)
-    run[undetermined, 1] = turns[undetermined, 1]
+    determined = np.ones(turns.shape, bool)
+    determined[np.ix_(singular(turns, joint.sequence), [0, 2])] = False
+    run = continuous(turns, joint.sequence, start=joint.start, determined=determined)
     return run * [angle.sign if angle else 1 for angle in joint.angles]
 
 
@@ -222,6 +222,6 @@ def _projected(segments: Segments, side: str) -> dict[str, Float[np.ndarray, "T"
     found = {}
     for name, across, normal in (("flexion", x, z), ("abduction", z, x)):
         seen = abs(normal) < np.cos(np.radians(UNSEEN))
-        angle = np.where(seen, np.degrees(np.arctan2(across, -y)), np.nan)
-        found[name] = continuous(angle[:, None], "Z", start=(_ARM_START,))[:, 0]
+        angle = np.degrees(np.arctan2(across, -y))
+        found[name] = continuous(angle[:, None], "Z", start=(_ARM_START,), determined=seen[:, None])[:, 0]
     return found
