@@ -46,7 +46,7 @@ def main(options: MarkerPicture) -> None:
     places = marker_places(body, params, STANDARD)[0]
     middle = (vertices.min(0) + vertices.max(0)) / 2
     view = View(center=(middle[0], middle[1], middle[2]), extent=1.72, size=(760, 860))
-    pictures = [_picture(body, vertices, places, replace(view, degrees=degrees)) for degrees in (0, 180)]
+    pictures = [picture_of(body, vertices, places, replace(view, degrees=degrees)) for degrees in (0, 180)]
     cv2.imwrite(str(options.out), cv2.cvtColor(beside(pictures), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
@@ -57,9 +57,15 @@ def _standing(body: BodyModel) -> BodyParams:
     return params
 
 
-def _picture(
-    body: BodyModel, vertices: Float[np.ndarray, "V 3"], places: Float[np.ndarray, "M 3"], view: View
+def picture_of(
+    body: BodyModel,
+    vertices: Float[np.ndarray, "V 3"],
+    places: Float[np.ndarray, "M 3"],
+    view: View,
+    *,
+    named: bool = True,
 ) -> Image:
+    """A body with markers as balls, and their names beside those that are seen."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=1.3 * RADIUS)
     faces = np.asarray(ball.faces)
     balls = [Surface(vertices=view.camera_space(ball.vertices + at), faces=faces, color=_COLOR) for at in places]
@@ -68,7 +74,7 @@ def _picture(
     image = np.ascontiguousarray(drawn.over())
     depths, pixels = view.camera_space(places)[:, 2], view.pixels(places)
     for name, depth, (x, y) in zip(STANDARD.names, depths, pixels, strict=True):
-        if depth < drawn.depth[round(y), round(x)] + 3 * RADIUS:
+        if named and depth < drawn.depth[round(y), round(x)] + 3 * RADIUS:
             _label(image, name, x, y)
     return image
 
