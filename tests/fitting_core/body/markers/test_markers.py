@@ -116,6 +116,13 @@ def test_what_is_in_a_file_is_what_is_taken(tmp_path: Path):
     assert read_marker_set(tmp_path / "own.toml") == MarkerSet({"A": 17, "Hip": "LASI", "K": "right_knee"}, 0.007)
 
 
+@pytest.mark.parametrize("content", ["[markers]\r\nA = 17\r\n", '{"markers": {"A": 17}}'])
+def test_a_byte_order_mark_does_no_harm(tmp_path: Path, content: str):
+    """Editors on Windows put one before everything."""
+    (tmp_path / "own.toml").write_text(content, encoding="utf-8-sig", newline="")
+    assert read_marker_set(tmp_path / "own.toml") == MarkerSet({"A": 17})
+
+
 BROKEN = {
     "empty": ("", "has none in"),
     "no markers": ("[markers]\n", 'has 0 in "markers"'),
