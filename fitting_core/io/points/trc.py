@@ -116,6 +116,6 @@ def _check_times(path: Path, times: list[float], rate: float) -> None:
     if abs(lasted - expected) > 0.01 * expected + max(1 / rate, _ROUNDED):
         raise InputError(
             f"{path}: its {len(times)} frames go from {times[0]:g} to {times[-1]:g} s, and at the {rate:g} per second "
-            f"of its header they would last {expected:.4g} s; expected both alike. Correct the header's DataRate, or put "
-            "in the frames that are left out, with empty cells."
+            f"of its header they would last {expected:.4g} s; expected both alike. Correct the header's DataRate, or "
+            "put in the frames that are left out, with empty cells."
         )
