@@ -1,5 +1,6 @@
 """The user's own rig in the panel Export: uploaded, its joints picked by names, kept in the project, exported."""
 
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,6 +89,7 @@ def test_another_rig_takes_the_place_of_the_first(tested: LonePage):
         ("hero.fbx", b"Kaydara", "Convert it to GLB"),
         ("hero.glb", b"glTF and no more", "hero.glb"),
         ("hero.bvh", b"\xff\xfe nothing", "hero.bvh"),
+        ("hero.gltf", json.dumps(gltf_document() | {"buffers": [{"uri": "a.bin", "byteLength": 4}]}).encode(), "a.bin"),
         ("../mapping.toml", b"[joints]", "is not read as a rig"),
     ],
 )
