@@ -110,3 +110,12 @@ def test_a_rig_that_was_damaged_is_told(tested: LonePage):
     panel.mapping.write_text("skeleton = 3")
     panel._kept, panel._looked = None, False
     assert "cannot be read" in tested.html() and "Upload it again" in tested.html()
+
+
+def test_a_name_in_the_mapping_that_the_rig_does_not_have_is_told(tested: LonePage):
+    upload(tested, "hero.glb", glb_bytes(gltf_document()))
+    panel = tested.panels[0]._own_rig
+    panel.mapping.write_text(panel.mapping.read_text().replace('"LeftUpLeg"', '"Leg of the left"'))
+    panel._kept, panel._shown, panel._looked = None, None, False
+    assert "has no joint &#x27;Leg of the left&#x27; for left_hip" in tested.html()
+    assert tested.field("left thigh").value in tested.field("left thigh").options
