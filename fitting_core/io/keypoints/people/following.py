@@ -88,7 +88,7 @@ def follow_all(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[
             alive = sorted(alive, key=lambda one: one.last)[-MOST_FOLLOWED:]
         new = _assign(frame, list(people), alive, frame_rate)
         everybody += new
-        alive += new
+        alive = [*alive, *new]
     return everybody
 
 

@@ -35,7 +35,7 @@ def test_false_detections_all_over_the_frames_are_not_all_followed():
     points = rng.normal(0, 10.0, (COUNT, 3))
     points[:, 2] = 0.5
     places = rng.uniform(0, 1e6, (20, 50, 2))
-    frames = [[Sighting.of(k, points + (*place, 0.0)) for k, place in enumerate(frame)] for frame in places]
+    frames = [[Sighting.of(k, points + np.array([*place, 0.0])) for k, place in enumerate(frame)] for frame in places]
     with patch.object(following, "_prices", wraps=following._prices) as prices:
         assert len(follow_all(frames, 30.0)) == 20 * 50
     assert max(len(call.args[2]) for call in prices.call_args_list) == MOST_FOLLOWED
