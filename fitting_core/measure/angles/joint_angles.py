@@ -210,8 +210,8 @@ def _turns(joint: Joint, segments: Segments, side: str) -> Float[np.ndarray, "T 
     turns = angles_of(matrices, joint.sequence)
     if joint.sequence[0] == joint.sequence[2]:  # arms are raised by negative turns
         turns = turns * (1, -1, 1) + (180, 0, -180)
-    determined = np.ones(turns.shape, bool)
-    determined[np.ix_(singular(turns, joint.sequence), [0, 2])] = False
+    determined = np.repeat(~singular(turns, joint.sequence)[:, None], 3, axis=1)
+    determined[:, 1] = True
     run = continuous(turns, joint.sequence, start=joint.start, determined=determined)
     return run * [angle.sign if angle else 1 for angle in joint.angles]
 
