@@ -20,9 +20,9 @@ SUMMARY_CSV, SUMMARY_JSON = "summary.csv", "summary.json"
 State = Literal["done", "done before", "failed", "failed before", "left"]
 STATES: dict[State, str] = {
     "done": "fitted now",
-    "done before": "were there already, from the same files and settings",
+    "done before": "there already, from the same files and settings",
     "failed": "failed now",
-    "failed before": "failed before and were left out (--retry fits them again)",
+    "failed before": "failed before and left out (--retry fits them again)",
     "left": "not reached",
 }
 """In words, for the table."""

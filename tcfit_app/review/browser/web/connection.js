@@ -153,8 +153,8 @@ export let largestUpload = Infinity;
 export function connect(uuid, strip, largest) {
   largestUpload = largest;
   field = resting = null; // what ends now belongs to a connection that is gone
+  greeting = uuid;
   for (const name of /** @type {(keyof Known)[]} */ (Object.keys(states))) receive(name, null);
-  field = uuid;
   eventCount = 0;
   waiting.clear();
   toAcknowledge = null;
@@ -163,21 +163,26 @@ export function connect(uuid, strip, largest) {
   greet(uuid, performance.now() + FOLLOWING);
 }
 
+/** @type {string | null} */
+let greeting = null; // the field of a connection to which hello is still to be said
 const FOLLOWING = 500; // milliseconds that viser's canvas has for following its box
 
 /** Says hello, upon which the first picture comes: in a busy browser it would be drawn on a canvas that still has the
  * strip's room, and then be moved. @param {string} uuid @param {number} end */
 function greet(uuid, end) {
-  if (field !== uuid) return; // that connection is gone
+  if (greeting !== uuid) return; // that connection is gone
   if (!canvasFits() && performance.now() < end) return void setTimeout(greet, SPACING, uuid, end);
+  [field, greeting] = [uuid, null];
   const about = { browser: browserName(), hinted: remembered("tcfit-hints") !== undefined };
   emit({ type: "hello", tab: tabName, ...canvasSize(), ...about, dark: isDark() });
 }
 
+const connected = () => (field ?? resting ?? greeting) !== null;
+
 /** Nothing more goes out, for nobody would take it, until `connect`. */
 function loseConnection() {
-  if (field === null && resting === null) return;
-  field = resting = null;
+  if (!connected()) return;
+  field = resting = greeting = null;
   clearTimeout(silence);
   waiting.clear();
   receive("fit", null); // whether it goes on is not known here
@@ -192,7 +197,7 @@ let asking = 0; // the timer of that
 /** Looks whether there is a server again: one that was started since knows this page only once its link was opened. */
 async function askAgain() {
   const answer = await fetch("/favicon.ico", { cache: "no-store" }).catch(() => null);
-  if (field !== null || resting !== null) return;
+  if (connected()) return;
   const found = answer?.status === 403 ? "restarted" : true;
   if (states.lost !== found) receive("lost", found);
   asking = setTimeout(askAgain, ASK_AGAIN);
