@@ -275,8 +275,7 @@ def test_a_program_that_starts_tcfit_hears_of_it(
 def test_the_examples_run(
     walk: None, off_screen_gl: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):
-    for name in ("tcfit", "paper"):
-        monkeypatch.setitem(PRESETS, name, QUICK)
+    monkeypatch.setitem(PRESETS, "tcfit", QUICK)
     names: dict[str, Any] = {}
     for example in examples(DOCS / "library.md"):
         exec(example, names)

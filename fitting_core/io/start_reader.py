@@ -229,7 +229,7 @@ class _Candidate:
         )  # fmt: skip
         if not found.there.any():
             far = placed(found.points, clip.keypoints, clip.camera).median_off[self.covered.there]
-            raise InputError(_follows_nobody(motion.source, far, person))
+            raise InputError(_follows_nobody(motion, far, person))
         return found
 
     def _own_points(self, body: BodyModel, find_body: FindBody) -> Float[np.ndarray, "T 25 3"] | None:
@@ -290,11 +290,14 @@ def _total_off(found: Placed) -> float:
     return float(np.minimum(found.median_off, 1.0).sum())
 
 
-def _follows_nobody(source: Path, off: Float[np.ndarray, "n"], person: int | None) -> str:
+def _follows_nobody(motion: ImportedMotion, off: Float[np.ndarray, "n"], person: int | None) -> str:
     seen = off[np.isfinite(off)]
     which = "" if person is None else f" of person {person}"
     how = f"lie {100 * np.median(seen):.0f} cm off the detected ones (median)" if len(seen) else "cannot be compared"
+    unsaid = motion.source.suffix == ".npz" and not motion.placed
+    axes = " It is taken to have z up; the key axes = 'camera' says that an npz is in camera space." * unsaid
     return (
-        f"{source}: the keypoints{which} {how}; expected the result of this clip and of this person, less than "
-        f"{100 * FOLLOWS:.0f} cm off. Choose another of its people, or say which frame of the video its first one is."
+        f"{motion.source}: the keypoints{which} {how}; expected the result of this clip and of this person, less than "
+        f"{100 * FOLLOWS:.0f} cm off. Choose another of its people, or say which frame of the video its first one "
+        f"is.{axes}"
     )

@@ -7,6 +7,7 @@ Padfield, 2012, "Masked object registration in the Fourier domain"), and the bes
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -29,8 +30,10 @@ _APART, _MARGIN = 1.5, 0.02
 """What is not explained by the second best offset must be so many times that of the best one, and this more."""
 _STEPS = 10
 """Into which a frame is divided before the parabola through the best three."""
+_SHIFTS = np.arange(-2 * _STEPS, 2 * _STEPS + 1) / _STEPS
+"""Frames from the best whole one."""
 _BLOCKS = 4
-"""Parts of the clip whose own offsets tell how sure the offset is."""
+"""Parts of what lies in both, whose own offsets tell how sure the offset is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,18 +75,19 @@ def found_offset(estimate: Estimate, reference: Reference) -> Offset:
     begin = estimate.first_frame / rate
     count = max(1, round((len(theirs) - 1) * rate / own_rate) + 1)
     coarse = interpolated(theirs[..., None], np.arange(count) * own_rate / rate)[..., 0]
-    lag, best, second = _best_lag(reference.name, ours, coarse, rate)
+    lag, second = _best_lag(reference.name, ours, coarse, rate)
 
-    def score(start: float, part: slice = slice(None)) -> float:
-        moments = (begin + np.arange(len(ours))[part] / rate - start) * own_rate
-        return _correlation(ours[part], interpolated(theirs[..., None], moments)[..., 0])
-
-    found = begin - lag / rate
-    refined, best = _refined(score, found, 1 / rate)
-    parts = [_part_offset(score, refined, part, 1 / rate) for part in _parts(len(ours))]
-    told = [offset for offset in parts if offset is not None]
+    found, moments = begin - lag / rate, begin + np.arange(len(ours)) / rate
+    common = np.flatnonzero((moments >= found) & (moments <= found + (len(theirs) - 1) / own_rate))
+    stretches = [slice(None), *_parts(common[0], common[-1] + 1)]
+    scores = []
+    for shift in _SHIFTS / rate:
+        there = interpolated(theirs[..., None], (moments - found - shift) * own_rate)[..., 0]
+        scores.append([_correlation(ours[stretch], there[stretch]) for stretch in stretches])
+    whole, *parts = (_peak(course) for course in np.array(scores).T)
+    told = [part.shift / rate for part in parts if part.correlation >= _ALIKE and part.inside]
     deviation = float(np.std(told, ddof=1) / np.sqrt(len(told))) if len(told) > 1 else None
-    return Offset(seconds=refined, deviation=deviation, correlation=best, second=second)
+    return Offset(seconds=found + whole.shift / rate, deviation=deviation, correlation=whole.correlation, second=second)
 
 
 def _moving_distances(
@@ -121,8 +125,8 @@ def _correlation(ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "T P"
 
 def _best_lag(
     name: str, ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "R P"], rate: float
-) -> tuple[int, float, float]:
-    """The fit's first frame in the reference's frames at the same rate, its correlation, and the second best's.
+) -> tuple[int, float]:
+    """The fit's first frame in the reference's frames at the same rate, and the second best one's correlation.
 
     Raises:
         InputError: There is none, or it is not clear.
@@ -148,7 +152,7 @@ def _best_lag(
             f"of {best:.3f}, and another, {abs(other - lags[place]) / rate:.2f} s away, {second:.3f}. Say it with "
             "--reference-offset SECONDS, or compare more of the clip."
         )
-    return int(lags[place]), best, second
+    return int(lags[place]), second
 
 
 def _correlations(
@@ -202,26 +206,26 @@ def _on_peak(scores: Float[np.ndarray, "L"], place: int) -> Bool[np.ndarray, "L"
     return found
 
 
-def _refined(score, start: float, frame: float) -> tuple[float, float]:
-    """The best offset within a frame and a half, between frames, and its correlation."""
-    steps = np.arange(-1.5 * _STEPS, 1.5 * _STEPS + 1) * frame / _STEPS
-    values = np.array([score(start + step) for step in steps])
-    best = int(values.argmax())
-    if not 0 < best < len(values) - 1:
-        return start + steps[best], float(values[best])
-    before, at, after = values[best - 1 : best + 2]
+class _Peak(NamedTuple):
+    """The best of all shifts."""
+
+    shift: float
+    """Frames, between those of _SHIFTS by a parabola through the best three."""
+    correlation: float
+    inside: bool
+    """Whether it lies between the first and the last shift."""
+
+
+def _peak(scores: Float[np.ndarray, "S"]) -> _Peak:
+    best = int(scores.argmax())
+    if not 0 < best < len(scores) - 1:
+        return _Peak(_SHIFTS[best], float(scores[best]), False)
+    before, at, after = scores[best - 1 : best + 2]
     bend = before - 2 * at + after
     shift = 0.0 if bend >= 0 else 0.5 * (before - after) / bend
-    return start + steps[best] + shift * frame / _STEPS, float(at)
+    return _Peak(_SHIFTS[best] + shift / _STEPS, float(at), True)
 
 
-def _parts(count: int) -> list[slice]:
-    edges = np.linspace(0, count, _BLOCKS + 1).round().astype(int)
-    return [slice(start, stop) for start, stop in pairwise(edges)]
-
-
-def _part_offset(score, start: float, part: slice, frame: float) -> float | None:
-    """A part's own offset; None where it does not tell one."""
-    found, value = _refined(lambda at: score(at, part), start, frame)
-    inside = abs(found - start) < 1.4 * frame
-    return found if value >= _ALIKE and inside else None
+def _parts(start: int, stop: int) -> list[slice]:
+    edges = np.linspace(start, stop, _BLOCKS + 1).round().astype(int)
+    return [slice(*ends) for ends in pairwise(edges)]

@@ -122,7 +122,9 @@ CURVES: dict[str, CurveKind] = {
     ),
     "acceleration_error": CurveKind(title="Acceleration error", unit="m/s²", values=_acceleration_error),
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection),
-    "reprojection_share": CurveKind(title="… of the person's length", unit="%", values=_reprojection_share),
+    "reprojection_share": CurveKind(
+        title="Reprojection error, of the person's length", unit="%", values=_reprojection_share
+    ),
     "reprojection_truth": CurveKind(
         title="Reprojection error against the truth", unit="px", values=_reprojection_of_truth
     ),

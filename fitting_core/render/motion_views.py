@@ -85,6 +85,7 @@ def outside_pictures(
     joints = np.concatenate([s.motion.in_axes("y-up").joints()[list(frames)].reshape(-1, 3) for s in shown])
     low, high = joints.min(0) - _ROOM, joints.max(0) + _ROOM
     height = 0.0 if _floor_is_known(shown) else float(low[1] + _ROOM / 2)
+    look = replace(look, azimuth=look.azimuth + _camera_side(shown[0].motion))
     view = _framed(low, high, look)
     Renderer(view.camera)  # told before anything is drawn
 
@@ -170,6 +171,16 @@ def _labelled(image: Image, label: str) -> Image:
     if label:
         draw_caption(image, label)
     return image
+
+
+def _camera_side(motion: Motion) -> float:
+    """Degrees about the vertical of y-up, from z, at which the camera stood when the motion began.
+
+    A calibrated camera may stand on any side of its laboratory.
+    """
+    turn = motion.in_axes("y-up").camera_to_world
+    backward = -(turn[0] if turn.ndim == 3 else turn)[:, 2]
+    return float(np.degrees(np.arctan2(backward[0], backward[2])))
 
 
 def _floor_is_known(shown: Sequence[Shown]) -> bool:

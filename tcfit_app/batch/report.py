@@ -29,7 +29,8 @@ _HERE = Path(__file__).parent
 _ORDER = (
     "The worst come first: clips that failed, then those whose result is doubted, then by the largest of reprojection "
     "error, jitter and suspicious places for each frame, each against the median of the batch. A click on a column's "
-    "name sorts by it. The picture is of the frame that the review would show first."
+    "name sorts by it. The picture is of the frame that the review would show first, and grows under the "
+    "pointer."
 )
 
 

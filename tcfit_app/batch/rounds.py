@@ -72,7 +72,7 @@ class Course:
             if task.subject:
                 self.subjects.setdefault(task.subject, []).append(place)
         begun = [first_phase(task, folder) if task.subject else task for task in tasks]
-        what = "clips, of those of subjects the first phase," if self.subjects else "clips"
+        what = "First phases, and clips without a subject" if self.subjects else "Clips"
         self.first = Round.of(what, begun, folder, retry=retry)
         self._steps: list[list[tuple[Round, int]]] = [[(self.first, place)] for place in range(len(tasks))]
 
@@ -96,7 +96,7 @@ class Course:
             if members:
                 names.append(name)
                 tasks.append(shape_of(self.tasks[places[0]], tuple(members[:MOST_CLIPS]), self.folder))
-        shapes = Round.of("subjects' shapes", tasks, self.folder, retry=self.retry)
+        shapes = Round.of("Shapes of subjects", tasks, self.folder, retry=self.retry)
         for index, name in enumerate(names):
             for place in self.subjects[name]:
                 if not self._failed(place):
@@ -106,7 +106,7 @@ class Course:
     def _rest(self) -> Round:
         places = [place for own in self.subjects.values() for place in own if self._done(place, 2)]
         tasks = [with_shape(self.tasks[place], self.folder) for place in places]
-        rest = Round.of("clips of subjects", tasks, self.folder, retry=self.retry)
+        rest = Round.of("Clips of subjects", tasks, self.folder, retry=self.retry)
         for index, place in enumerate(places):
             self._steps[place].append((rest, index))
         return rest

@@ -167,7 +167,7 @@ class _Lines:
             bar_format="{n_fmt}/{total_fmt} |{bar:20}| {elapsed} < {remaining}{postfix}",
         )
         if before:
-            tqdm.write(f"{before} of {total} {what} were done or have failed before.", file=sys.stdout)
+            tqdm.write(f"{what}: {before} of {total} were done, or failed, in an earlier run.", file=sys.stdout)
 
     def show(self, news: News) -> None:
         """Tell of it."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
 from fitting_core.measure.comparison import compare
@@ -28,7 +29,7 @@ def evaluated(
 
     Args:
         fit: Which.
-        reference: What it is compared with; None: only smoothness, reprojection and volume are measured.
+        reference: What it is compared with; None: only smoothness, volume and reprojection are measured.
         every: Surfaces are measured in every so many frames.
         models: Folder with body models that alone is searched for the reference's.
         done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
@@ -90,7 +91,9 @@ def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
 def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ...]:
     """What a user should know about the comparison with a fit of this frame rate."""
     if reference is None:
-        return ("There is no reference: only smoothness, reprojection and volume are measured.",)
+        return (
+            "There is no reference: only smoothness, volume and, where there are keypoints, reprojection are measured.",
+        )
     notes = list(reference.notes)
     if not reference.in_camera:
         notes.append(
@@ -112,15 +115,14 @@ def _coverage(fit: EvaluatedFit, reference: Reference | None, records: Sequence[
     count, compared = records[0].frames, records[0].comparison.compared_frames
     if reference is None or compared is None or compared == count:
         return ()
-    rate = f" at {reference.frame_rate:g} per second" if reference.frame_rate else ""
-    known = "" if reference.first_frame_known else ", as nothing else was said"
-    reached = int((reference.frames_of(count, fit.first_frame, fit.frame_rate) >= 0).sum())
+    known = "" if reference.first_frame_known else ", as it does not say when it begins"
+    covered = fit.first_frame + np.flatnonzero(reference.frames_of(count, fit.first_frame, fit.frame_rate) >= 0)
+    reached = len(covered)
     unknown = f" In {reached - compared} of those that it has too few of its points are known." * (compared < reached)
     return (
         f"Compared in {compared} of {count} frames: the fit has the video's frames {fit.first_frame} to "
-        f"{fit.first_frame + count - 1}, and the reference {len(reference)} frames{rate} that begin at its own frame "
-        f"{reference.first_frame}, counted from the video's first{known}. If it begins elsewhere, say where with "
-        f"--reference-first-frame.{unknown}",
+        f"{fit.first_frame + count - 1}, of which the reference covers {covered[0]} to {covered[-1]}{known}. If it "
+        f"lies elsewhere in time, say where by --reference-offset or --reference-first-frame.{unknown}",
     )
 
 

@@ -50,8 +50,8 @@ def read_marker_set(path: Path) -> MarkerSet:
 
 def _content(path: Path) -> dict[str, Any]:
     try:
-        data = regular_file(path, most=_MOST_BYTES).read_bytes()
-        found = msgspec.json.decode(data) if data.lstrip()[:1] == b"{" else tomllib.loads(data.decode())
+        text = regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8-sig")
+        found = msgspec.json.decode(text) if text.lstrip()[:1] == "{" else tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {_FORM}.") from error
     except (ValueError, RecursionError) as error:

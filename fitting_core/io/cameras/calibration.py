@@ -33,6 +33,8 @@ class Calibration:
     """Whether lengths of the world have a unit; a reconstruction from images alone has none."""
     poses: Poses | None = None
     """Of a camera that moves, in place of rotation and translation."""
+    notes: tuple[str, ...] = ()
+    """What a user should know of how it was read."""
 
 
 def calibration(

@@ -4,7 +4,7 @@
 |---|---|---|
 | K | (3, 3) | focal lengths and principal point, pixels |
 | dist | (n,) | optional: OpenCV's distortion coefficients, 4, 5, 8 or 12 |
-| size | (2,) | optional: width and height of the images that were calibrated |
+| size or image_size | (2,) | optional: width and height of the images that were calibrated |
 | R | (3, 3) or (3,) | optional: rotation from the world to the camera, as a matrix or as a rotation vector |
 | t | (3,) | with R: translation, metres |
 | up | () | optional: the world's axis against gravity: x, y, z, -x, -y or -z |
@@ -15,17 +15,20 @@ A camera that moves has N rows in R, (N, 3, 3) or (N, 3), and in t, and no names
 frames, one after the other.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fitting_core.files.npz import read_npz
+from fitting_core.files.npz import npz_names, read_npz
+from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration, calibration, pose_of
 from fitting_core.io.cameras.moving import Poses
 
-_ROWS = {"K": "matrix", "dist": "distortion", "size": "size", "R": "rotation", "t": "translation"}
+_ROWS = {"K": "matrix", "dist": "distortion", "size": "size", "image_size": "size", "R": "rotation", "t": "translation"}
 """Arrays with a row for each camera, and what `calibration` calls them."""
+_KEYS = (*_ROWS, "up", "names", "frames")
 _MAX_BYTES = 2**24
 
 
@@ -36,7 +39,15 @@ def read_camera_npz(path: Path) -> list[Calibration]:
         ValueError: It is no such npz, or has a camera that cannot be used.
         OSError: It cannot be read.
     """
-    arrays = read_npz(path, (*_ROWS, "up", "names", "frames"), most=_MAX_BYTES)
+    cameras = _cameras(read_npz(path, _KEYS, most=_MAX_BYTES))
+    # A distortion by another name, passed over in silence, would bend every result.
+    if other := [name for name in npz_names(path) if name not in _KEYS]:
+        note = f"{', '.join(map(legible, other[:5]))}: passed over; expected {', '.join(_KEYS)}."
+        return [replace(camera, notes=(note,)) for camera in cameras]
+    return cameras
+
+
+def _cameras(arrays: dict[str, np.ndarray]) -> list[Calibration]:
     if "K" not in arrays:
         raise ValueError(f"has no camera matrix K (it has {', '.join(arrays) or 'none of the keys of a camera'})")
     up: Any = str(arrays["up"]) if "up" in arrays else None

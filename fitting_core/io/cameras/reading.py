@@ -96,7 +96,7 @@ def read_camera(
     if path is not None and scale_of is not None and not _has_scale(file, chosen):
         world, path, world_notes = _world(file, chosen, poses, scale_of(replace(camera, path=path)))
     camera = replace(camera, world=world, path=path)
-    notes = (*size_notes, *lens_notes, *path_notes, *world_notes)
+    notes = (*chosen.notes, *size_notes, *lens_notes, *path_notes, *world_notes)
     return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
 
 

@@ -14,11 +14,12 @@ import c3d
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
-from fitting_core.io.points.named_points import NamedPoints, check_names
+from fitting_core.io.points.named_points import MOST_POINTS, NamedPoints, check_names, without_subject
 
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "": 1e-3}
-_MOST_BYTES, _MOST_FRAMES, _MOST_POINTS = 2**30, 10**6, 2000
+_MOST_BYTES, _MOST_FRAMES = 2**30, 10**6
 _ROW = 255
 """What one parameter lists: further ones have a number behind their name."""
 _LAST_NUMBER = 65535
@@ -51,13 +52,13 @@ def write_c3d(
 
     Args:
         path: The file.
-        points: At most _MOST_POINTS.
+        points: At most MOST_POINTS.
         events: Become the group EVENT as Vicon's programs have it.
         screen: The axes that point right and up on a screen, such as ("+X", "+Z"); None: not known.
         subject: Whose they are.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: It cannot be written; nothing is left of it.
     """
     writer = c3d.Writer(point_rate=points.frame_rate, point_units="mm")
     first = points.first_frame or 0
@@ -78,7 +79,7 @@ def write_c3d(
     frames[..., :3] = 1e3 * points.places
     frames[~np.isfinite(points.places).all(-1)] = (0, 0, 0, -1, 0)
     writer.add_frames([(frame, np.zeros((0, 0))) for frame in frames])
-    with path.open("wb") as file, _quietly():
+    with replacing(path) as draft, draft.open("wb") as file, _quietly():
         writer.write(file)
 
 
@@ -117,6 +118,7 @@ def _set_texts(group: "c3d.c3d.GroupEditable", name: str, texts: Sequence[str]) 
         some = texts[start : start + _ROW]
         long = max(1, *map(len, some))
         packed = "".join(text.ljust(long) for text in some)
+        assert packed.isascii(), "letters of several bytes would move all texts behind them"
         group.set_str(f"{name}{_number(start)}", "", packed, long, len(some))
 
 
@@ -147,16 +149,26 @@ def read_c3d(path: Path) -> NamedPoints:
 
 
 class _Reader(c3d.Reader):
-    """Takes files whose header and parameters disagree on analogue signals, which c3d refuses and programs write."""
+    """Takes files that c3d does not, and programs write."""
 
     def _check_metadata(self) -> None:
-        pass
+        """Header and parameters may disagree on analogue signals."""
+
+    @property
+    def first_frame(self) -> int:
+        """Not of 16 bits, which overflow behind the frame 65535."""
+        return int(super().first_frame)
+
+    @property
+    def last_frame(self) -> int:
+        """Likewise. Where the first frame's number is 0, POINT:FRAMES is no number of a frame."""
+        return int(super().last_frame if self.first_frame else self.header.last_frame)
 
 
 def _read(path: Path, reader: c3d.Reader) -> NamedPoints:
     count, rate = int(reader.point_used), float(reader.point_rate)
-    if not 0 < count <= _MOST_POINTS:
-        raise InputError(f"{path}: holds {count} points; expected 1 to {_MOST_POINTS}.")
+    if not 0 < count <= MOST_POINTS:
+        raise InputError(f"{path}: holds {count} points; expected 1 to {MOST_POINTS}.")
     if not 0 < rate < np.inf:
         raise InputError(f"{path}: has {rate:g} frames per second; expected a number above 0.")
     unit = _text(reader.get("POINT:UNITS"))
@@ -165,7 +177,7 @@ def _read(path: Path, reader: c3d.Reader) -> NamedPoints:
     frames = _frames(path, reader, count)
     names = _labels(reader)[:count]
     named = [i for i, name in enumerate(names) if name]
-    names = tuple(_without_subject([names[i] for i in named]))
+    names = without_subject([names[i] for i in named])
     check_names(path, names)
     places = np.full((frames, len(named), 3), np.nan)
     for t, (_, points, _) in zip(range(frames), reader.read_frames(copy=False, analog_transform=False), strict=False):
@@ -186,7 +198,8 @@ def _frames(path: Path, reader: c3d.Reader, points: int) -> int:
     width = 4 if reader.point_scale < 0 else 2
     each = width * (4 * points + int(reader.analog_used) * int(reader.analog_per_frame))
     size = path.stat().st_size
-    room = max(0, size - _BLOCK * (int(reader.header.data_block) - 1)) // each
+    before = int(reader.header.data_block) - 1  # blocks: the header, and parameters
+    room = max(0, size - _BLOCK * before) // each if before > 1 else 0
     if not 0 < frames <= min(room, _MOST_FRAMES):
         raise InputError(
             f"{path}: says that it holds {frames} frames of {points} points, and has room for {room}; expected 1 to "
@@ -198,17 +211,11 @@ def _frames(path: Path, reader: c3d.Reader, points: int) -> int:
 def _labels(reader: c3d.Reader) -> list[str]:
     """Of all points, also of more than one parameter can list."""
     found: list[str] = []
-    for number in range(_MOST_POINTS // _ROW + 1):
+    for number in range(MOST_POINTS // _ROW + 1):
         param = reader.get(f"POINT:LABELS{_number(number * _ROW)}")
         if param is not None:
             found += [str(label).strip(" \0") for label in np.ravel(param.string_array)]
     return found
-
-
-def _without_subject(names: list[str]) -> list[str]:
-    """LASI for Anna:LASI, where all names that have a subject before them have the same."""
-    subjects = {name.rpartition(":")[0] for name in names} - {""}
-    return [name.rpartition(":")[2] for name in names] if len(subjects) == 1 else names
 
 
 def _text(param: "c3d.c3d.Param | None") -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import SIDES, Contacts
 from fitting_core.io.motion.fitted_motion import Motion
@@ -84,10 +85,10 @@ def write_contacts(path: Path, motion: Motion) -> None:
 
     Raises:
         InputError: Nobody looked where the feet stand.
-        OSError: It cannot be written.
+        OSError: It cannot be written; nothing is left of it.
     """
     rate = motion.frame_rate
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(_HEADER)
         for stand in stands_of(motion):

@@ -1,11 +1,15 @@
 """Points with names that move: what files of motion capture hold."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+
+MOST_POINTS = 2000
+"""That a file may have."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +31,12 @@ class NamedPoints:
 
     def __len__(self) -> int:
         return len(self.places)
+
+
+def without_subject(names: Sequence[str]) -> tuple[str, ...]:
+    """LASI for Anna:LASI, where all names that have a subject before them have the same."""
+    subjects = {name.rpartition(":")[0] for name in names} - {""}
+    return tuple(name.rpartition(":")[2] for name in names) if len(subjects) == 1 else tuple(names)
 
 
 def check_names(path: object, names: tuple[str, ...]) -> None:

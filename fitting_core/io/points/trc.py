@@ -5,12 +5,19 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
-from fitting_core.io.points.named_points import NamedPoints, check_names
+from fitting_core.io.points.named_points import MOST_POINTS, NamedPoints, check_names, without_subject
 
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _MOST_BYTES = 512 * 2**20
 """An hour of 60 points at 120 per second has 0.6 GB with more digits than anyone measures."""
+_MOST_PLACES = 2**26
+"""Markers of all frames together: 1.6 GB."""
+_LATEST = 1e10
+"""Seconds: times may be counted from 1970."""
+_ROUNDED = 0.01
+"""Seconds: some programs write times with two decimals."""
 _TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
 
@@ -18,7 +25,7 @@ def write_trc(path: Path, points: NamedPoints) -> None:
     """Write points in millimetres; frames are numbered from 1, and the video's first one has the time 0.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: It cannot be written; nothing is left of it.
     """
     first, rate = points.first_frame or 0, f"{points.frame_rate:.6f}"
     names, count = points.names, len(points)
@@ -31,7 +38,7 @@ def write_trc(path: Path, points: NamedPoints) -> None:
         f"\t\t{axes}",
         "",
     )
-    with path.open("w", encoding="ascii", newline="\n") as file:
+    with replacing(path) as draft, draft.open("w", encoding="ascii", newline="\n") as file:
         file.write("\n".join(head) + "\n")
         for t, places in enumerate(1e3 * points.places.reshape(count, -1)):
             cells = "\t".join("" if np.isnan(value) else f"{value:.3f}" for value in places)
@@ -42,31 +49,39 @@ def read_trc(path: Path) -> NamedPoints:
     """Read points. Cells without a number, and points at exactly 0, 0, 0, were not seen.
 
     Raises:
-        InputError: It is no such file, or a line of it has another form than the header says.
+        InputError: It is no such file, or its lines have another form, or its times another rate, than its header says.
     """
     try:
-        lines = regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8", errors="strict").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        # The first line may name a folder in any encoding. Marker names that are known here have ASCII alone.
+        text = regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); expected {_TRC}.") from error
+    lines = text.splitlines()
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):
         raise InputError(f"{path}: does not begin as such files do; expected {_TRC}.")
-    header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
-    names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
-    unit = header.get("Units", "").strip()
+    keys, values = ([cell.strip() for cell in line.split("\t")] for line in lines[1:3])
+    header = dict(zip(keys, values, strict=False))
+    names = without_subject([name.strip() for name in lines[3].split("\t")[2:] if name.strip()])
+    unit = header.get("Units", "").lower()
     try:
         rate, declared = float(header["DataRate"]), int(header["NumMarkers"])
     except (KeyError, ValueError) as error:
-        raise InputError(f"{path}: its second and third line give no {error}; expected {_TRC}.") from error
-    if unit not in _UNITS or not 0 < rate < np.inf or declared != len(names):
+        raise InputError(
+            f"{path}: its second and third line tell no rate or number of markers ({error}); expected {_TRC}."
+        ) from error
+    if unit not in _UNITS or not 0 < rate < np.inf or declared != len(names) or declared > MOST_POINTS:
         raise InputError(
             f"{path}: says {declared} markers in {unit or 'no unit'} at {rate:g} per second, and names {len(names)}; "
-            "expected as many names, mm, cm or m, and a rate above 0."
+            f"expected as many names, up to {MOST_POINTS}, mm, cm or m, and a rate above 0."
         )
     check_names(path, names)
-    rows = [(5 + i, line.split("\t")) for i, line in enumerate(lines[5:], 1) if line.strip()]
+    rows = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    if not 0 < len(rows) <= _MOST_PLACES / max(1, declared):
+        raise InputError(f"{path}: has {len(rows) or 'no'} frames of {declared} markers; expected {_TRC}.")
     times, places = _rows(path, rows, len(names))
+    _check_times(path, times, rate)
     places[(places == 0).all(-1)] = np.nan
-    stated = header.get("NumFrames", "").strip()
+    stated = header.get("NumFrames", "")
     cut = stated.isdecimal() and int(stated) != len(rows)
     return NamedPoints(
         names=names,
@@ -78,17 +93,29 @@ def read_trc(path: Path) -> NamedPoints:
     )
 
 
-def _rows(path: Path, rows: list[tuple[int, list[str]]], markers: int) -> tuple[list[float], np.ndarray]:
+def _rows(path: Path, rows: list[tuple[int, str]], markers: int) -> tuple[list[float], np.ndarray]:
     times, points = [], np.full((len(rows), 3 * markers), np.nan)
-    for i, (number, cells) in enumerate(rows):
-        values = [cell.strip() for cell in cells[2 : 2 + 3 * markers]]
+    for i, (number, line) in enumerate(rows):
+        cells = [cell.strip() for cell in line.split("\t")]
+        values = cells[2 : 2 + 3 * markers]
         try:
             times.append(float(cells[1]))
             points[i, : len(values)] = [float(value) if value else np.nan for value in values]
-            if not np.isfinite(times[-1]) or np.isinf(points[i]).any():
+            if not abs(times[-1]) < _LATEST or np.isinf(points[i]).any():
                 raise ValueError("a time or place is infinite or no number")
+            if any(cells[2 + 3 * markers :]):
+                raise ValueError(f"it has more than {3 * markers} numbers behind its time")
         except (ValueError, IndexError) as error:
             raise InputError(f"{path}: line {number} cannot be read ({error}); expected {_TRC}.") from error
-    if not rows:
-        raise InputError(f"{path}: has no frames; expected {_TRC}.")
     return times, points.reshape(len(rows), markers, 3)
+
+
+def _check_times(path: Path, times: list[float], rate: float) -> None:
+    """Raises InputError where frames do not last as long as the rate says: that is wrong, or some are left out."""
+    lasted, expected = times[-1] - times[0], (len(times) - 1) / rate
+    if abs(lasted - expected) > 0.01 * expected + max(1 / rate, _ROUNDED):
+        raise InputError(
+            f"{path}: its {len(times)} frames go from {times[0]:g} to {times[-1]:g} s, and at the {rate:g} per second "
+            f"of its header they would last {expected:.4g} s; expected both alike. Correct the header's DataRate, or "
+            "put in the frames that are left out, with empty cells."
+        )

@@ -40,15 +40,22 @@ FARTHEST = 300.0
 """Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
 
 
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _named() -> dict[str, int]:
+    known = {_plain(own): index for own, index in kp.INDEX.items()}
+    known |= {side[0] + part: known[side + part] for side in _SIDES for part in _SIDED}
+    return known | {name: kp.INDEX[own] for name, own in _MIDDLE.items()}
+
+
+_KEYPOINTS = _named()
+
+
 def keypoint_named(name: str) -> int | None:
     """The keypoint of a marker's name, None if it is none: RShoulder, right_shoulder and R-Shoulder are one."""
-    plain = re.sub(r"[^a-z0-9]", "", name.lower())
-    if plain in _MIDDLE:
-        return kp.INDEX[_MIDDLE[plain]]
-    known = {re.sub(r"[^a-z0-9]", "", own): index for own, index in kp.INDEX.items()}
-    for side in ("right", "left"):
-        known |= {side[0] + part: known[side + part] for part in _SIDED}
-    return known.get(plain)
+    return _KEYPOINTS.get(_plain(name))
 
 
 def matched(

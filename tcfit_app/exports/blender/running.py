@@ -1,7 +1,9 @@
 """FBX, which Blender writes: found on the computer, run as a process of its own, and ended when nobody wants it."""
 
 import importlib.util
+import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -67,7 +69,13 @@ def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -
     with (folder / "said.txt").open("wb") as said:
         try:
             process = subprocess.Popen(
-                command, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, close_fds=True
+                command,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                close_fds=True,
+                start_new_session=True,
             )
         except OSError as error:
             raise InputError(
@@ -85,10 +93,18 @@ def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -
                 time.sleep(_LOOK)
         finally:
             if process.poll() is None:
-                process.kill()
+                _kill(process)
             process.wait()
     if process.returncode:
         raise InputError(f"Blender failed with exit code {process.returncode}. {_last_of(folder)}")
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """With what it has started: the command blender may be a script."""
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _last_of(folder: Path, lines: int = 8) -> str:

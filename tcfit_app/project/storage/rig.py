@@ -39,7 +39,7 @@ def keep_rig(project: Path, name: str, content: bytes) -> KeptRig:
         content: What is in it.
 
     Raises:
-        InputError: It is no rig that can be read.
+        InputError: It is no rig that can be read, or a .gltf that names files beside it, which did not come along.
         OSError: It cannot be written.
     """
     shown = name_of_file(name)
@@ -47,7 +47,7 @@ def keep_rig(project: Path, name: str, content: bytes) -> KeptRig:
         read = scratch / f"rig{Path(shown).suffix.lower()}"
         read.write_bytes(content)
         try:
-            skeleton = read_skeleton(read)
+            skeleton = read_skeleton(read, whole=True)
         except InputError as error:
             raise InputError(str(error).replace(str(read), shown)) from error
     folder = project / FOLDER

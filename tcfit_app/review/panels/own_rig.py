@@ -113,9 +113,8 @@ class OwnRig:
         self._upload.disabled = off
         joints = {} if self._kept is None else self._kept.joints
         for part, field in self._inputs.items():
-            names = joints.get(part, ())
-            field.show(", ".join(names) if part in CHAINS else (*names, _NONE)[0])
-            self._handles[part].label = _label(part, missing=not names)
+            field.show(_value(self._kept, part))
+            self._handles[part].label = _label(part, missing=part not in joints)
             self._handles[part].disabled = off
         self._about.show(paragraph(_SAID, "dim"), *self._told(there))
 
@@ -139,16 +138,15 @@ class OwnRig:
             ]
         for k, part in enumerate(PARTS):
             hint = f"SMPL-X's {part}" + (", needed" if part in NEEDED else "")
-            take, names = partial(self._choose, part), kept.joints.get(part, ())
-            label = _label(part, missing=not names)
+            take, value = partial(self._choose, part), _value(kept, part)
+            label = _label(part, missing=part not in kept.joints)
             with self._lists[k >= _FIRST]:
                 if part in CHAINS:
                     several = f"{hint}; any number of joints, with commas between them"
-                    handle: Any = gui.add_text(label, ", ".join(names), hint=several)
+                    handle: Any = gui.add_text(label, value, hint=several)
                     self._inputs[part] = Field(self._tab, handle, take)
                 else:
-                    chosen = names[0] if names and names[0] in offered else _NONE
-                    handle = gui.add_dropdown(label, offered, initial_value=chosen, hint=hint)
+                    handle = gui.add_dropdown(label, offered, initial_value=value, hint=hint)
                     self._inputs[part] = Dropdown(self._tab, handle, take)
             self._handles[part] = handle
         self._shown = kept
@@ -181,6 +179,14 @@ class OwnRig:
         ]
         mapping = button("Mapping file", "rig.download", hint="For tcfit export --rig, beside the rig's file")
         return [paragraph(about), *([paragraph(wrong, "bad")] if wrong else []), row(*files, mapping, wrap=True)]
+
+
+def _value(kept: KeptRig | None, part: str) -> str:
+    """What an input shows; a mapping that somebody has edited may name joints that are not there."""
+    names = () if kept is None else kept.joints.get(part, ())
+    if part in CHAINS:
+        return ", ".join(names)
+    return names[0] if kept is not None and names and names[0] in kept.skeleton.offered else _NONE
 
 
 def _label(part: str, *, missing: bool) -> str:

@@ -13,6 +13,7 @@ from tests.fitting_core.io.malformed import Case, content, directory
 
 _NAMES = ("LASI", "RASI", "LKNE", "RKNE", "C7")
 _PLACES = np.random.default_rng(0).normal(0, 0.3, (40, 5, 3))
+_ROWS = [f"{t + 1}\t{t / 120:.4f}\t" + "\t".join(map(str, places)) for t, places in enumerate(_PLACES.reshape(40, -1))]
 Change = Callable[[bytearray], bytes | bytearray]
 
 
@@ -26,6 +27,13 @@ def c3d(says: str, change: Change, *, places: np.ndarray = _PLACES, names: tuple
         return path
 
     return Case(make, read_reference, says)
+
+
+def trc(says: str, *, rate: str = "120", names: tuple[str, ...] = _NAMES, rows: list[str] = _ROWS) -> Case:
+    """A TRC file in metres."""
+    head = ["PathFileType\t4\t(X/Y/Z)\twalk.trc", "DataRate\tNumMarkers\tUnits", f"{rate}\t{len(names)}\tm"]
+    text = "\n".join([*head, "Frame#\tTime\t" + "\t\t\t".join(names), "", *rows])
+    return Case(content("walk.trc", text), read_reference, says)
 
 
 def _put(place: int, form: str, *values: float) -> Change:
@@ -71,8 +79,18 @@ def _many_frames(data: bytearray) -> bytearray:
     return _parameter(b"TRIAL", b"ACTUAL_END_FIELD", "<HH", frames & 0xFFFF, frames >> 16)(data)
 
 
+_WIDE = tuple(f"M{i}" for i in range(100_000))
 _NOTHING = np.full_like(_PLACES, np.nan)
 LABORATORY: dict[str, Case] = {
+    "trc another rate": trc("40 frames go from 0 to 0.325 s, and at the 60 per second", rate="60"),
+    "trc 120 Hz": trc("tell no rate or number of markers .*'120 Hz'", rate="120 Hz"),
+    "trc frames left out": trc("30 frames go from 0 to 0.325 s", rows=[*_ROWS[:12], *_ROWS[22:]]),
+    "trc frames in disorder": trc("from 0.1667 to 0.1583 s", rows=[*_ROWS[20:], *_ROWS[:20]]),
+    "trc a time beyond all": trc("line 6 cannot be read", rows=["1\t1e300" + "\t0.5" * 15]),
+    "trc numbers of nobody": trc("line 6 .* more than 15 numbers", rows=[row + "\t0.5" for row in _ROWS]),
+    "trc decimal commas": trc("line 6 .*could not convert", rows=[row.replace(".", ",") for row in _ROWS]),
+    "trc of spaces": Case(content("walk.trc", "PathFileType 4 (X/Y/Z)\n" * 9), read_reference, "tell no rate"),
+    "trc 100000 markers": trc("names 100000; expected .* up to 2000", names=_WIDE, rows=["1\t0"] * 1000),
     "c3d empty": Case(content("walk.c3d", b""), read_reference, "does not begin as such files do"),
     "c3d a text": Case(content("walk.c3d", "walk"), read_reference, "does not begin as such files do"),
     "c3d a folder": Case(directory("walk.c3d"), read_reference, "is a folder"),
@@ -86,6 +104,7 @@ LABORATORY: dict[str, Case] = {
     "c3d rate 0": c3d("has 0 frames per second", _parameter(b"POINT", b"RATE", "<f", 0.0)),
     "c3d rate NaN": c3d("has nan frames per second", _parameter(b"POINT", b"RATE", "<f", float("nan"))),
     "c3d unit": c3d("is in 'ft'", _unit(b"ft")),
+    "c3d frames in the header": c3d("has room for 0", _put(16, "<H", 1)),
     "c3d frames far behind": c3d("has room for 0", _put(16, "<H", 60000)),
     "c3d parameters far behind": c3d("is damaged", _put(0, "<B", 255)),
     "c3d unknown processor": c3d("is damaged", _put(515, "<B", 7)),

@@ -86,7 +86,7 @@ REFERENCES: dict[str, Case] = {
     "reference all NaN": reference(npz(points=_POINTS * np.nan, names=_NAMES), "no point|finite|no frame"),
     "reference a folder": Case(directory("reference.npz"), read_reference, "folder without truth.npz"),
     "trc a text": reference("walk", "does not begin as such files do", "walk.trc"),
-    "trc wrong encoding": reference("PathFileType".encode("utf-16"), "cannot be read", "walk.trc"),
+    "trc wrong encoding": reference("PathFileType".encode("utf-16"), "does not begin as such files do", "walk.trc"),
     "trc unit": trc("4 markers in furlong", unit="furlong"),
     "trc counts": trc("says 5 markers", markers="5"),
     "trc rate": trc("a rate above 0", rate="-25"),

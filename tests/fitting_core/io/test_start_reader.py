@@ -236,6 +236,22 @@ def test_a_result_of_another_clip_is_refused(free_body: BodyModel, tmp_path: Pat
         read_start(path, clip_of(free_body, upside_down), free_body)
 
 
+def test_own_arrays_in_camera_space_say_so(free_body: BodyModel, tmp_path: Path):
+    params = truth(6)
+    upright = torch.tensor([torch.pi, 0.0, 0.0]).to(params.global_orient).expand(FRAMES, 3)
+    params = replace(params, global_orient=upright, body_pose=0.1 * params.body_pose)
+    params.body_pose[:, [47, 50]] = torch.tensor([-1.3, 1.3]).to(upright)  # hanging arms: lying, all of it is short
+    pose = torch.cat([params.global_orient, params.body_pose, torch.zeros(FRAMES, 99)], 1).numpy()
+    arrays = {"poses": pose, "trans": params.camera_translation.numpy(), "betas": np.zeros(10), "gender": "neutral"}
+    arrays |= {"mocap_frame_rate": 30.0}
+    np.savez(tmp_path / "said.npz", axes="camera", **arrays)
+    np.savez(tmp_path / "unsaid.npz", **arrays)
+    clip = clip_of(free_body, params)
+    assert read_start(tmp_path / "said.npz", clip, free_body).there.all()
+    with pytest.raises(InputError, match="taken to have z up; the key axes = 'camera' says that"):
+        read_start(tmp_path / "unsaid.npz", clip, free_body)
+
+
 def test_images_of_another_form_are_refused(free_body: BodyModel, tmp_path: Path):
     params = truth()
     square = replace(DIAGONAL, size=(SIZE[0], SIZE[0]))

@@ -214,3 +214,16 @@ def test_values_between_frames():
     gap = (moments > 9) & (moments < 20)
     assert np.isnan(found[gap, 1]).all() and np.isfinite(found[~gap & ~outside, 1]).all()
     assert np.isfinite(found[:, 2]).all(-1).tolist() == [moment == 4.0 for moment in moments]
+
+
+def test_the_standard_error_holds_where_the_reference_is_a_part_of_the_clip(fit: Estimate, tmp_path: Path):
+    """By four parts of what lies in both: of what lies beside it, few frames would tell anything."""
+    names, places = places_of(fit.body, np.arange(0, SECONDS, 1 / OWN_RATE), "joints")
+    off = []
+    for start in np.arange(0.3, 3.8, 0.35):
+        first = round(start * OWN_RATE)
+        path = written(tmp_path, "trc", names, places[first : first + round(1.6 * OWN_RATE)])
+        found = found_offset(fit, read_reference(path))
+        assert found.deviation is not None
+        off.append((found.seconds - first / OWN_RATE) / found.deviation)
+    assert max(map(abs, off)) < 6, "in Student's distribution of 3 degrees of freedom, one of a hundred is"

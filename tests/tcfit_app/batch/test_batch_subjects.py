@@ -99,6 +99,7 @@ def test_clips_of_a_subject_share_a_shape_and_only_what_changed_is_done_again(
     assert next(done) == sorted(["a1", "a0", "a2", "anna (shape from 2 clips)"])
     assert batch(tmp_path, "--temporal-weight", "50") == 0  # nothing of first phases or shapes changes
     assert next(done) == sorted(["a0", "a1", "a2", "b", "c"]), "a shape was found again that cannot have changed"
+    assert "Shapes of subjects: 2 of 2 were done, or failed, in an earlier run." in capsys.readouterr().out
 
 
 def alone(options: Sequence[str]) -> list[str]:

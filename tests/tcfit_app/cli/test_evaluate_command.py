@@ -216,7 +216,8 @@ def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: Body
         final = records_in(tmp_path / "out")[-1]
         assert float(final["pa_mpjpe_mean [mm]"]) == pytest.approx(0, abs=1e-3)
         assert (final["frames"], final["compared_frames"]) == (str(FRAMES), str(compared))
-        said = f"Compared in {part} of {FRAMES} frames: the fit has the video's frames {FRAMES // 2} to"
+        said = f"Compared in {part} of {FRAMES} frames: the fit has the video's frames {FRAMES // 2} to "
+        said += f"{FRAMES // 2 + FRAMES - 1}, of which the reference covers {FRAMES} to {FRAMES // 2 + FRAMES - 1}"
         assert (said in capsys.readouterr().err) == (compared < FRAMES)
     assert main([*arguments, "--reference-first-frame", "3"]) == 2
     assert "has no reference: give --reference too" in capsys.readouterr().err

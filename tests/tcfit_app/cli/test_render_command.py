@@ -1,6 +1,7 @@
 """`tcfit render`: pictures that show the body where it is, from all sides; sheets and videos; and what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
-from fitting_core.camera import project
+from fitting_core.camera import World, project
 from fitting_core.io.result_files import write_result
 from fitting_core.render import renderer
 from fitting_core.render.sheets import View
@@ -76,6 +77,17 @@ def test_sides_are_told_apart_and_nothing_is_cut(result: Path, tmp_path: Path):
     assert (
         np.abs(body_of(mirrored)[:, ::-1].sum(0) - body_of(drawn(result, tmp_path / "f.png", *plain)).sum(0)).max() < 9
     )
+
+
+@needs_gl
+def test_the_front_is_the_side_of_a_calibrated_camera_wherever_it_stands(tmp_path: Path, free_body: BodyModel):
+    fit = waving_fit(2.0)
+    along_x = World(rotation=((0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0)), translation=(0.0, 0.0, 3.0), up="y")
+    calibrated = replace(fit, camera=replace(fit.camera, world=along_x))
+    write_result(tmp_path / "fit", calibrated, replace(sample_clip(), camera=calibrated.camera), free_body)
+    plain = ["--no-floor", "--size", "200", "300", "--frames", "7"]
+    seen = [body_of(drawn(tmp_path / "fit", tmp_path / f"{v}.png", *plain, "--view", v)) for v in ("front", "side")]
+    assert seen[0].any(0).sum() > 1.5 * seen[1].any(0).sum(), "arms stretched out are wide as the camera saw them"
 
 
 @needs_gl

@@ -13,11 +13,13 @@ import pytest
 
 from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.errors import InputError
+from fitting_core.files.locking import locked
 from tcfit_app.cli.main import main
 from tcfit_app.exports.blender import running
 from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS
+from tests.drivers.review_page import until
 from tests.fitting_core.io.motion.motions import meshes, swinging
 from tests.tcfit_app.conftest import FinishedRun
 
@@ -99,6 +101,23 @@ def test_a_cancelled_export_ends_blender(blender: FAKE, source: ExportSource, tm
     with pytest.raises(ProcessLookupError):
         os.kill(int(pid.read_text()), 0)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bin", "pid"]
+
+
+def test_what_a_script_named_blender_has_started_is_ended_too(blender: FAKE, source: ExportSource, tmp_path: Path):
+    lock, begun = tmp_path / "lock", tmp_path / "begun"
+    program = (
+        f"import pathlib, time; from fitting_core.files.locking import locked; locked(pathlib.Path({str(lock)!r})); "
+    )
+    program += f"pathlib.Path({str(begun)!r}).touch(); time.sleep(60)"
+    blender(f"import subprocess; subprocess.run([sys.executable, '-c', {program!r}])")
+
+    def stop(share: float) -> None:
+        if begun.exists():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        written(source, tmp_path, stop)
+    os.close(until(lambda: locked(lock), "the end of what the script has started"))
 
 
 def test_without_blender_it_is_said_what_to_install(

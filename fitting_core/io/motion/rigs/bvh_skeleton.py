@@ -35,7 +35,7 @@ def read_bvh_skeleton(path: Path) -> Skeleton:
         InputError: It cannot be read, or its hierarchy is not that of a BVH.
     """
     try:
-        text = regular_file(path, most=_MOST).read_text(encoding="utf-8", errors="replace")
+        text = regular_file(path, most=_MOST).read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
     head = re.split(r"^\s*MOTION\s*$", text, maxsplit=1, flags=re.MULTILINE)[0]
@@ -61,14 +61,11 @@ def _read(words: Iterator[str], found: _Found) -> None:
     if (first := next(words, "")) != "HIERARCHY":
         raise ValueError(f"it begins with {first[:40]!r}, not HIERARCHY")
     above: list[int] = []
-    current = -1
     for word in words:
         if word in ("ROOT", "JOINT"):
             if (word == "ROOT") == bool(above):
                 raise ValueError(f"{word} stands {'inside' if above else 'outside'} of a joint")
-            current = _begin(next(words), above[-1] if above else -1, found)
-            _expect(words, "{")
-            above.append(current)
+            above.append(_begin(_name(words), above[-1] if above else -1, found))
         elif word == "End":
             _expect(words, "Site")
             _expect(words, "{")
@@ -88,6 +85,16 @@ def _read(words: Iterator[str], found: _Found) -> None:
         raise StopIteration
     if not found.names:
         raise ValueError("it has no joints")
+
+
+def _name(words: Iterator[str]) -> str:
+    """Of a joint, with the brace behind it: some programs write blanks in it."""
+    found = []
+    while (word := next(words)) != "{":
+        if word in ("OFFSET", "CHANNELS", "}"):
+            raise ValueError(f"it has {word!r} where '{{' is expected")
+        found.append(word)
+    return " ".join(found) or "joint"
 
 
 def _begin(name: str, parent: int, found: _Found) -> int:
@@ -119,5 +126,5 @@ def _numbers(words: Iterator[str]) -> list[float]:
 
 def _channels(words: Iterator[str], joint: int) -> None:
     for _ in range(int(next(words))):
-        if (word := next(words)) not in _CHANNELS:
+        if (word := next(words)).capitalize() not in _CHANNELS:
             raise ValueError(f"it has the channel {word[:40]!r}")

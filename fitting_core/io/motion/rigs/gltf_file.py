@@ -15,6 +15,22 @@ from fitting_core.files.regular import regular_file
 _MOST = 2**30
 """Bytes of a rig's file."""
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
+_PACKED = "_meshopt_compression"
+"""The end of an extension's name that has buffers of its own."""
+_IMAGES = {b"\x89PNG": "image/png", b"RIFF": "image/webp", b"\xabKTX": "image/ktx2"}
+"""Kinds by how they begin; else JPEG."""
+_HEADER = 20
+"""Bytes of a GLB before its JSON."""
+WRONG = (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, struct.error, RecursionError)
+"""What reading raises where a file is not as it should be."""
+_SAID: dict[type[Exception], str] = {
+    KeyError: "it lacks {}",
+    IndexError: "it names a part that it does not have",
+    TypeError: "a part of it is of the wrong kind ({})",
+    AttributeError: "a part of it is of the wrong kind ({})",
+    OverflowError: "a number is too large",
+    RecursionError: "it is nested too deeply",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,25 +76,33 @@ def read_gltf(path: Path, *, with_data: bool = True) -> GltfFile:
             raise ValueError(f"its version is {document.get('asset', {}).get('version')!r}, expected 2.0")
         if with_data:
             data = _joined(document, data, path)
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, RecursionError) as error:
-        said = f"it lacks {error}" if isinstance(error, KeyError) else error
-        raise InputError(f"{path}: is no glTF 2.0 that can be read: {said}. Export the rig again as GLB.") from error
+    except WRONG as error:
+        raise InputError(
+            f"{path}: is no glTF 2.0 that can be read: {said_of(error)}. Export the rig again as GLB."
+        ) from error
     return GltfFile(document=document, data=data, path=path)
+
+
+def said_of(error: Exception) -> str:
+    """What is wrong with a file, by one of WRONG."""
+    return _SAID.get(type(error), "{}").format(error)
 
 
 def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
     """JSON and binary chunk."""
     if content[:4] != b"glTF":
         return _json(content), b""
+    if len(content) < _HEADER:
+        raise ValueError("it is cut off")
     _, version, length = struct.unpack_from("<III", content)
     if version != 2:
         raise ValueError(f"its version is {version}, expected 2")
     if length > len(content):
         raise ValueError(f"it has {len(content)} of {length} bytes")
     size, kind = struct.unpack_from("<II", content, 12)
-    if kind != _JSON or 20 + size > len(content):
+    if kind != _JSON or _HEADER + size > len(content):
         raise ValueError("its first part is not JSON of the stated length")
-    document, data, place = _json(content[20 : 20 + size]), b"", 20 + size
+    document, data, place = _json(content[_HEADER : _HEADER + size]), b"", _HEADER + size
     while place + 8 <= length:
         size, kind = struct.unpack_from("<II", content, place)
         if place + 8 + size > len(content):
@@ -91,7 +115,7 @@ def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 def _json(content: bytes) -> dict[str, Any]:
-    found = json.loads(content.decode("utf-8"))
+    found = json.loads(content.decode("utf-8-sig"))
     if not isinstance(found, dict):
         raise ValueError("its JSON is not an object")
     return found
@@ -99,6 +123,8 @@ def _json(content: bytes) -> dict[str, Any]:
 
 def _joined(document: dict[str, Any], data: bytes, path: Path) -> bytes:
     """All buffers and images as one block; the document then names that."""
+    if packed := sorted(name for name in document.get("extensionsUsed", []) if name.endswith(_PACKED)):
+        raise ValueError(f"its data is compressed by {packed[0]}; expected none, or Draco")
     places, joined = [], b""
     for buffer in document.get("buffers", []):
         content = data if "uri" not in buffer else _content(buffer["uri"], path)
@@ -112,11 +138,11 @@ def _joined(document: dict[str, Any], data: bytes, path: Path) -> bytes:
     for image in document.get("images", []):
         if "uri" in image:
             content = _content(image["uri"], path)
-            kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+            kind = next((kind for begin, kind in _IMAGES.items() if content.startswith(begin)), "image/jpeg")
             document.setdefault("bufferViews", []).append(
                 {"buffer": 0, "byteOffset": len(joined), "byteLength": len(content)}
             )
-            image |= {"bufferView": len(document["bufferViews"]) - 1, "mimeType": kind}
+            image |= {"mimeType": kind} | image | {"bufferView": len(document["bufferViews"]) - 1}
             del image["uri"]
             joined += content + bytes(-len(content) % 4)
     return joined

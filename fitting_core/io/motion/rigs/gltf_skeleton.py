@@ -7,8 +7,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.rigs.gltf_file import GltfFile
+from fitting_core.io.motion.rigs.gltf_file import WRONG, GltfFile, said_of
 from fitting_core.io.motion.rigs.skeleton import Skeleton
+
+_NODES = 4096
 
 
 def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
@@ -23,17 +25,25 @@ def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
             raise ValueError("it has no nodes")
         order, parents = _order(nodes)
         local = np.stack([_local(nodes[n]) for n in order])
+        bones = _human_bones(file.document.get("extensions", {}), order)
         jointed = {n for skin in file.document.get("skins", []) for n in skin["joints"]}
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
-        said = f"it lacks {error}" if isinstance(error, KeyError) else error
-        raise InputError(f"{file.path}: its skeleton cannot be read: {said}. Export the rig again as GLB.") from error
+    except WRONG as error:
+        raise InputError(
+            f"{file.path}: its skeleton cannot be read: {said_of(error)}. Export the rig again as GLB."
+        ) from error
+    jointed = _with_those_between(nodes, order, jointed)
+    names = {n: str(nodes[n].get("name") or f"node {n}") for n in order}
+    offered = tuple(names[n] for n in order if n in jointed)
+    for n in order:  # a mesh called Head is not the bone Head
+        if n not in jointed and names[n] in offered:
+            names[n] += f" (node {n})"
     place = {n: j for j, n in enumerate(order)}
-    names = tuple(str(nodes[n].get("name") or f"node {n}") for n in order)
     skeleton = Skeleton(
-        names=names,
+        names=tuple(names.values()),
         parents=np.array([place.get(parents[n], -1) for n in order]),
         local=local,
-        offered=tuple(names[place[n]] for n in order if n in jointed) or names,
+        offered=offered or tuple(names.values()),
+        stated={bone: names[n] for bone, n in bones.items()},
         source=str(file.path),
     )
     return skeleton, order
@@ -41,6 +51,8 @@ def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
 
 def _order(nodes: list[dict[str, Any]]) -> tuple[list[int], list[int]]:
     """Nodes so that parents stand first, and the parent of each."""
+    if len(nodes) > _NODES:
+        raise ValueError(f"it has {len(nodes)} nodes, expected at most {_NODES}: the character alone")
     parents = [-1] * len(nodes)
     for n, node in enumerate(nodes):
         for child in node.get("children", []):
@@ -53,6 +65,30 @@ def _order(nodes: list[dict[str, Any]]) -> tuple[list[int], list[int]]:
     if len(order) < len(nodes):
         raise ValueError("its nodes run in a circle")
     return order, parents
+
+
+def _human_bones(extensions: dict[str, Any], order: list[int]) -> dict[str, int]:
+    """By VRM's names of bones, their nodes, parents first; empty for what is no VRM, 1.0 or 0."""
+    if "VRMC_vrm" in extensions:
+        found = {name: bone["node"] for name, bone in extensions["VRMC_vrm"]["humanoid"]["humanBones"].items()}
+    elif "VRM" in extensions:
+        found = {bone["bone"]: bone["node"] for bone in extensions["VRM"]["humanoid"]["humanBones"]}
+    else:
+        return {}
+    return dict(sorted(found.items(), key=lambda item: order.index(item[1])))
+
+
+def _with_those_between(nodes: list[dict[str, Any]], order: list[int], jointed: set[int]) -> set[int]:
+    """Joints of the skins, and nodes between them and above, as hips that no vertex follows; up to what all hang on."""
+    below = {n: int(n in jointed) for n in order}
+    for n in reversed(order):
+        below[n] += sum(below[child] for child in nodes[n].get("children", []))
+    most = max(below.values())
+    return {
+        n
+        for n in order
+        if n in jointed or (below[n] and all(below[child] < most for child in nodes[n].get("children", [])))
+    }
 
 
 def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:

@@ -8,8 +8,8 @@
     left_hip = "LeftUpLeg"           # SMPL-X's names: the thigh begins at the hip
     jaw = ""                         # the rig has none
 
-What the table leaves out is guessed by the joints' names, and "" says that the rig has no such joint. The rig itself, in
-the place of this file, has everything guessed.
+What the table leaves out is guessed by the joints' names, and "" says that the rig has no such joint. Of
+the rig itself, given in the place of this file, everything is guessed.
 """
 
 import tomllib
@@ -34,8 +34,8 @@ missing."""
 _MOST = 2**20
 """Bytes of a mapping file."""
 _GLTF = (".glb", ".gltf", ".vrm")
-_RIGS = (*_GLTF, ".bvh", ".fbx", ".blend", ".dae", ".usd")
-"""Endings that no mapping file has; the last four are refused as rigs."""
+_TO_CONVERT = (".fbx", ".blend", ".dae", ".usd")
+"""Rigs that are not read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +47,12 @@ class RigMapping:
     joints: Joints
 
 
-def read_skeleton(path: Path) -> Skeleton:
+def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
     """The skeleton of a .bvh, .glb, .gltf or .vrm file; `offered` are the names to choose from.
+
+    Args:
+        path: The file.
+        whole: Whether all that the file needs must be there, its surface and images too.
 
     Raises:
         InputError: It is none of these, or cannot be read.
@@ -57,14 +61,17 @@ def read_skeleton(path: Path) -> Skeleton:
     if ending == ".bvh":
         return read_bvh_skeleton(path)
     if ending in _GLTF:
-        return gltf_skeleton(read_gltf(path, with_data=False))[0]
-    hint = " Convert it to GLB, for example with Blender." if ending in (".fbx", ".blend", ".dae", ".usd") else ""
+        return gltf_skeleton(read_gltf(path, with_data=whole))[0]
+    hint = " Convert it to GLB, for example with Blender." if ending in _TO_CONVERT else ""
     raise InputError(f"{path}: {ending or 'no ending'} is not read as a rig; expected .glb, .gltf, .vrm or .bvh.{hint}")
 
 
 def guess_joints(skeleton: Skeleton) -> dict[str, tuple[str, ...]]:
-    """The mapping as far as it can be guessed by names; see `guessing`."""
-    return guessed(skeleton.offered)
+    """The mapping as the file states it, or as far as it can be guessed by names; see `guessing`."""
+    if not skeleton.stated:
+        return guessed(skeleton.offered)
+    parts = guessed(skeleton.stated)
+    return {part: tuple(skeleton.stated[bone] for bone in bones) for part, bones in parts.items()}
 
 
 def check_joints(joints: Joints, skeleton: Skeleton) -> None:
@@ -125,7 +132,7 @@ def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
     Raises:
         InputError: It cannot be read, or cannot be used, or the rig cannot be read.
     """
-    is_rig = path.suffix.lower() in _RIGS
+    is_rig = path.suffix.lower() in (*_GLTF, ".bvh", *_TO_CONVERT)
     table = {} if is_rig else _table(path)
     skeleton = path if is_rig else _skeleton_path(path, table)
     stated = table.get("joints", {})
@@ -152,8 +159,8 @@ def _table(path: Path) -> dict:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
     try:
-        table = tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        table = tomllib.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f'{path}: is no TOML file ({error}). Expected a line such as skeleton = "hero.glb", and a table [joints].'
         ) from None
@@ -167,11 +174,18 @@ def _skeleton_path(path: Path, table: dict) -> Path:
     if not isinstance(name, str) or not name:
         raise InputError(f'{path}: skeleton is {name!r}, expected the name of the rig\'s file: skeleton = "hero.glb".')
     skeleton = path.parent / name
-    if not skeleton.exists():
+    if not _is_there(skeleton):
         raise InputError(
             f"{path}: names the rig {name!r}, which is not in its folder. Put it there, or correct the name."
         )
     return skeleton
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # the name is too long
+        return False
 
 
 def _names(path: Path, part: str, value: object) -> tuple[str, ...]:

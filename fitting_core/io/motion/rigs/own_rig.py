@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.motion.rigs.mapping import Joints
-from fitting_core.io.motion.rigs.parts import CHAINS
+from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, meant
 from fitting_core.io.motion.rigs.retargeting.rest_pose import ALONG, FINGERS, rest_turns
 from fitting_core.io.motion.rigs.retargeting.target import Source, Target
 from fitting_core.io.motion.rigs.skeleton import Skeleton
@@ -17,6 +17,8 @@ from fitting_core.io.motion.rigs.skeleton import Skeleton
 _SIDES = ("left", "right")
 _SHORT = 1e-6
 """Share of the rig's height: bones that are shorter have no direction."""
+_APART = 0.05
+"""How far the bases of fingers are apart at least, seen from the wrist, in radians: else a hand's roll is not known."""
 _LOW = 0.12
 """Share of a leg up to which the lowest joint is above what the rig stands on; else it stands on that joint."""
 
@@ -34,6 +36,7 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
     """
     where = {part: skeleton.places[skeleton.index(names[0])] for part, names in joints.items()}
     facing = _facing(where, skeleton)
+    _check_limbs(where, skeleton)
     length = _leg(where)
     upright = _upright(facing[:, 1])
     lowest = float((skeleton.places[list(_body_of(skeleton, joints))] @ upright[:, 1]).min())
@@ -43,7 +46,7 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
         names=skeleton.names,
         parents=skeleton.parents,
         places=skeleton.places,
-        turns=skeleton.turns,
+        turns=skeleton.turns(skeleton.index(name) for names in joints.values() for name in names),
         sources=_sources(skeleton, joints),
         rest=_rest(where, facing, upright, body),
         upright=upright,
@@ -84,6 +87,21 @@ def _facing(where: dict[str, np.ndarray], skeleton: Skeleton) -> Float[np.ndarra
     return np.stack([left, up, np.cross(left, up)], 1)
 
 
+def _check_limbs(where: dict[str, np.ndarray], skeleton: Skeleton) -> None:
+    """Their bones have lengths, or nothing says how they bend."""
+    for part in (part for part in NEEDED if ALONG.get(part) in NEEDED):
+        end = ALONG[part]
+        if np.linalg.norm(where[end] - where[part]) < _SHORT * _height(where):
+            raise InputError(
+                f"{skeleton.source}: at rest the joints of {part} ({meant(part)}) and {end} ({meant(end)}) are in one "
+                "place; expected a bone between them. Check which joints stand for them."
+            )
+
+
+def _height(where: dict[str, np.ndarray]) -> float:
+    return float(np.ptp(np.stack(list(where.values())), axis=0).max())
+
+
 def _upright(up: np.ndarray) -> Float[np.ndarray, "3 3"]:
     """The turn by quarters that makes y up."""
     return np.round(Rotation.align_vectors(up[None], [[0.0, 1.0, 0.0]])[0].as_matrix()) if up[1] < 1 else np.eye(3)
@@ -92,7 +110,7 @@ def _upright(up: np.ndarray) -> Float[np.ndarray, "3 3"]:
 def _rest(
     where: dict[str, np.ndarray], facing: np.ndarray, upright: np.ndarray, body: BodyModel
 ) -> Float[np.ndarray, "55 3 3"]:
-    height = np.ptp(np.stack(list(where.values())), axis=0).max()
+    height = _height(where)
     directions = {
         joint: where[end] - where[joint]
         for joint, end in ALONG.items()
@@ -120,7 +138,7 @@ def _foot(side: str, where: dict[str, np.ndarray], facing: np.ndarray, rest: np.
 
 
 def _hand(side: str, where: dict[str, np.ndarray], rest: np.ndarray, otherwise: np.ndarray) -> Float[np.ndarray, "3 3"]:
-    """By the bases of the fingers, if there are two at least; the thumb's is too far aside to count."""
+    """By the bases of the fingers, if there are two at least, apart; the thumb's is too far aside to count."""
     wrist = f"{side}_wrist"
     names = [f"{side}_{finger}1" for finger in FINGERS if finger != "thumb" and f"{side}_{finger}1" in where]
     if len(names) < 2:
@@ -128,6 +146,8 @@ def _hand(side: str, where: dict[str, np.ndarray], rest: np.ndarray, otherwise: 
     ours = np.stack([rest[JOINT[name]] - rest[JOINT[wrist]] for name in names])
     theirs = np.stack([where[name] - where[wrist] for name in names])
     ours, theirs = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12) for v in (ours, theirs))
+    if np.linalg.svd(theirs, compute_uv=False)[1] < _APART:
+        return otherwise
     return Rotation.align_vectors(theirs, ours)[0].as_matrix()
 
 

@@ -6,6 +6,7 @@ this order (R = Rz Rx Ry), as in `io/motion/bvh.py`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def write_rig_bvh(
     tree = _Tree(moving, sorted(_of_pelvis(moving) if kept is None else kept), unit)
     rows = tree.rows()
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
-        file.write("\n".join(["HIERARCHY", *tree.lines(tree.top, "")]))
+        file.write("\n".join(["HIERARCHY", *tree.lines()]))
         file.write(f"\nMOTION\nFrames: {len(rows)}\nFrame Time: {1 / frame_rate:.9f}\n")
         for done, values in enumerate(rows, 1):
             file.write(" ".join(f"{value:.6f}" for value in values) + "\n")
@@ -84,8 +85,13 @@ class _Tree:
     def parent(self, k: int) -> int:
         return -1 if k == self.top else int(self.moving.target.parents[k])
 
-    def children(self, k: int) -> list[int]:
-        return [child for child in self.kept if self.parent(child) == k]
+    @cached_property
+    def children(self) -> dict[int, list[int]]:
+        """By joint, those that hang on it."""
+        found: dict[int, list[int]] = {k: [] for k in self.kept}
+        for k in self.kept[1:]:
+            found[self.parent(k)].append(k)
+        return found
 
     def has_place(self, k: int) -> bool:
         return k in (self.top, self.moving.target.root)
@@ -94,7 +100,7 @@ class _Tree:
         order, waiting = [], [self.top]
         while waiting:
             order.append(waiting.pop())
-            waiting += reversed(self.children(order[-1]))
+            waiting += reversed(self.children[order[-1]])
         return order
 
     def rows(self) -> Float[np.ndarray, "T n"]:
@@ -115,20 +121,29 @@ class _Tree:
         p = self.parent(k)
         return moved[:, p].swapaxes(-1, -2) if p >= 0 else np.broadcast_to(np.eye(3), moved[:, k].shape)
 
-    def lines(self, k: int, indent: str) -> list[str]:
-        """A joint and what hangs on it."""
+    def lines(self) -> list[str]:
+        """The hierarchy. A chain of joints may be longer than Python calls itself."""
+        lines: list[str] = []
+        opened: list[int] = []
+        for k in self.depth_first():
+            while opened and opened[-1] != self.parent(k):
+                lines.append("\t" * (len(opened) - 1) + "}")
+                opened.pop()
+            lines += self._joint(k, "\t" * len(opened))
+            opened.append(k)
+        return lines + ["\t" * depth + "}" for depth in reversed(range(len(opened)))]
+
+    def _joint(self, k: int, indent: str) -> list[str]:
+        """A joint without what hangs on it, and without the brace that ends it."""
         target, inner, p = self.moving.target, indent + "\t", self.parent(k)
         offset = self.unit * (target.places[k] - (target.places[p] if p >= 0 else 0.0))
         channels = f"6 {_PLACES} {_TURNS}" if self.has_place(k) else f"3 {_TURNS}"
         name = "_".join(target.names[k].split()) or "joint"  # a name with a blank would be two words
         lines = [f"{indent}{'JOINT' if p >= 0 else 'ROOT'} {name}", f"{indent}{{"]
         lines += [_offset(offset, inner), f"{inner}CHANNELS {channels}"]
-        children = self.children(k)
-        for child in children:
-            lines += self.lines(child, inner)
-        if not children:
+        if not self.children[k]:
             lines += [f"{inner}End Site", f"{inner}{{", _offset(_END * offset, inner + "\t"), f"{inner}}}"]
-        return [*lines, f"{indent}}}"]
+        return lines
 
 
 def _offset(offset: np.ndarray, indent: str) -> str:

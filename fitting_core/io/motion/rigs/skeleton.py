@@ -1,6 +1,7 @@
 """A skeleton as a file has it: names, parents and the rest pose of its joints."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +24,8 @@ class Skeleton:
     """The rest pose: each joint in its parent's axes, a root in the world, in the file's own unit."""
     offered: tuple[str, ...]
     """Names of those that may be chosen: all joints of a BVH, the joints of a glTF's skins."""
+    stated: Mapping[str, str] = field(default_factory=dict)
+    """Of a VRM, which says what its joints are: by VRM's name of a bone, the joint's; parents first."""
     source: str = ""
     """The file, for messages."""
 
@@ -43,29 +46,29 @@ class Skeleton:
         """Where the joints are at rest."""
         return self.world[:, :3, 3]
 
-    @cached_property
-    def scales(self) -> Float[np.ndarray, "J"]:
-        """How much each joint's axes are longer than the world's.
+    def turns(self, moved: Iterable[int]) -> Float[np.ndarray, "J 3 3"]:
+        """How joints are turned at rest: rotations into the world.
+
+        Args:
+            moved: Those that will move. They count, and what they hang on; all others are taken as not turned, since a
+                prop in the scene may be scaled as it likes.
 
         Raises:
-            InputError: They are not as long as each other, or mirrored.
+            InputError: The axes of one are not as long as each other, or mirrored.
         """
-        axes = self.world[:, :3, :3]
-        lengths = np.linalg.norm(axes, axis=1)
-        for name, sizes, turned in zip(self.names, lengths, np.linalg.det(axes), strict=True):
+        turns = np.tile(np.eye(3), (len(self), 1, 1))
+        for k in sorted({above for joint in moved for above in self._and_above(joint)}):
+            axes = self.world[k, :3, :3]
+            sizes, turned = np.linalg.norm(axes, axis=0), np.linalg.det(axes)
             if turned <= 0 or np.ptp(sizes) > _UNEVEN * sizes.max():
                 scale = ", ".join(f"{size:.3g}" for size in sizes) + " and mirrored" * bool(turned < 0)
                 raise InputError(
-                    f"{self.source}: the axes of {name!r} are scaled by {scale}; "
+                    f"{self.source}: the axes of {self.names[k]!r} are scaled by {scale}; "
                     "expected one scale for all three. Apply the scale in the program that made the rig, and export it "
                     "again."
                 )
-        return lengths.mean(1)
-
-    @property
-    def turns(self) -> Float[np.ndarray, "J 3 3"]:
-        """How the joints are turned at rest: rotations into the world. Raises InputError as `scales`."""
-        return self.world[:, :3, :3] / self.scales[:, None, None]
+            turns[k] = axes / sizes.mean()
+        return turns
 
     def index(self, name: str) -> int:
         """Which joint has a name; the first of several."""
@@ -73,8 +76,10 @@ class Skeleton:
 
     def is_below(self, joint: int, other: int) -> bool:
         """Whether a joint hangs on another one, directly or not."""
+        return joint != other and other in self._and_above(joint)
+
+    def _and_above(self, joint: int) -> Iterator[int]:
+        """A joint and what it hangs on."""
         while joint >= 0:
+            yield joint
             joint = int(self.parents[joint])
-            if joint == other:
-                return True
-        return False

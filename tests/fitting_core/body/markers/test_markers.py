@@ -60,6 +60,30 @@ def test_markers_lie_where_anatomy_has_them(body: BodyModel, resting: dict[str, 
     assert m["RBAK"][0] < -0.05 and m["RBAK"][2] < joint(body, "spine3")[2]
 
 
+def test_limbs_joints_lie_between_their_markers(body: BodyModel, resting: dict[str, np.ndarray]):
+    """As in people; it is the nearest vertices that are up to 10 mm off the middle."""
+    for name, outer, inner in (
+        ("knee", "KNE", "KNM"),
+        ("ankle", "ANK", "MED"),
+        ("elbow", "ELB", "ELM"),
+        ("wrist", "WRA", "WRB"),
+    ):
+        middle = (resting[f"L{outer}"] + resting[f"L{inner}"]) / 2
+        assert np.linalg.norm(middle - joint(body, f"left_{name}")) < 0.010, name
+
+
+def test_hips_by_regression_lie_before_the_body_s_own(body: BodyModel, resting: dict[str, np.ndarray]):
+    """Harrington et al., J. Biomech. 40 (2007) 595, from the pelvis' width and depth: as high as the body's hips to
+    9 mm, but 16 to 23 mm nearer to the middle, and 56 to 67 mm before them. These markers sit on the belly, 209 to
+    223 mm before those at the back, and bones are nearer to each other; and a body model's hips are wide apart.
+    """
+    front, back = ((resting[f"L{name}"] + resting[f"R{name}"]) / 2 for name in ("ASI", "PSI"))
+    width, depth = 1e3 * (resting["LASI"] - resting["RASI"])[0], 1e3 * (front - back)[2]
+    hip = front + np.array([0.33 * width + 7.3, -0.30 * width - 10.9, -0.24 * depth - 9.9]) / 1e3
+    outward, up, forward = 1e3 * (hip - joint(body, "left_hip"))
+    assert -24 < outward < -16 and abs(up) < 10 and 55 < forward < 68
+
+
 def test_both_sides_are_alike(resting: dict[str, np.ndarray]):
     sided = [name[1:] for name in PLACES if name[0] == "L"]
     assert len(sided) == 22 and len(PLACES) == 50
@@ -114,6 +138,13 @@ def test_markers_move_with_the_body(free_body: BodyModel):
 def test_what_is_in_a_file_is_what_is_taken(tmp_path: Path):
     (tmp_path / "own.toml").write_text('[markers]\nA = 17\nHip = "LASI"\nK = "right_knee"\n')
     assert read_marker_set(tmp_path / "own.toml") == MarkerSet({"A": 17, "Hip": "LASI", "K": "right_knee"}, 0.007)
+
+
+@pytest.mark.parametrize("content", ["[markers]\r\nA = 17\r\n", '{"markers": {"A": 17}}'])
+def test_a_byte_order_mark_does_no_harm(tmp_path: Path, content: str):
+    """Editors on Windows put one before everything."""
+    (tmp_path / "own.toml").write_text(content, encoding="utf-8-sig", newline="")
+    assert read_marker_set(tmp_path / "own.toml") == MarkerSet({"A": 17})
 
 
 BROKEN = {

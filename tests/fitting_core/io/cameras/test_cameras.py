@@ -88,6 +88,16 @@ def test_colmap_without_images_has_cameras_by_number(tmp_path: Path):
     assert camera.world is None and camera.lens
 
 
+def test_what_an_npz_has_beside_is_said_to_be_passed_over(tmp_path: Path):
+    """A user's distortion was not read since it was called dist_coeffs, and nobody was told."""
+    path = files.own(tmp_path / "camera.npz", dist=None, dist_coeffs=DISTORTION, size=None, image_size=SIZE, up="z")
+    camera, notes = read_camera(CameraFile(path=path), SIZE)
+    assert camera.lens is None
+    assert notes == (
+        "camera.npz: dist_coeffs: passed over; expected K, dist, size, image_size, R, t, up, names, frames.",
+    )
+
+
 def test_a_calibration_of_another_size_is_scaled_and_said(tmp_path: Path):
     path = files.own(tmp_path / "camera.npz")
     camera, notes = read_camera(CameraFile(path=path), (640, 360))

@@ -1,5 +1,6 @@
 """The user's own rig in the panel Export: uploaded, its joints picked by names, kept in the project, exported."""
 
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,6 +89,7 @@ def test_another_rig_takes_the_place_of_the_first(tested: LonePage):
         ("hero.fbx", b"Kaydara", "Convert it to GLB"),
         ("hero.glb", b"glTF and no more", "hero.glb"),
         ("hero.bvh", b"\xff\xfe nothing", "hero.bvh"),
+        ("hero.gltf", json.dumps(gltf_document() | {"buffers": [{"uri": "a.bin", "byteLength": 4}]}).encode(), "a.bin"),
         ("../mapping.toml", b"[joints]", "is not read as a rig"),
     ],
 )
@@ -108,3 +110,12 @@ def test_a_rig_that_was_damaged_is_told(tested: LonePage):
     panel.mapping.write_text("skeleton = 3")
     panel._kept, panel._looked = None, False
     assert "cannot be read" in tested.html() and "Upload it again" in tested.html()
+
+
+def test_a_name_in_the_mapping_that_the_rig_does_not_have_is_told(tested: LonePage):
+    upload(tested, "hero.glb", glb_bytes(gltf_document()))
+    panel = tested.panels[0]._own_rig
+    panel.mapping.write_text(panel.mapping.read_text().replace('"LeftUpLeg"', '"Leg of the left"'))
+    panel._kept, panel._shown, panel._looked = None, None, False
+    assert "has no joint &#x27;Leg of the left&#x27; for left_hip" in tested.html()
+    assert tested.field("left thigh").value in tested.field("left thigh").options

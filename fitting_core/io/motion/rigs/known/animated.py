@@ -76,7 +76,7 @@ def surface_on(motion: Motion, moving: RigMotion) -> Surface:
     return Surface(
         vertices=bent(body, target.rest, target.places[where]).astype(np.float32),
         faces=body.faces,
-        bones=where[bones],
+        bones=np.where(weights > 0, where[bones], 0),  # glTF: 0 where nothing is followed
         weights=weights,
         morphs=replace(morphs, directions=directions),
     )

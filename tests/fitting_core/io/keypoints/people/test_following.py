@@ -1,12 +1,16 @@
 """The best assignment, against all that there are."""
 
 from itertools import product
+from unittest.mock import patch
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitting_core.io.keypoints.people.following import optimal
+from fitting_core.io.keypoints.people import following
+from fitting_core.io.keypoints.people.following import MOST_FOLLOWED, follow_all, optimal
+from fitting_core.io.keypoints.people.sightings import Sighting
+from fitting_core.keypoints import COUNT
 
 
 def total(prices: np.ndarray, place: tuple[int | None, ...]) -> float:
@@ -23,3 +27,15 @@ def test_nothing_is_cheaper(rows: int, columns: int, seed: int):
     place = tuple(optimal(prices))
     everything = product([None, *range(columns)], repeat=rows)
     assert total(prices, place) == min(total(prices, one) for one in everything)
+
+
+def test_false_detections_all_over_the_frames_are_not_all_followed():
+    """Their number squared would be the time."""
+    rng = np.random.default_rng(0)
+    points = rng.normal(0, 10.0, (COUNT, 3))
+    points[:, 2] = 0.5
+    places = rng.uniform(0, 1e6, (20, 50, 2))
+    frames = [[Sighting.of(k, points + np.array([*place, 0.0])) for k, place in enumerate(frame)] for frame in places]
+    with patch.object(following, "_prices", wraps=following._prices) as prices:
+        assert len(follow_all(frames, 30.0)) == 20 * 50
+    assert max(len(call.args[2]) for call in prices.call_args_list) == MOST_FOLLOWED

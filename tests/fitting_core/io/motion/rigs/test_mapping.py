@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fitting_core.body.model import JOINTS
@@ -222,6 +223,15 @@ MALFORMED: dict[str, tuple[Callable[[Path], Path], str]] = {
     "a skin without joints": (glb(lambda d: d["skins"][0].pop("joints")), "lacks 'joints'"),
     "two joints of a name": (glb(lambda d: d["nodes"][5].update(name="Hips")), "several joints 'Hips'"),
     "no JSON": (lambda f: with_mapping(f, "hero.gltf", "{"), "is no glTF 2.0"),
+    "a number beyond all numbers": (glb(lambda d: d["nodes"][3].update(translation=[10**400, 0, 0])), "too large"),
+    "children that are none": (glb(lambda d: d["nodes"][3].update(children=None)), "of the wrong kind"),
+    "more nodes than a character has": (glb(lambda d: d["nodes"].extend([{}] * 5000)), "nodes, expected at most 4096"),
+    "a GLB of a few bytes": (lambda f: with_mapping(f, "hero.glb", b"glTF and"), "it is cut off"),
+    "a VRM without bones": (glb(lambda d: d.update(extensions={"VRMC_vrm": {}})), "lacks 'humanoid'"),
+    "a BVH with a brace too few": (bvh(lambda text: text.replace("{", "", 1)), "'OFFSET' where '{'"),
+    "TOML nested without end": (toml('skeleton = "a.bvh"\nx = ' + "[" * 20000), "is no TOML file"),
+    "a number of 5000 digits": (toml('skeleton = "a.bvh"\nx = ' + "9" * 5000), "is no TOML file"),
+    "a name of 5000 letters": (toml(f'skeleton = "{"a" * 5000}.bvh"'), "not in its folder"),
     "JSON that is no object": (lambda f: with_mapping(f, "hero.gltf", "[]"), "not an object"),
 }  # fmt: skip
 
@@ -247,4 +257,58 @@ def test_scales_that_differ_by_axis_are_refused(tmp_path: Path):
     document["nodes"][0]["scale"] = [0.01, 0.02, 0.01]
     (tmp_path / "hero.glb").write_bytes(glb_bytes(document))
     with pytest.raises(InputError, match="Apply the scale"):
-        _ = read_skeleton(tmp_path / "hero.glb").scales
+        read_skeleton(tmp_path / "hero.glb").turns([3])
+
+
+# --- odd, and right ---
+
+
+def test_a_mesh_may_have_a_bone_s_name_and_a_prop_any_scale(tmp_path: Path):
+    document = gltf_document()
+    for prop in ({"name": "Head"}, {"name": "Ground", "scale": [9, 1, 9]}, {"name": "Hidden", "scale": [0, 0, 0]}):
+        document["scenes"][0]["nodes"].append(len(document["nodes"]))
+        document["nodes"].append(prop)
+    mapping = read_mapping(with_mapping(tmp_path, "hero.glb", glb_bytes(document)))
+    skeleton = read_skeleton(mapping.skeleton)
+    assert mapping.joints["head"] == ("Head",)
+    assert skeleton.places[skeleton.index("Head"), 1] == pytest.approx(1.6)
+    assert skeleton.turns(map(skeleton.index, skeleton.offered)) == pytest.approx(
+        np.tile(np.eye(3), (len(skeleton), 1, 1))
+    )
+
+
+def test_hips_that_no_vertex_follows_are_found(tmp_path: Path):
+    document = gltf_document()
+    document["skins"][0]["joints"].remove(1)
+    mapping = read_mapping(with_mapping(tmp_path, "hero.glb", glb_bytes(document)))
+    assert mapping.joints["pelvis"] == ("Hips",)
+    assert "Armature" not in read_skeleton(mapping.skeleton).offered
+
+
+@pytest.mark.parametrize("version", ["0", "1.0"])
+def test_a_vrm_says_itself_what_its_bones_are(tmp_path: Path, version: str):
+    document = gltf_document()
+    vrm = {"Hips": "hips", "Spine": "spine", "Spine1": "chest", "Neck": "neck", "Head": "head"}
+    for side in ("Left", "Right"):
+        own = {"Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand", "UpLeg": "UpperLeg", "Leg": "LowerLeg"}
+        vrm |= {f"{side}{name}": f"{side.lower()}{bone}" for name, bone in (own | {"Foot": "Foot"}).items()}
+    nodes = {vrm[node["name"]]: n for n, node in enumerate(document["nodes"]) if node["name"] in vrm}
+    for n, node in enumerate(document["nodes"]):
+        node["name"] = f"骨{n}"
+    if version == "0":
+        bones = [{"bone": bone, "node": n} for bone, n in reversed(nodes.items())]
+        document["extensions"] = {"VRM": {"humanoid": {"humanBones": bones}}}
+    else:
+        bones = {bone: {"node": n} for bone, n in reversed(nodes.items())}
+        document["extensions"] = {"VRMC_vrm": {"humanoid": {"humanBones": bones}}}
+    joints = read_mapping(with_mapping(tmp_path, "hero.vrm", glb_bytes(document))).joints
+    assert joints["spine"] == (f"骨{nodes['spine']}", f"骨{nodes['chest']}")
+    assert joints["left_shoulder"] == (f"骨{nodes['leftUpperArm']}",)
+    assert len(joints) == len(vrm) - 1
+
+
+def test_blanks_in_a_bvh_s_names_and_marks_of_windows_are_read(tmp_path: Path):
+    text = bvh_text().replace("UpLeg", " Up Leg").replace("Zrotation", "ZROTATION").replace("\n", "\r\n")
+    path = with_mapping(tmp_path, "hero.bvh", ("\ufeff" + text).encode())
+    path.write_text(path.read_text(), encoding="utf-8-sig")
+    assert read_mapping(path).joints["left_hip"] == ("Left Up Leg",)

@@ -1,5 +1,6 @@
 """The user's own rig: turned from rest to rest, feet on its floor, hands where they touch; read from files again."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -234,6 +235,56 @@ def test_a_rig_that_lies_is_refused(upright: Motion, tmp_path: Path):
     flat = [(name, above, (0.0, 0.0, 0.0)) for name, above, _ in PERSON]
     with pytest.raises(InputError, match="rest pose must be standing"):
         on_own(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(flat))))
+
+
+@pytest.mark.parametrize("bone", ["LeftLeg", "RightHand"])
+def test_a_limb_without_length_is_refused(upright: Motion, tmp_path: Path, bone: str):
+    bones = [(name, above, (0, 0, 0) if name == bone else offset) for name, above, offset in PERSON]
+    path = with_mapping(tmp_path, "hero.glb", glb_bytes(gltf_document(bones)))
+    with pytest.raises(InputError, match="are in one place"):
+        write_own_glb(tmp_path / "out.glb", upright, path)
+    assert not (tmp_path / "out.glb").exists()
+
+
+@pytest.mark.parametrize("offset", [(10, 0, 0), (0, 0, 0)])
+def test_fingers_in_one_place_do_not_turn_the_hand(
+    upright: Motion, tmp_path: Path, offset: tuple[float, float, float], recwarn: pytest.WarningsRecorder
+):
+    bare = [bone for bone in PERSON if not bone[0].startswith("LeftHand") or bone[0] == "LeftHand"]
+    odd = [*bare, *((f"LeftHand{finger}1", "LeftHand", offset) for finger in ("Index", "Pinky", "Ring"))]
+    found = []
+    for name, bones in (("bare", bare), ("odd", odd)):
+        mapping = read_mapping(with_mapping(tmp_path, f"{name}.bvh", bvh_text(bones)))
+        moving = on_own(upright, mapping)
+        found.append(moving.moved[:, moving.target.of_joint["left_wrist"]])
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
+    assert not recwarn.list
+
+
+def test_a_chain_of_a_thousand_joints_is_written(upright: Motion, tmp_path: Path):
+    tail = [("Tail0", "Hips", (0, 0, -1)), *((f"Tail{k}", f"Tail{k - 1}", (0, 0, -1)) for k in range(1, 1200))]
+    path = with_mapping(tmp_path, "hero.glb", glb_bytes(gltf_document([*PERSON, *tail])))
+    write_own_bvh(tmp_path / "out.bvh", upright[:2], path)
+    written = Bvh.of(tmp_path / "out.bvh")
+    assert written.parents[written.names.index("Tail1199")] == written.names.index("Tail1198")
+    assert written.offsets[written.names.index("Tail1199")] == pytest.approx([0, 0, -0.01])
+
+
+def test_data_that_meshopt_has_compressed_is_refused(upright: Motion, tmp_path: Path):
+    document = gltf_document() | {"extensionsUsed": ["EXT_meshopt_compression"]}
+    with pytest.raises(InputError, match="compressed by EXT_meshopt_compression"):
+        write_own_glb(tmp_path / "out.glb", upright, with_mapping(tmp_path, "hero.glb", glb_bytes(document)))
+
+
+def test_images_beside_a_gltf_keep_their_kind(upright: Motion, tmp_path: Path):
+    kinds = {"a.webp": b"RIFF....WEBP", "b.png": b"\x89PNG", "c.jpg": b"\xff\xd8", "d.ktx2": b"\xabKTX 20\xbb"}
+    for name, content in kinds.items():
+        (tmp_path / name).write_bytes(content)
+    document = gltf_document() | {"images": [{"uri": name} for name in kinds]}
+    write_own_glb(tmp_path / "out.glb", upright, with_mapping(tmp_path, "hero.gltf", json.dumps(document)))
+    written = pygltflib.GLTF2().load_binary(str(tmp_path / "out.glb"))
+    assert written is not None
+    assert [i.mimeType for i in written.images] == ["image/webp", "image/png", "image/jpeg", "image/ktx2"]
 
 
 def test_a_glb_keeps_what_is_in_it(upright: Motion, tmp_path: Path):

@@ -107,6 +107,14 @@ def directions(path: Path, pairs: dict[str, tuple[str, str]]) -> dict[str, np.nd
     return {name: (rest[b] - rest[a]) / np.linalg.norm(rest[b] - rest[a]) for name, (a, b) in pairs.items()}
 
 
+def test_a_bone_that_a_vertex_does_not_follow_is_number_0(files: dict[str, Path], rig: str):
+    """As the specification asks, and validators warn."""
+    player = Player.of(files["glb"])
+    attributes = player.document.meshes[0].primitives[0].attributes
+    bones, weights = player.array(attributes.JOINTS_0), player.array(attributes.WEIGHTS_0)
+    assert (weights == 0).any() and not bones[weights == 0].any()
+
+
 def test_mixamo_stands_in_a_t_pose(free_body: BodyModel, tmp_path: Path):
     write_standard_glb(tmp_path / "x.glb", neutral(free_body), MIXAMO)
     at = "mixamorig:"
