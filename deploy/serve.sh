@@ -1,10 +1,11 @@
 #!/bin/sh
-# Serves one project behind the gate: what the container runs.
+# Serves one project, or the projects of several people of one clip, behind the gate: what the container runs.
 #
-# TCFIT_PROJECT   folder of the project, below TCFIT_PROJECTS
+# TCFIT_PROJECT   folder of the project or projects, below TCFIT_PROJECTS
 # TCFIT_PROJECTS  folder of all projects; pages may name its files, and no others (default: /projects)
 # TCFIT_PUBLIC    address under which the proxy offers it, such as https://fits.example.org (default: none)
 # TCFIT_PASSWORD_FILE  file with the password (default: none; each browser then needs a link, which is in the log)
+# TCFIT_ADDRESS   address of this computer that is listened on (default: 0.0.0.0, all of them)
 # TCFIT_PORT      (default: 8080)
 set -eu
 
@@ -14,12 +15,12 @@ if [ -z "${TCFIT_PROJECT:-}" ]; then
     exit 2
 fi
 project=$projects/$TCFIT_PROJECT
-if [ ! -f "$project/project.sqlite" ]; then
+if [ ! -f "$project/project.sqlite" ] && [ ! -f "$project/people.json" ]; then
     echo "There is no project at $project: make one with tcfit new VIDEO --keypoints KEYPOINTS --out $project" >&2
     exit 2
 fi
 
-set -- review "$project" --host 0.0.0.0 --port "${TCFIT_PORT:-8080}" --no-browser --files "$projects"
+set -- review "$project" --host "${TCFIT_ADDRESS:-0.0.0.0}" --port "${TCFIT_PORT:-8080}" --no-browser --files "$projects"
 [ -z "${TCFIT_PUBLIC:-}" ] || set -- "$@" --public "$TCFIT_PUBLIC"
 [ -z "${TCFIT_PASSWORD_FILE:-}" ] || set -- "$@" --password-file "$TCFIT_PASSWORD_FILE"
 exec tcfit "$@"

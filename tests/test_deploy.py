@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fitting_core.fit.fused.jit import FOLDER_VARIABLE
+from fitting_core.io.people_file import PEOPLE_NAME
 from tcfit_app.cli.main import parse
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import review_server
@@ -97,6 +98,15 @@ def test_serving_gives_tcfit_options_that_it_has(served):
         "/run/secrets/p"
     )
     assert parse(served(TCFIT_PROJECT="a walk.tcfit").stdout.splitlines()).server.password_file is None
+    alone = served(TCFIT_PROJECT="a walk.tcfit", TCFIT_ADDRESS="127.0.0.1", TCFIT_PORT="9000")
+    assert parse(alone.stdout.splitlines()).server.host == "127.0.0.1"
+
+
+def test_serving_takes_the_people_of_a_clip(served, tmp_path: Path):
+    talk = tmp_path / "projects" / "talk.tcfit"
+    talk.mkdir()
+    (talk / PEOPLE_NAME).touch()
+    assert parse(served(TCFIT_PROJECT="talk.tcfit").stdout.splitlines()).video == talk
 
 
 def test_serving_says_what_is_missing(served):

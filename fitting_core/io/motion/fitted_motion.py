@@ -97,6 +97,11 @@ class Motion:
         return replace(shaped, params=replace(shaped.params, camera_translation=self.params.camera_translation + kept))
 
     @property
+    def shaped_body(self) -> BodyModel:
+        """The body whose mean shape is that of `one_shape`."""
+        return self.body.with_shape(self.one_shape.params.betas[0].double().numpy())
+
+    @property
     def has_one_shape(self) -> bool:
         """Whether the betas are the same in all frames."""
         return bool((self.params.betas == self.params.betas[:1]).all())

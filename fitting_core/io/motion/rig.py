@@ -69,7 +69,7 @@ class Deviation:
 def rig_of(motion: Motion) -> Rig:
     """The rig of a motion; betas that differ by frame become their mean."""
     shaped = motion.one_shape
-    body = motion.body.with_shape(shaped.params.betas[0].double().numpy())
+    body = shaped.shaped_body
     bones, weights = four_weights(body.skinning_weights)
     turns = Rotation.from_rotvec(shaped.pose.numpy().reshape(-1, 3)).as_quat().reshape(-1, N_JOINTS, 4)
     return Rig(

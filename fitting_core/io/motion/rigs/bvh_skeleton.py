@@ -24,8 +24,6 @@ class _Found:
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     offsets: list[list[float]] = field(default_factory=list)
-    ends: dict[int, list[float]] = field(default_factory=dict)
-    """Offsets of end sites, by joint."""
 
 
 def read_bvh_skeleton(path: Path) -> Skeleton:
@@ -70,12 +68,14 @@ def _read(words: Iterator[str], found: _Found) -> None:
             _expect(words, "Site")
             _expect(words, "{")
             _expect(words, "OFFSET")
-            found.ends[_inside(above, word)] = _numbers(words)
+            _inside(above, word)
+            _numbers(words)
             _expect(words, "}")
         elif word == "OFFSET":
             found.offsets[_inside(above, word)] = _numbers(words)
         elif word == "CHANNELS":
-            _channels(words, _inside(above, word))
+            _inside(above, word)
+            _channels(words)
         elif word == "}":
             _inside(above, word)
             above.pop()
@@ -124,7 +124,7 @@ def _numbers(words: Iterator[str]) -> list[float]:
     return numbers
 
 
-def _channels(words: Iterator[str], joint: int) -> None:
+def _channels(words: Iterator[str]) -> None:
     for _ in range(int(next(words))):
         if (word := next(words)).capitalize() not in _CHANNELS:
             raise ValueError(f"it has the channel {word[:40]!r}")

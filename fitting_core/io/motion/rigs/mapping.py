@@ -114,7 +114,7 @@ def _check_tree(joints: Joints, skeleton: Skeleton) -> None:
                 of = f" ({meant(above)})" if above and upper in joints[above] else ""
                 raise InputError(
                     f"{skeleton.source}: {lower!r} ({meant(part)}) does not hang on {upper!r}{of} in the rig; choose "
-                    "joints that do."
+                    "joints that do, or let it hang there in the program that made the rig."
                 )
 
 

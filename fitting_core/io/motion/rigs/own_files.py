@@ -12,10 +12,11 @@ from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
 from fitting_core.io.motion.rigs.gltf_file import GltfFile, read_gltf
 from fitting_core.io.motion.rigs.gltf_skeleton import gltf_skeleton
-from fitting_core.io.motion.rigs.mapping import RigMapping, read_mapping, read_skeleton
+from fitting_core.io.motion.rigs.mapping import read_mapping, read_skeleton
 from fitting_core.io.motion.rigs.own_motion import on_own
 from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
 from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh
+from fitting_core.io.motion.rigs.skeleton import Skeleton
 
 _FLOAT = 5126
 
@@ -51,14 +52,15 @@ def write_own_bvh(path: Path, motion: Motion, mapping_path: Path, progress: Prog
         OSError: The file cannot be written; nothing is left of it.
     """
     mapping = read_mapping(mapping_path)
-    moving = on_own(motion, mapping)
-    kept = None if mapping.skeleton.suffix.lower() == ".bvh" else _jointed(mapping, moving)
+    skeleton = read_skeleton(mapping.skeleton)
+    moving = on_own(motion, mapping, skeleton)
+    kept = None if mapping.skeleton.suffix.lower() == ".bvh" else _jointed(skeleton, moving)
     write_rig_bvh(path, moving, motion.frame_rate, kept=kept, progress=progress)
 
 
-def _jointed(mapping: RigMapping, moving: RigMotion) -> list[int]:
+def _jointed(skeleton: Skeleton, moving: RigMotion) -> list[int]:
     """The pelvis and the joints below it: a glTF has meshes, cameras and the like among its nodes as well."""
-    target, offered = moving.target, set(read_skeleton(mapping.skeleton).offered)
+    target, offered = moving.target, set(skeleton.offered)
     kept = set()
     for k in target.order_below_root:
         if target.names[k] in offered:

@@ -16,8 +16,7 @@ def on_own(motion: Motion, mapping: RigMapping, skeleton: Skeleton | None = None
         InputError: The rig cannot be read, or its rest pose is none that a body can have.
     """
     upright = motion.in_axes("y-up").one_shape
-    body = upright.body.with_shape(upright.params.betas[0].double().numpy())
-    posed = Posed.of(upright)
+    posed, body = Posed.of(upright), upright.shaped_body
     rig = read_skeleton(mapping.skeleton) if skeleton is None else skeleton
     moving = grounded(turned(posed, own_target(rig, mapping.joints, body)), posed, upright)
     return touching(moving, posed, touches(upright), body.parents, upright.frame_rate)

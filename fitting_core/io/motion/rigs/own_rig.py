@@ -52,7 +52,6 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
         upright=upright,
         scale=length / person,
         floor=0.0 if 0 <= lowest < _LOW * length else lowest,
-        of_person=False,
         root=skeleton.index(joints["pelvis"][0]),
     )
 

@@ -41,8 +41,7 @@ class Surface:
 def on_standard(motion: Motion, standard: Standard) -> RigMotion:
     """A motion on a standard rig with the person's bones, in the y-up world."""
     upright = motion.in_axes("y-up").one_shape
-    body = upright.body.with_shape(upright.params.betas[0].double().numpy())
-    moving = turned(Posed.of(upright), standard_target(standard, body))
+    moving = turned(Posed.of(upright), standard_target(standard, upright.shaped_body))
     root = moving.target.root
     if moving.target.parents[root] < 0:
         return moving
@@ -67,7 +66,7 @@ def surface_on(motion: Motion, moving: RigMotion) -> Surface:
     Where joints are bent from one rest pose to the other, skinning twice is not skinning once: see `surface_deviation`.
     """
     shaped = motion.in_axes("y-up").one_shape
-    body, target = shaped.body.with_shape(shaped.params.betas[0].double().numpy()), moving.target
+    body, target = shaped.shaped_body, moving.target
     bones, weights = four_weights(body.skinning_weights)
     where = np.array([target.of_joint[name] for name in JOINTS])
     morphs = joined(expression_morphs(shaped), corrective_morphs(shaped))

@@ -84,7 +84,6 @@ def standard_target(standard: Standard, body: BodyModel) -> Target:
         upright=np.eye(3),
         scale=1.0,
         floor=0.0,
-        of_person=True,
         root=next(k for k, bone in enumerate(bones) if bone.source is not None and bone.source.joint == "pelvis"),
     )
 

@@ -163,7 +163,7 @@ def _values(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
 def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> Surface:
     """The person's surface at rest, with shapes for its face in place of a motion's."""
     surface = surface_on(still, moving)
-    body, target = still.body.with_shape(still.params.betas[0].double().numpy()), moving.target
+    body, target = still.shaped_body, moving.target
     weights = body.skinning_weights
     turns = np.einsum("vj,jab->vab", weights, target.rest)
     shapes = {

@@ -56,8 +56,7 @@ def _floor(posed: Posed, motion: Motion) -> float:
 
 def _soles(motion: Motion) -> float:
     """Height of the soles at rest, metres."""
-    shaped = motion.one_shape
-    return float(shaped.body.with_shape(shaped.params.betas[0].double().numpy()).template[:, 1].min())
+    return float(motion.shaped_body.template[:, 1].min())
 
 
 def _scaled(places: Float[np.ndarray, "T 3"], target: Target, floor: float) -> Float[np.ndarray, "T 3"]:

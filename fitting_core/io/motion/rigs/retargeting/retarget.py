@@ -35,7 +35,7 @@ class Posed:
     def of(motion: Motion) -> "Posed":
         """Of a motion in any axes."""
         shaped = motion.in_axes("y-up").one_shape
-        rest = torch.as_tensor(shaped.body.with_shape(shaped.params.betas[0].double().numpy()).rest_joints)
+        rest = torch.as_tensor(shaped.shaped_body.rest_joints)
         turns = Rotation.from_rotvec(shaped.pose.numpy().reshape(-1, 3)).as_matrix().reshape(len(motion), -1, 3, 3)
         world, joints = pose_joints(
             Tree.of(shaped.body.parents), torch.as_tensor(turns), rest.expand(len(motion), -1, -1)

@@ -43,8 +43,6 @@ class Target:
     """Of the rig's unit to metres, times its legs' length to the person's."""
     floor: float
     """Height of what the rig stands on at rest, along its up axis, in its unit."""
-    of_person: bool
-    """It has the person's own bones: nothing needs to be adapted."""
     root: int
     """The joint that has a position in each frame: the pelvis."""
 
