@@ -96,7 +96,7 @@ def _check_keys(millimetres: float, formats: tuple[str, ...]) -> None:
     check_bound(millimetres / 1000)
     keyed = [name for name, export in exports().items() if export.keys]
     if not set(keyed) & set(formats):
-        raise InputError(f"--keys: none of {', '.join(formats)} has keys; expected --formats with {', '.join(keyed)}.")
+        raise InputError(f"--keys: expected --formats with {', '.join(keyed)}, found {', '.join(formats)}.")
 
 
 @contextmanager

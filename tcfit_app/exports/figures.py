@@ -43,9 +43,13 @@ def write_summary(source: ExportSource, path: Path, progress: Progress) -> None:
 
 
 def _figures(source: ExportSource, progress: Progress) -> dict[str, np.ndarray]:
-    """Columns by title: the frame's number, and the curves of the timeline for A and B, or for the run alone."""
+    """Columns by title: the frame's number and time, and the curves of the timeline for A and B, or for the run alone.
+
+    The time counts from the video's first frame, as ELAN's does.
+    """
     clip = source.clip
-    columns: dict[str, np.ndarray] = {"frame": clip.first_frame + np.arange(len(clip))}
+    frames = clip.first_frame + np.arange(len(clip))
+    columns: dict[str, np.ndarray] = {"frame": frames, "time_ms": np.rint(1000 * frames / clip.frame_rate).astype(int)}
     fits = dict(zip("AB", source.compared, strict=True)) if len(source.compared) == 2 else {"": source.fit}
     for done, (name, fit) in enumerate(fits.items()):
         posed = fit.posed(clip)

@@ -168,7 +168,9 @@ class ExportSource:
     def own_rig(self) -> Path:
         """The mapping file. Raises InputError if there is none."""
         if self.rig is None:
-            raise InputError("This export needs your rig: give its mapping file by --rig (see docs/rigs.md).")
+            raise InputError(
+                "This export needs your rig: give its file, or a mapping file, by --rig (see docs/rigs.md)."
+            )
         return self.rig
 
     def __getitem__(self, frames: slice) -> "ExportSource":

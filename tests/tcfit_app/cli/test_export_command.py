@@ -269,7 +269,7 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
     ("options", "said"),
     [
         (["--formats", "maya"], "expected some of glb, fbx, npz"),
-        (["--formats", "npz", "bvh", "--keys", "2"], "none of npz, bvh has keys; expected --formats with glb"),
+        (["--formats", "npz", "bvh", "--keys", "2"], "--keys: expected --formats with glb, found npz, bvh"),
         (["--keys", "0"], "more than 0 and at most 100 mm"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),
         (["--frames", "0:3"], "from 7 to 12"),

@@ -8,7 +8,8 @@
     left_hip = "LeftUpLeg"           # SMPL-X's names: the thigh begins at the hip
     jaw = ""                         # the rig has none
 
-What the table leaves out is guessed by the joints' names, and "" says that the rig has no such joint.
+What the table leaves out is guessed by the joints' names, and "" says that the rig has no such joint. Of
+the rig itself, given in the place of this file, everything is guessed.
 """
 
 import tomllib
@@ -32,6 +33,9 @@ Joints = Mapping[str, tuple[str, ...]]
 missing."""
 _MOST = 2**20
 """Bytes of a mapping file."""
+_GLTF = (".glb", ".gltf", ".vrm")
+_TO_CONVERT = (".fbx", ".blend", ".dae", ".usd")
+"""Rigs that are not read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +60,9 @@ def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
     ending = path.suffix.lower()
     if ending == ".bvh":
         return read_bvh_skeleton(path)
-    if ending in (".glb", ".gltf", ".vrm"):
+    if ending in _GLTF:
         return gltf_skeleton(read_gltf(path, with_data=whole))[0]
-    hint = " Convert it to GLB, for example with Blender." if ending in (".fbx", ".blend", ".dae", ".usd") else ""
+    hint = " Convert it to GLB, for example with Blender." if ending in _TO_CONVERT else ""
     raise InputError(f"{path}: {ending or 'no ending'} is not read as a rig; expected .glb, .gltf, .vrm or .bvh.{hint}")
 
 
@@ -121,11 +125,16 @@ def _some(names: tuple[str, ...], most: int = 30) -> str:
 def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
     """Read a mapping file, complete what it leaves out by names, and check it, unless it is still being made.
 
+    Args:
+        path: The mapping file, or the rig itself, of which everything is guessed.
+        checked: Refuse what cannot be used.
+
     Raises:
         InputError: It cannot be read, or cannot be used, or the rig cannot be read.
     """
-    table = _table(path)
-    skeleton = _skeleton_path(path, table)
+    is_rig = path.suffix.lower() in (*_GLTF, ".bvh", *_TO_CONVERT)
+    table = {} if is_rig else _table(path)
+    skeleton = path if is_rig else _skeleton_path(path, table)
     stated = table.get("joints", {})
     if not isinstance(stated, dict):
         raise InputError(f"{path}: joints is {stated!r}, expected a table: [joints], and a line for each part.")

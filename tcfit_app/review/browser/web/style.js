@@ -167,6 +167,7 @@ export const PANEL_SHEET = `
   border-radius: 4px; background: var(--tcfit-button); color: var(--tcfit-text); font: 13px/1 ${FONT}; white-space: nowrap; cursor: pointer; touch-action: manipulation; user-select: none;
   -webkit-user-select: none; }
 .tcfit-panel button > span { overflow: hidden; text-overflow: ellipsis; padding: 3px 0; }
+.tcfit-cells button { height: auto; min-height: 25px; padding: 0 3px; white-space: normal; }
 .tcfit-panel button:hover:not(:disabled) { background: var(--tcfit-raised); border-color: var(--tcfit-raised-edge); color: var(--tcfit-strong); }
 .tcfit-panel button > span:has(.tcfit-phase) { display: flex; align-items: center; }
 .tcfit-panel button > span:has(.tcfit-phase) > * { flex: none; white-space: pre; }

@@ -18,6 +18,8 @@ _OPENED = """(input) => {
   return input.clientHeight > 0;
 }"""
 """Whether nothing that grows clips an input any more."""
+_CUT = "(spans) => spans.filter((span) => span.scrollWidth > span.clientWidth).map((span) => span.textContent)"
+"""Texts of buttons that are not shown in full."""
 
 
 def test_a_rig_is_uploaded_completed_and_exported(browser: "Browser", free_body: BodyModel, tmp_path: Path):
@@ -26,6 +28,8 @@ def test_a_rig_is_uploaded_completed_and_exported(browser: "Browser", free_body:
     with reviewing(folder, browser) as review:
         tab = review.tab
         tab.get_by_role("tab", name="Export", exact=True).click()
+        tab.get_by_role("button", name="Character (FBX)").wait_for()
+        assert tab.locator(".tcfit-cells button > span").evaluate_all(_CUT) == []
         tab.get_by_text("Own rig", exact=True).click()
         with tab.expect_file_chooser() as chooser:
             tab.get_by_role("button", name="Upload a rig").click()

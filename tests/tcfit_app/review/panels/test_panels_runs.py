@@ -351,7 +351,8 @@ def test_files_are_downloaded(panel_of: Opener):
         assert fit["poses"].shape == (FRAMES, 165) and bool(fit["complete"])
     assert json.loads(got["summary"])["frames"] == FRAMES
     rows = got["figures"].decode().splitlines()
-    assert len(rows) == FRAMES + 1 and rows[0].startswith("frame,A Reprojection") and rows[1].startswith("0,")
+    assert len(rows) == FRAMES + 1 and rows[0].startswith("frame,time_ms,A Reprojection")
+    assert rows[1].startswith("0,0,") and rows[2].startswith("1,40,")
     figures = json.loads(got["figures-json"])
     assert list(figures["figures"]) == next(csv.reader(rows)) and figures["frame_rate"] == 25.0
     assert got["report"].startswith(b"<!") and b"Reprojection" in got["report"]

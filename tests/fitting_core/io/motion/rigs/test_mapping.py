@@ -112,6 +112,18 @@ def test_a_rig_is_read_and_guessed(tmp_path: Path, kind: str):
     assert skeleton.places[skeleton.index("LeftHand")] == pytest.approx([72 * unit, 145 * unit, -5 * unit])
 
 
+@pytest.mark.parametrize(("kind", "content"), [("bvh", bvh_text()), ("glb", glb_bytes(gltf_document()))])
+def test_a_rig_without_a_mapping_file_is_guessed(tmp_path: Path, kind: str, content: str | bytes):
+    stated = read_mapping(with_mapping(tmp_path, f"hero.{kind}", content))
+    assert read_mapping(tmp_path / f"hero.{kind}") == stated
+
+
+def test_an_fbx_in_place_of_a_mapping_file_is_refused(tmp_path: Path):
+    (tmp_path / "hero.fbx").write_bytes(b"Kaydara FBX Binary")
+    with pytest.raises(InputError, match=r"hero.fbx: .fbx is not read as a rig; .* Convert it to GLB"):
+        read_mapping(tmp_path / "hero.fbx")
+
+
 def test_what_the_file_says_comes_first(tmp_path: Path):
     table = 'spine = "Spine"\nleft_pinky1 = ""\nleft_index1 = "LeftHandPinky1"'
     joints = read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(), table)).joints
