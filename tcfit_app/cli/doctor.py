@@ -109,7 +109,11 @@ def check_torch() -> Iterator[Check]:
     yield Check(status="ok", found=f"CPU, {os.cpu_count()} cores")
     from fitting_core.fit.fused import ready
 
-    if why := ready.problem():
+    why = ready.problem()
+    if why == ready.NOT_YET:
+        found = f"the solver's kernels are not compiled yet: the first fit does that, in some {ready.SECONDS} seconds"
+        yield Check(status="ok", found=found)
+    elif why:
         advice = (
             "python -m fitting_core.fit.fused says more, and compiles them; fits take several times as long without"
         )

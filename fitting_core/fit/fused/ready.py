@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 SECONDS = 40
 """What compiling takes, about."""
+NOT_YET = "the kernels are not compiled yet"
+"""The problem that `prepare` takes away."""
 _MARK = "compiled"
 """File beside the kernels that says that all of them are there."""
 
@@ -58,7 +60,7 @@ def problem() -> str:
     """Why the kernels are not used; empty if they are."""
     if not _Use.allowed:
         return "the kernels are turned off"
-    return _missing() or ("" if _compiled() else "the kernels are not compiled yet")
+    return _missing() or ("" if _compiled() else NOT_YET)
 
 
 def _compiled() -> bool:

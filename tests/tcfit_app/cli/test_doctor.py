@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from fitting_core.body.files import registry
+from fitting_core.fit.fused import ready
 from tcfit_app.cli import doctor as report
 from tcfit_app.cli.doctor import (
     Outcome,
@@ -218,3 +219,19 @@ def test_probes_leave_the_environment_alone(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.syspath_prepend(tmp_path)
     assert probe_rendering("egl") == WORKS
     assert "PYOPENGL_PLATFORM" not in os.environ
+
+
+@pytest.mark.parametrize(
+    ("problem", "status", "found"),
+    [
+        ("", "ok", "are compiled"),
+        (ready.NOT_YET, "ok", "the first fit does that"),
+        ("the kernels are turned off", "warning", "not used: the kernels are turned off"),
+    ],
+)
+def test_kernels_that_the_first_fit_compiles_are_no_reason_to_warn(
+    problem: str, status: str, found: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(ready, "problem", lambda: problem)
+    check = list(check_torch())[1]
+    assert check.status == status and found in check.found
