@@ -55,6 +55,13 @@ def holds_people(folder: Path) -> bool:
     return (folder / PEOPLE_NAME).is_file()
 
 
+def refuse_several(folder: Path) -> None:
+    """Raise InputError for a folder of several people, where one's is wanted."""
+    if holds_people(folder):
+        one = folder / read_people(folder).people[0].folder
+        raise InputError(f"{folder}: is of several people. Give the folder of one of them, such as {one}.")
+
+
 def read_people(folder: Path) -> People:
     """The people of a folder. Their own folders may be missing, but none is a link.
 

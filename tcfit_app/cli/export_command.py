@@ -18,6 +18,7 @@ from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.io.motion.keys import check_bound
 from fitting_core.io.motion.rigs.mapping import read_mapping
 from fitting_core.io.motion_files import stored_motion
+from fitting_core.io.people_file import refuse_several
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
@@ -112,6 +113,7 @@ def source_of(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
     elif (path / FIT_NAME).is_file() or path.is_file():
         yield _of_result(path, options)
     else:
+        refuse_several(path)
         raise InputError(
             f"{path}: is neither a project nor a result: it has no project.sqlite and no {FIT_NAME}. "
             "Give the folder that tcfit new or tcfit fit made."

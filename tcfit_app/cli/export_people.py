@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import People, read_people
+from fitting_core.io.people_file import PEOPLE_NAME, People, read_people
 from tcfit_app.cli.export_command import bar, formats_of, numbers_of, source_of, target, write_one
 from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import file_name
@@ -38,6 +38,7 @@ def run_export_people(folder: Path, options: ExportOptions) -> None:
         sources = _sources(folder, people, options, stack)
         apart = [name for name in formats if name != _TOGETHER]
         targets = [(name, source, target(name, source, options)) for source in sources for name in apart]
+        _refuse_same([path for _, _, path in targets], folder)
         together = _together(people, sources, options) if _TOGETHER in formats else None
         for name, source, path in targets:
             write_one(name, source, path, zipped=options.zip)
@@ -45,11 +46,22 @@ def run_export_people(folder: Path, options: ExportOptions) -> None:
             _write_glb(together, people, sources)
 
 
+def _refuse_same(paths: Sequence[Path], folder: Path) -> None:
+    """Raise InputError where one person's file would replace another's: names in files have fewer characters."""
+    names = [path.name.casefold() for path in paths]
+    if twice := next((path for path in paths if names.count(path.name.casefold()) > 1), None):
+        raise InputError(f"{twice}: would be the file of two people. Give them other names in {folder / PEOPLE_NAME}.")
+
+
 def _sources(folder: Path, people: People, options: ExportOptions, stack: ExitStack) -> list[ExportSource]:
     """What there is of each person in the wished frames; who is not there then is left out."""
     begin, end = (None, None) if options.frames is None else numbers_of(options.frames)
     found: list[ExportSource] = []
     for person in people.people:
+        if not (folder / person.folder).is_dir():
+            raise InputError(
+                f"{folder / person.folder}: is not there. Put it back, or take {person.name} out of {PEOPLE_NAME}."
+            )
         source = stack.enter_context(source_of(folder / person.folder, options))
         if (part := source.between(begin, end)) is not None:
             found.append(replace(part, name=f"{people.name} {person.name}"))

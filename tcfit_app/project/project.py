@@ -31,6 +31,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
 from fitting_core.io.cameras.reading import tells_of_camera_file
+from fitting_core.io.people_file import refuse_several
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
@@ -132,6 +133,7 @@ class Project:
         """
         with accessing(folder):
             if not (folder / database.NAME).is_file():
+                refuse_several(folder)
                 raise InputError(f"{folder}: is no project of tcfit: it has no {database.NAME}. `tcfit new` makes one.")
             held = None if read_only else Lock(folder)
         store = None

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 import torch
@@ -15,7 +16,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import project
 from fitting_core.fit.events import FitEvent
-from fitting_core.io.people_file import read_people
+from fitting_core.io.people_file import read_people, write_people
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY
 from tcfit_app.cli import fit_command
@@ -106,6 +107,30 @@ def test_the_export_of_everybody(fitted: Path, tmp_path: Path, capsys: pytest.Ca
     # Who has gone by then is left out.
     assert main(["export", str(fitted), "--out", str(tmp_path / "c"), "--formats", "npz", "--frames", "5"]) == 0
     assert [path.name for path in (tmp_path / "c").iterdir()] == ["talk person 2.smplx.npz"]
+
+
+def test_whose_file_it_is_can_be_told(fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    folder, out = tmp_path / "talk", tmp_path / "files"
+    shutil.copytree(fitted, folder)
+    file = read_people(folder)
+    people = (msgspec.structs.replace(one, name=f"A{k}b") for one, k in zip(file.people, "/:", strict=True))
+    write_people(folder, msgspec.structs.replace(file, people=tuple(people)))
+    assert main(["export", str(folder), "--out", str(out), "--formats", "npz"]) == 2
+    assert "would be the file of two people" in capsys.readouterr().err and not out.exists()
+    shutil.rmtree(folder / "person-2")
+    assert main(["export", str(folder), "--out", str(out), "--formats", "npz"]) == 2
+    assert "person-2: is not there. Put it back" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["render"], ["import"]])
+def test_what_is_about_one_person_says_whose_folders_there_are(
+    command: list[str], fitted: Path, capsys: pytest.CaptureFixture[str]
+):
+    more = ["x.npz"] if command == ["import"] else []
+    assert main([*command, str(fitted), *more]) == 2
+    assert f"is of several people. Give the folder of one of them, such as {fitted / 'person-1'}" in (
+        capsys.readouterr().err
+    )
 
 
 def test_a_next_fit_takes_the_last_one_s_place(
