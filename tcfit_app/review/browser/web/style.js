@@ -176,9 +176,9 @@ export const PANEL_SHEET = `
 .tcfit-panel button:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }
 .tcfit-panel button:disabled { opacity: 0.42; cursor: default; }
 .tcfit-panel button[aria-pressed=true] { background: #1f5482; border-color: #3b8ad0; color: #fff; }
-.tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: #27649a; border-color: #5aa3e0; }
+.tcfit-panel button[aria-pressed=true]:hover:not(:disabled) { background: #27649a; border-color: #5aa3e0; color: #fff; }
 .tcfit-panel button.tcfit-main { background: #1c6fb5; border-color: #3b8ad0; color: #fff; font-weight: 600; }
-.tcfit-panel button.tcfit-main:hover:not(:disabled) { background: #2680ca; }
+.tcfit-panel button.tcfit-main:hover:not(:disabled) { background: #2377bd; color: #fff; }
 .tcfit-panel button.tcfit-left { justify-content: space-between; }
 .tcfit-panel button.tcfit-mini { flex: none; height: 20px; padding: 0 7px; font-size: 13px; }
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
