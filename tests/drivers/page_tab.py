@@ -30,6 +30,15 @@ HTML = "<img src=x onerror=alert(1)> & </script>"
 E = TypeVar("E", bound=PageEvent)
 
 
+_CANVAS_FITS = """() => {
+  const canvas = __viserMutable.canvas;
+  let box = canvas.parentElement;
+  while (box.style.zIndex !== "0") box = box.parentElement;
+  return Math.abs(canvas.clientHeight - box.clientHeight) <= 1;
+}"""
+"""Whether viser's canvas has followed its box, some frames after the strip took or left its room."""
+
+
 @dataclass
 class Tab:
     """A page, and the server's end of it."""
@@ -100,6 +109,7 @@ class Tab:
         """Where an image's pixel is on the screen, in a window, from the camera that viser reports."""
         camera = self.clients[-1].camera
         x, y, distance = camera.position[0], camera.position[1], -camera.position[2]
+        self.page.wait_for_function(_CANVAS_FITS)
         # Not camera.image_height: viser draws coarser where drawing is slow, and counts those pixels.
         width, height = self.page.evaluate(
             "() => [__viserMutable.canvas.clientWidth, __viserMutable.canvas.clientHeight]"
