@@ -31,7 +31,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
 from fitting_core.io.cameras.reading import tells_of_camera_file
-from fitting_core.io.people_file import refuse_several
+from fitting_core.io.people_file import holds_people, refuse_several
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
@@ -394,6 +394,8 @@ def check_free(folder: Path) -> None:
     """Raises InputError if no project can be made in a folder, which may not exist."""
     if (folder / database.NAME).exists():
         raise InputError(f"{folder}: is a project already. Open it, or choose another folder.")
+    if holds_people(folder):
+        raise InputError(f"{folder}: is a folder of several people already. Open it, or choose another one.")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; expected a folder, which may not exist yet.")
     if names := sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []:
