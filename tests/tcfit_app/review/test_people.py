@@ -1,11 +1,13 @@
 """The people of a clip without a browser: opening, leaving out, locks, and who can be seen by whom."""
 
+import itertools
 import shutil
 import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
@@ -39,6 +41,7 @@ from tcfit_app.review.tab.people import Someone, alone
 from tcfit_app.review.tab.state import TabState, seen_alike
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.samples.people_projects import FRAMES, LATE, PLACES, open_two, two_people
+from tests.tcfit_app.review.panels.test_buttons import NO_VALUES, offering
 
 
 @pytest.fixture(scope="module")
@@ -519,3 +522,21 @@ def test_who_has_no_fit_is_left_out_and_told(free_body: BodyModel, panel_server:
     with reviewed(folder, panel_server) as app:
         _, note, player = Exporting(app, tmp_path).read()
         assert note == "talk person 1. person 2 has no fit yet and is left out" and len(player.document.skins) == 1
+
+
+def test_no_panel_of_several_people_stumbles_over_a_strange_value(
+    folder: Path, panel_server: viser.ViserServer, caplog: pytest.LogCaptureFixture
+):
+    with reviewed(folder, panel_server) as app:
+        hello(app, "one")
+        for person in (1, 0, 2, 999):
+            app.pages[1].receive(GoToPerson(person))
+            app.pages[1].draw(time.monotonic())
+            tab = app.pages[1].tab
+            commands = [name for name in tab.buttons._known if name.startswith(("people.", "export.", "rig."))]
+            assert "people.exchange" in commands
+            tab.buttons.show("a strange page", offering(*itertools.product(commands, NO_VALUES)))
+            for command, value in itertools.product(commands, NO_VALUES):
+                tab.guarded(partial(app.pages[1].receive, Press(command, value)))()
+            app.pages[1].draw(time.monotonic())
+    assert not [record.getMessage() for record in caplog.records if record.exc_info]

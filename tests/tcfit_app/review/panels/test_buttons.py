@@ -14,7 +14,7 @@ from tcfit_app.review.tab.buttons import LATE, Buttons, one_of
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
 
-_NO_VALUES = ("x", "-1", "999999", "1.5", "nan", "inf", "1e308", "<b>", "é", "a b c", "")
+NO_VALUES = ("x", "-1", "999999", "1.5", "nan", "inf", "1e308", "<b>", "é", "a b c", "")
 """Of buttons that have values, these have none; but a run or frame may have a strange number."""
 
 
@@ -88,9 +88,9 @@ def test_no_panel_stumbles_over_a_strange_value(panel_page: LonePage, caplog: py
     page = panel_page.page
     panel_page.draw()
     commands = list(page.tab.buttons._known)
-    page.tab.buttons.show("a strange page", offering(*itertools.product(commands, _NO_VALUES)))
+    page.tab.buttons.show("a strange page", offering(*itertools.product(commands, NO_VALUES)))
     for command in commands:
-        for value in _NO_VALUES:
+        for value in NO_VALUES:
             page.tab.guarded(lambda command=command, value=value: page.receive(Press(command, value)))()
             page.tab.set(playing=True)
             page.tab.advance(1e9)
