@@ -160,8 +160,7 @@ class Stages:
             observations = observations.lifted(camera, frame_rate)
         if start is not None and config.start_deviation is not None:
             start = start.beside(keypoints, camera)
-            points, deviation = start.steady_points(frame_rate), start.deviation(config.start_deviation)
-            observations = observations.near(points, deviation)
+            observations = observations.near(start.points, start.deviation(config.start_deviation))
         return Stages(
             observations=observations,
             camera=camera,

@@ -230,7 +230,7 @@ class _Candidate:
         if not found.there.any():
             far = placed(found.points, clip.keypoints, clip.camera).median_off[self.covered.there]
             raise InputError(_follows_nobody(motion, far, person))
-        return found
+        return found.steady(clip.frame_rate)
 
     def _own_points(self, body: BodyModel, find_body: FindBody) -> Float[np.ndarray, "T 25 3"] | None:
         """Keypoints from the pelvis on the motion's own body; None where that is the fitted one, or is not here."""

@@ -115,8 +115,8 @@ class GivenStart:
         left, right = self.params.left_hand_pose @ basis[0], self.params.right_hand_pose @ basis[1]
         return parametrisation.from_params(replace(self.params, left_hand_pose=left, right_hand_pose=right))
 
-    def steady_points(self, frame_rate: float) -> Float[np.ndarray, "T 25 3"]:
-        """Its points without what trembles from frame to frame, as fits are held near them.
+    def steady(self, frame_rate: float) -> "GivenStart":
+        """The same, whose points do not tremble from frame to frame.
 
         By parabolas (Savitzky and Golay, 1964), as far as a point is there in all frames of one.
 
@@ -125,14 +125,14 @@ class GivenStart:
         """
         window, steady = 2 * round(_STEADY * frame_rate / 2) + 1, self.points.copy()
         if window <= _PARABOLA + 1:  # which goes through all of them
-            return steady
+            return self
         known = self.there[:, None] & np.isfinite(self.points).all(-1)
         for point in range(known.shape[1]):
             for run in runs_where(known[:, point]):
                 if len(run) >= window:
                     own = slice(run.start, run.stop), point
                     steady[own] = savgol_filter(self.points[own], window, _PARABOLA, axis=0)
-        return steady
+        return replace(self, points=steady)
 
     def deviation(self, deviation: float) -> Float[np.ndarray, "T 25"]:
         """How far its points may be off, metres; infinite where it has none.

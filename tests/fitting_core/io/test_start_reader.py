@@ -110,6 +110,21 @@ def test_the_pose_comes_back_before_the_clips_camera(form: str, free_body: BodyM
     assert np.abs(body_joints(free_body, start.params) - body_joints(free_body, params)).max() < 1e-3
 
 
+def test_what_trembles_in_a_result_is_not_held(free_body: BodyModel, tmp_path: Path):
+    """The pose of each frame stays what it is, as where phase 1 begins."""
+    frames = 40
+    params = arms_in_motion(frames)
+    noise = torch.as_tensor(np.random.default_rng(5).normal(0.0, 0.05, (frames, 63)))
+    trembling = replace(params, body_pose=params.body_pose + noise)
+    result = FORMS["wham"](tmp_path, trembling, np.arange(frames))
+    start = read_start(result, clip_of(free_body, trembling), free_body)
+    assert torch.allclose(start.params.body_pose, trembling.body_pose, atol=1e-5)
+    own = from_pelvis(free_body, start.params)
+    jitter = [np.nanmean(np.abs(np.diff(points[start.there], 2, axis=0))) for points in (start.points, own)]
+    assert jitter[0] < 0.5 * jitter[1]
+    assert np.nanmax(np.abs(start.points - own)) < 0.15
+
+
 def test_keypoints_in_space_start_too(free_body: BodyModel, tmp_path: Path):
     """Of two people the one who follows the clip's keypoints; the body is posed through these."""
     params = arms_in_motion(FRAMES, depth=3.5)

@@ -139,10 +139,10 @@ def test_what_trembles_is_not_held(free_body: BodyModel, rate: float, left: floa
     even = np.broadcast_to(0.3 + 0.8 * seconds - 1.5 * seconds**2, start.points.shape)
     there = np.arange(frames) != 40
     points = np.where(np.isfinite(start.points), even, np.nan)
-    steady = replace(start, points=points, there=there).steady_points(rate)
+    steady = replace(start, points=points, there=there).steady(rate).points
     assert np.allclose(steady, points, equal_nan=True)
     noise = np.random.default_rng(3).normal(0.0, 0.01, points.shape)
-    trembling = replace(start, points=points + noise, there=there).steady_points(rate)
+    trembling = replace(start, points=points + noise, there=there).steady(rate).points
     assert np.array_equal(trembling[40], (points + noise)[40], equal_nan=True)
     second = [np.nanstd(np.diff(some[41:] - points[41:], 2, axis=0)) for some in (trembling, points + noise)]
     assert second[0] <= 1.1 * left * second[1]
