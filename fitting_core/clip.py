@@ -7,6 +7,7 @@ from pathlib import Path
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
+from fitting_core.silhouettes import Silhouettes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,8 @@ class Clip:
     first_frame: int = 0
     notes: tuple[str, ...] = ()
     """What a user should know about how the input was read: alignment, gaps, the person chosen."""
+    silhouettes: Silhouettes | None = None
+    """Where a detector found them: of the images as they were filmed."""
 
     def __len__(self) -> int:
         return len(self.keypoints)

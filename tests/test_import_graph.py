@@ -17,12 +17,12 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors frame_runs keypoints plugins
-        camera lens config files body
+        errors frame_runs keypoints plugins silhouettes
+        camera lens wholebody config files body
         clip metrics priors video lifting ground
-        fit
+        fit detect
         io
-        detect render synthetic
+        render synthetic
         measure build_assets
     """,
     "tcfit_app": """

@@ -106,6 +106,11 @@ def model_path(name: str, folder: Path | None = None) -> Path:
     return (folder or models_folder()) / f"{name}.onnx"
 
 
+def is_here(name: str, folder: Path | None = None) -> bool:
+    """Whether a known model is on this computer."""
+    return model_path(name, folder).is_file()
+
+
 def installed(finds: str, folder: Path | None = None) -> list[KnownModel]:
     """The known models for "points" or "boxes" that are on this computer."""
     return [known for known in _TABLE if known.finds == finds and model_path(known.name, folder).is_file()]

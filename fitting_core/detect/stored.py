@@ -1,122 +1,110 @@
-"""What a detection has found so far, in files, each of which is whole or not there: it can go on after any end."""
+"""What detections have found, in files, each of which is whole or not there: they can go on after any end.
 
+They are kept in the user's cache, so that nothing is found twice in the same frames by the same detector.
+"""
+
+import hashlib
 import json
 import shutil
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+import platformdirs
 
-from fitting_core.detect.boxes import Boxes
+from fitting_core.detect.part import Part
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
-from fitting_core.files.regular import regular_file
 
-_SETTINGS = "settings.json"
-_VERSION = 1
-"""Another one for every change of what the files mean, or of what the same models find."""
+_SETTINGS, _MEMORY = "settings.json", "memory_"
+_VERSION = 2
+"""Another one for every change of what the files mean."""
+_MOST_KEPT = 100
+"""Detections; of more, those that were used longest ago go. One of 10,000 frames has some 20 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSettings:
-    """All that the result depends on: a stored beginning is gone on with only if all of it is the same."""
+    """All that the result depends on."""
 
     video: str
-    """Hash of its first frame, size and length."""
+    """`fingerprint` of the file or folder."""
     first_frame: int
     last_frame: int
-    pose_model: str
-    """SHA-256 of the file."""
-    box_model: str
-    """SHA-256 of the file; empty without one."""
-    person: int
+    detector: str
+    """Its version."""
     version: int = _VERSION
-
-    def differences(self, other: "DetectionSettings") -> list[str]:
-        """The names of what is not the same, in words."""
-        names = [field.name for field in fields(self)]
-        return [name.replace("_", " ") for name in names if getattr(self, name) != getattr(other, name)]
 
 
 class StoredDetection:
-    """A folder with the parts of a detection.
+    """The parts of a detection on the disk.
 
     Args:
-        folder: Made by `begin`.
+        settings: Of the detection.
+        kept_in: Folder of all detections; None: the user's cache.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, settings: DetectionSettings, kept_in: Path | None = None) -> None:
+        self._settings = json.dumps(asdict(settings), indent=1)
+        self._kept_in = kept_in or platformdirs.user_cache_path("tcfit", appauthor=False) / "keypoints"
+        self.folder = self._kept_in / hashlib.sha256(self._settings.encode()).hexdigest()[:32]
 
-    def begin(self, settings: DetectionSettings) -> bool:
-        """Make the folder, or go on with what lies in it, and say whether that is so.
+    def begin(self) -> None:
+        """Make the folder, or go on with what lies in it; old detections make room for it.
 
         Raises:
-            InputError: It holds the beginning of a detection with other settings.
+            InputError: It cannot be written.
         """
-        known = self.settings()
-        if known == settings:
-            return True
-        if known is not None:
-            what = ", ".join(known.differences(settings))
-            raise InputError(
-                f"{self.folder}: holds the beginning of a detection with another {what}. Finish that one first, or "
-                "start anew (--restart), which deletes it."
-            )
-        self.discard()
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with replacing(self.folder / _SETTINGS) as draft:
-            draft.write_text(json.dumps(asdict(settings), indent=1), encoding="utf-8")
-        return False
-
-    def settings(self) -> DetectionSettings | None:
-        """Those of the detection that was begun here; None without one that can be gone on with."""
         try:
-            return DetectionSettings(**json.loads(regular_file(self.folder / _SETTINGS).read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError):
-            return None
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with replacing(self.folder / _SETTINGS) as draft:
+                draft.write_text(self._settings, encoding="utf-8")
+        except OSError as error:
+            raise self._unwritable(error) from error
+        kept = sorted(self._kept_in.glob(f"*/{_SETTINGS}"), key=lambda file: file.stat().st_mtime)
+        for old in kept[:-_MOST_KEPT]:
+            shutil.rmtree(old.parent, ignore_errors=True)
+
+    def _unwritable(self, error: OSError) -> InputError:
+        reason = error.strerror or error
+        return InputError(f"{self.folder}: cannot be written ({reason}). Found keypoints are kept there: free space.")
 
     def discard(self) -> None:
         """Delete everything."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def write_boxes(self, part: int, found: list[Boxes]) -> None:
-        """Store the people of each frame of a part."""
-        corners, scores = ([getattr(boxes, name) for boxes in found] for name in ("corners", "scores"))
-        counts = np.array([len(boxes) for boxes in found])
-        self._write(f"boxes-{part:06}", counts=counts, corners=np.concatenate(corners), scores=np.concatenate(scores))
-
-    def read_boxes(self, part: int) -> list[Boxes] | None:
-        """What `write_boxes` stored; None where there is nothing."""
-        arrays = self._read(f"boxes-{part:06}", ("counts", "corners", "scores"))
-        if arrays is None:
-            return None
-        ends = np.cumsum(arrays["counts"])[:-1]
-        pairs = zip(np.split(arrays["corners"], ends), np.split(arrays["scores"], ends), strict=True)
-        return [Boxes(corners=corners, scores=scores) for corners, scores in pairs]
-
-    def write_points(self, part: int, points: Float[np.ndarray, "n 133 3"]) -> None:
-        """Store the points of each frame of a part."""
-        self._write(f"points-{part:06}", points=points)
-
-    def read_points(self, part: int) -> Float[np.ndarray, "n 133 3"] | None:
-        """What `write_points` stored; None where there is nothing."""
-        arrays = self._read(f"points-{part:06}", ("points",))
-        return None if arrays is None else arrays["points"]
-
-    def _write(self, name: str, **arrays: np.ndarray) -> None:
+    def write(self, number: int, part: Part) -> None:
+        """Store a part."""
+        arrays = {f"{_MEMORY}{name}": array for name, array in part.memory.items()}
+        arrays["counts"] = np.array([len(people) for people in part.people])
+        arrays["people"] = np.concatenate(part.people).astype(np.float32)
+        arrays["numbers"] = np.concatenate(part.numbers)
+        shown = np.concatenate(part.silhouettes)
+        arrays["silhouettes"], arrays["silhouette_shape"] = np.packbits(shown), np.array(shown.shape)
         try:
-            write_npz(self.folder / f"{name}.npz", arrays)
+            write_npz(self._path(number), arrays)
         except OSError as error:
-            raise InputError(
-                f"{self.folder}: cannot be written ({error.strerror or error}). Free space there."
-            ) from error
+            raise self._unwritable(error) from error
 
-    def _read(self, name: str, keys: tuple[str, ...]) -> dict[str, np.ndarray] | None:
+    def read(self, number: int) -> Part | None:
+        """What `write` stored; None where there is nothing."""
         try:
-            arrays = read_npz(self.folder / f"{name}.npz", keys)
-            return {key: arrays[key] for key in keys}
-        except (OSError, KeyError, ValueError):
+            return _part(read_npz(self._path(number)))
+        except (OSError, KeyError, ValueError, IndexError):
             return None  # not there, or damaged: it is made again
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"part-{number:06}.npz"
+
+
+def _part(arrays: dict[str, np.ndarray]) -> Part:
+    ends = np.cumsum(arrays["counts"])[:-1]
+    shape = tuple(arrays["silhouette_shape"].tolist())
+    shown = np.unpackbits(arrays["silhouettes"], count=int(np.prod(shape))).astype(bool).reshape(shape)
+    return Part(
+        people=tuple(np.split(arrays["people"].astype(float), ends)),
+        numbers=tuple(np.split(arrays["numbers"], ends)),
+        silhouettes=tuple(np.split(shown, ends)),
+        memory={name.removeprefix(_MEMORY): array for name, array in arrays.items() if name.startswith(_MEMORY)},
+    )

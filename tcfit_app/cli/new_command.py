@@ -10,6 +10,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
+from fitting_core.video.fingerprint import fingerprint
 from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
 from tcfit_app.project.new_people import create_people
@@ -17,7 +18,6 @@ from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
 from tcfit_app.project.storage.database import NAME, Database, is_project
-from tcfit_app.project.storage.media import fingerprint
 from tcfit_app.project.storage.names import name_of_file
 
 SUFFIX = ".tcfit"

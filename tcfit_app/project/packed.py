@@ -27,6 +27,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, replacing, scratch_folder
 from fitting_core.files.regular import regular_file
 from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.video.fingerprint import fingerprint_of_images, visible_files
 from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage import database, media, runs
 from tcfit_app.project.storage.accessing import accessing
@@ -147,7 +148,7 @@ def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Pa
         files = _files(path) if own else media.frames_of(path)
         packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
         if not own and path.is_dir():
-            packed = msgspec.structs.replace(packed, fingerprint=media.fingerprint_of_images(files))
+            packed = msgspec.structs.replace(packed, fingerprint=fingerprint_of_images(files))
         connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(packed).decode(),))
         connection.commit()
     return [(file, packed.relative + f"/{file.name}" * (file != path)) for file in files]
@@ -174,7 +175,7 @@ def _own_video(folder: Path, link: MediaLink) -> Path:
 
 def _files(path: Path) -> list[Path]:
     """A file, or the visible ones of a folder."""
-    return [path] if path.is_file() else media.visible_files(path)
+    return [path] if path.is_file() else visible_files(path)
 
 
 def _add(archive: zipfile.ZipFile, files: list[tuple[Path, str]], progress: Progress | None) -> None:

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from jaxtyping import Float
 
-import fitting_core.io.keypoints.coco_wholebody_layout as layout
+from fitting_core import wholebody as layout
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.coco_forms import FORMS

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.coco_wholebody_layout import COCO_17, FEET_6, with_means
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.json_points import MIN_CONFIDENCE, checked_points, stray_confidences
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.keypoints import BODY_25, BONES, COUNT, FACE, GROUPS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.wholebody import COCO_17, FEET_6, with_means
 
 _SHORT = {"right_": "R", "left_": "L"}
 

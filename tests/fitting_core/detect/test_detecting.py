@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from fitting_core.detect import load_box_model, load_pose_model
-from fitting_core.detect.boxes import Boxes
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress, to_keypoints
 from fitting_core.detect.stored import StoredDetection
-from fitting_core.detect.tracking import bridged, follow
+from fitting_core.detect.topdown.boxes import Boxes
+from fitting_core.detect.topdown.tracking import bridged, follow
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.coco_wholebody_layout import WHOLEBODY_COUNT
 from fitting_core.keypoints import INDEX
 from fitting_core.video.frames import FrameSource
+from fitting_core.wholebody import WHOLEBODY_COUNT
 from tests.fitting_core.detect.onnx_files import brightest_model, spots
 
 SIZE = (320, 240)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 
-from fitting_core.detect import load_box_model, load_pose_model
+from fitting_core.detect.topdown.families import load_box_model, load_pose_model
 from fitting_core.measure.references.files import read_reference
 from tests.fitting_core.detect.onnx_files import constant_model
 from tests.fitting_core.io.malformed import PICKLE_BOMB, Case, content, directory, endless_npz, npz, zip_bomb

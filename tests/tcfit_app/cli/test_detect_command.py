@@ -82,7 +82,7 @@ def test_a_folder_of_images(video: Path, model: Path, tmp_path: Path):
 
 SLOW = """
 import sys, time
-from fitting_core.detect.simcc import SimCC
+from fitting_core.detect.topdown.simcc import SimCC
 from tcfit_app.cli.main import main
 plain = SimCC.points
 def points(self, images, boxes):

@@ -110,7 +110,7 @@ def test_detection_and_then_a_fit_could_begin(session: Session, model: Path):
 
 def slowly(monkeypatch: pytest.MonkeyPatch, seconds: float = 0.02) -> list[int]:
     """Makes the model slow; how many frames it has seen."""
-    from fitting_core.detect.simcc import SimCC
+    from fitting_core.detect.topdown.simcc import SimCC
 
     seen: list[int] = []
     plain = SimCC.points

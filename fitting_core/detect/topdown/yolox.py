@@ -8,8 +8,17 @@ own, and DWPose's yolox_l.onnx); or dets (N, n, 5) and labels (N, n), with non-m
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.detect.boxes import PERSON, STRIDES, BoxModel, decode_end2end, grid, has_focus, input_size, is_end2end
 from fitting_core.detect.onnx_model import OnnxModel
+from fitting_core.detect.topdown.boxes import (
+    PERSON,
+    STRIDES,
+    BoxModel,
+    decode_end2end,
+    grid,
+    has_focus,
+    input_size,
+    is_end2end,
+)
 
 _BEFORE_CLASSES = 5
 """Numbers of a cell before those of the classes: centre, size, and whether there is anything."""

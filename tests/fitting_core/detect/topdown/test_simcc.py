@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.detect import load_box_model, load_pose_model, simcc
+from fitting_core.detect.topdown import simcc
+from fitting_core.detect.topdown.families import load_box_model, load_pose_model
 from fitting_core.errors import InputError
 from tests.fitting_core.detect.onnx_files import brightest_model, channels_of_points, constant_model, spots
 

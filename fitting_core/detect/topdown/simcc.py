@@ -19,7 +19,7 @@ from jaxtyping import Float, Float32, UInt8
 
 from fitting_core.detect.onnx_model import OnnxModel, what_it_is
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.coco_wholebody_layout import WHOLEBODY_COUNT
+from fitting_core.wholebody import WHOLEBODY_COUNT
 
 PADDING = 1.25
 """How much larger than a person's box the part of the image is that the model sees, as in its training."""

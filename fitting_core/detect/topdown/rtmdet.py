@@ -14,8 +14,17 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.detect.boxes import PERSON, STRIDES, BoxModel, Decode, decode_end2end, grid, has_focus, is_end2end
 from fitting_core.detect.onnx_model import OnnxModel, Tensor
+from fitting_core.detect.topdown.boxes import (
+    PERSON,
+    STRIDES,
+    BoxModel,
+    Decode,
+    decode_end2end,
+    grid,
+    has_focus,
+    is_end2end,
+)
 
 _MEAN = np.array([103.53, 116.28, 123.675], dtype=np.float32)
 _DEVIATION = np.array([57.375, 57.12, 58.395], dtype=np.float32)

@@ -5,9 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.detect import DETECTORS, family_of, load_box_model, rtmdet
-from fitting_core.detect.boxes import Boxes, BoxModel, grid, intersection_over_union, letterboxed, without_doubles
 from fitting_core.detect.onnx_model import OnnxModel, consumers
+from fitting_core.detect.topdown import rtmdet
+from fitting_core.detect.topdown.boxes import (
+    Boxes,
+    BoxModel,
+    grid,
+    intersection_over_union,
+    letterboxed,
+    without_doubles,
+)
+from fitting_core.detect.topdown.families import FAMILIES, family_of, load_box_model
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from tests.fitting_core.detect.onnx_files import constant_model
@@ -31,7 +39,7 @@ def only_box(model: BoxModel) -> tuple[list[float], float]:
 def test_boxes_of_a_model_with_suppression(tmp_path: Path, focus: bool, kind: str):
     outputs = {"dets": DETS, "labels": LABELS}
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT, focus=focus), threads=1)
-    assert family_of(model.model) is DETECTORS[kind]
+    assert family_of(model.model) is FAMILIES[kind]
     assert only_box(model) == ([20.0, 10.0, 60.0, 80.0], pytest.approx(0.9))
 
 
@@ -47,7 +55,7 @@ def test_rtmdet_as_corners_and_scores(tmp_path: Path, swapped: bool):
     corners[0, 9], scores[0, 9, 3] = (0, 0, 40, 40), 0.9
     outputs = {"scores": scores, "boxes": corners} if swapped else {"boxes": corners, "scores": scores}
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
-    assert family_of(model.model) is DETECTORS["rtmdet"]
+    assert family_of(model.model) is FAMILIES["rtmdet"]
     assert only_box(model) == ([16.0, 24.0, 40.0, 88.0], pytest.approx(0.6))
 
 
@@ -59,7 +67,7 @@ def test_rtmdet_as_the_head_is(tmp_path: Path):
     outputs["class16"][0, 0, 1, 2] = np.log(0.8 / 0.2)
     outputs["box16"][0, :, 1, 2] = (12, 6, 10, 20)
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT), threads=1)
-    assert family_of(model.model) is DETECTORS["rtmdet"]
+    assert family_of(model.model) is FAMILIES["rtmdet"]
     corners, score = only_box(model)
     assert np.allclose(corners, [40, 20, 84, 72]) and score == pytest.approx(0.8)
 
@@ -71,7 +79,7 @@ def test_yolox_as_the_grid_is(tmp_path: Path):
     # Row 1, column 0 of the grid of stride 32: a dog.
     numbers[0, 64 + 16 + 2, [4, 5 + 16]] = 1.0
     model = load_box_model(constant_model(tmp_path / "m.onnx", {"output": numbers}, image=INPUT, focus=True), threads=1)
-    assert family_of(model.model) is DETECTORS["yolox"]
+    assert family_of(model.model) is FAMILIES["yolox"]
     corners, score = only_box(model)
     assert np.allclose(corners, [40, 12, 72, 60]) and score == pytest.approx(0.6)
 
@@ -116,7 +124,7 @@ def test_every_family_recognises_its_models_alone(tmp_path: Path):
     assert family_of(OnnxModel(path, threads=1)) is None
     with pytest.raises(InputError, match="unknown kind: input image 1 x 3 x 64 x 64"):
         load_box_model(path, threads=1)
-    assert {family.finds for family in DETECTORS.values()} == {"points", "boxes"}
+    assert {family.finds for family in FAMILIES.values()} == {"points", "boxes"}
 
 
 def test_which_operators_take_the_image(tmp_path: Path):
@@ -133,7 +141,7 @@ PEOPLE = np.array([[515.0, 48, 735, 460], [1278, 543, 1502, 944]])
 
 def test_real_people_are_found(shared_data: Path):
     model = load_box_model(shared_data / "onnx" / "rtmdet_nano.onnx", threads=1)
-    assert family_of(model.model) is DETECTORS["rtmdet"]
+    assert family_of(model.model) is FAMILIES["rtmdet"]
     with FrameSource(shared_data / "video" / "walk_two_people.mp4") as video:
         found, nobody = model.find([video.frame(60), np.full((300, 400, 3), 90, np.uint8)])
     for person in PEOPLE:

@@ -1,0 +1,1 @@
+"""MediaPipe's networks: people, bodies, hands and faces, as tcfit's keypoints."""

@@ -1,0 +1,154 @@
+"""BlazePose: 33 points of the body in a square, where to look in the next frame, and the silhouette.
+
+Bazarevsky et al. 2020 (arXiv:2006.10204). Where the network is sure, its points are refined in its heat map. Pictures
+shown plain and mirrored agree with each other less where the network guesses: `spread` is how far they lie apart.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from fitting_core.detect.mediapipe.networks import Network
+from fitting_core.detect.mediapipe.squares import Square, picture, turn_from
+
+COUNT = 33
+(
+    NOSE, LEFT_EYE, RIGHT_EYE, LEFT_EAR, RIGHT_EAR, LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_ELBOW, RIGHT_ELBOW,
+    LEFT_WRIST, RIGHT_WRIST, LEFT_PINKY, RIGHT_PINKY, LEFT_INDEX, RIGHT_INDEX, LEFT_HIP, RIGHT_HIP, LEFT_KNEE,
+    RIGHT_KNEE, LEFT_ANKLE, RIGHT_ANKLE, LEFT_HEEL, RIGHT_HEEL, LEFT_TOE, RIGHT_TOE,
+) = (0, 2, 5, 7, 8, *range(11, 21), *range(23, 33))  # fmt: skip
+"""Places of BlazePose's points, as its model card lists them; the eyes' middles are meant."""
+
+SCALE = 1.1
+"""Of the square around the body (MediaPipe: 1.25): a nearer one is more exact, until limbs leave it."""
+SURE = 0.5
+"""Score from which there is a body."""
+
+_SIZE, _ALL = 256, 39
+_OUTPUTS = ("Identity", "Identity_1", "Identity_2", "Identity_3", "Identity_4")
+"""Landmarks, score, silhouette, heat maps and points in metres."""
+_MIRRORED = np.array([0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(i + (1 if i % 2 else -1) for i in range(11, COUNT))])
+_RADIUS, _LEAST_HEAT = 3, 0.5
+"""Cells around a point in which it is refined, and the height of the heat map from which it is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """What a square of an image shows of a body."""
+
+    xy: Float[np.ndarray, "33 2"]
+    """Pixels of the image."""
+    visible: Float[np.ndarray, "33"]
+    """0 to 1, as the network says; it misleads about parts that the picture cuts off."""
+    heat: Float[np.ndarray, "33"]
+    """Height of the heat map, 0 to 1."""
+    spread: Float[np.ndarray, "33"]
+    """Pixels between the points of the plain and the mirrored picture; 0 where only one was shown."""
+    world: Float[np.ndarray, "33 3"]
+    """Metres about the hips, in the image's axes: x right, y down, z away. Good for directions on the body, not as a
+    pose (91 mm)."""
+    score: float
+    """That there is a body, 0 to 1."""
+    circle: Float[np.ndarray, "2 2"]
+    """Middle of the hips, and a point on the circle around the body; pixels of the image."""
+    square: Square
+    """What was looked at."""
+    silhouette: Float32[np.ndarray, "256 256"]
+    """Of that square, 0 to 1."""
+
+    @property
+    def next_square(self) -> Square:
+        """Where to look for the same person."""
+        return square_of(self.circle)
+
+
+def square_of(circle: Float[np.ndarray, "2 2"]) -> Square:
+    """Around a body, from the middle of its hips and a point on the circle around it."""
+    side = 2 * float(np.linalg.norm(circle[1] - circle[0]))
+    turn = turn_from(circle[0], circle[1], should_be=90)
+    return Square(float(circle[0, 0]), float(circle[0, 1]), side, turn).scaled(SCALE)
+
+
+class BodyNetwork:
+    """Finds the points of one body in a square.
+
+    Args:
+        size: "full" or "heavy".
+        mirrored: Show each picture mirrored as well, and take the mean.
+        threads: Of onnxruntime.
+    """
+
+    def __init__(self, size: str, *, mirrored: bool, threads: int = 1) -> None:
+        self._network = Network(f"pose_landmark_{size}", outputs=_OUTPUTS, threads=threads)
+        self._flips = (False, True) if mirrored else (False,)
+
+    def __call__(self, image: UInt8[np.ndarray, "H W 3"], square: Square) -> Body:
+        """The body in a square of an RGB image; `score` says whether there is one."""
+        shown = np.stack([picture(image, square, _SIZE, mirrored=flip) for flip in self._flips])
+        outputs = self._network(shown)
+        return _mean([_body([o[i] for o in outputs], square, flip) for i, flip in enumerate(self._flips)])
+
+
+def _body(outputs: list[np.ndarray], square: Square, flip: bool) -> Body:
+    landmarks, score, silhouette, heat_maps, metres = outputs
+    numbers = landmarks.reshape(_ALL, 5).astype(float)
+    xy, heat = refined(numbers[:, :2], heat_maps)
+    visible, world, order = _sigmoid(numbers[:, 3]), metres.reshape(_ALL, 3)[:COUNT].astype(float), np.arange(COUNT)
+    silhouette = _sigmoid(silhouette[..., 0])
+    if flip:
+        xy, world, order = np.stack([_SIZE - xy[:, 0], xy[:, 1]], -1), world * [-1, 1, 1], _MIRRORED
+        silhouette = silhouette[:, ::-1]
+    c, s = np.cos(square.angle), np.sin(square.angle)
+    points = square.to_image(xy, _SIZE)
+    return Body(
+        xy=points[:COUNT][order],
+        visible=visible[:COUNT][order],
+        heat=heat[:COUNT][order],
+        spread=np.zeros(COUNT),
+        world=(world @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))[order],
+        score=float(np.ravel(score)[0]),
+        circle=points[COUNT : COUNT + 2],
+        square=square,
+        silhouette=silhouette,
+    )
+
+
+def _mean(found: Sequence[Body]) -> Body:
+    if len(found) == 1:
+        return found[0]
+
+    def mean(name: str) -> np.ndarray:
+        return np.mean([getattr(body, name) for body in found], 0)
+
+    names = ("xy", "visible", "heat", "world", "circle", "silhouette")
+    spread = np.linalg.norm(found[0].xy - found[1].xy, axis=1)
+    return replace(found[0], **{name: mean(name) for name in names}, spread=spread, score=float(mean("score")))
+
+
+def refined(
+    xy: Float[np.ndarray, "n 2"], heat: Float32[np.ndarray, "h h n"]
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
+    """Points moved to the centre of mass of the heat map around them where it is high enough, and its height there.
+
+    Args:
+        xy: Pixels of the network's picture.
+        heat: Logits of its cells.
+    """
+    side = heat.shape[0]
+    found, heights = xy.copy(), np.zeros(len(xy))
+    for k, (column, row) in enumerate((xy / _SIZE * side).astype(int)):
+        if not (0 <= column < side and 0 <= row < side):
+            continue
+        rows = np.arange(max(0, row - _RADIUS), min(side, row + _RADIUS + 1))
+        columns = np.arange(max(0, column - _RADIUS), min(side, column + _RADIUS + 1))
+        part = _sigmoid(heat[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1, k].astype(float))
+        heights[k] = part.max()
+        if heights[k] >= _LEAST_HEAT:
+            found[k] = np.array([part.sum(0) @ columns, part.sum(1) @ rows]) / part.sum() * _SIZE / side
+    return found, heights
+
+
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    return 1 / (1 + np.exp(-np.clip(x, -60, 60)))

@@ -1,0 +1,192 @@
+"""The embedded detector: MediaPipe's networks over a clip.
+
+What real time does not allow makes it better than MediaPipe's own: each body is shown plain and mirrored, people are
+followed forwards and backwards, and a hand is looked for in several squares and in the neighbouring frames.
+
+Bodies are found by one thread; hands, faces and silhouettes of the part before by another.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from threading import Event
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+from fitting_core.detect.mediapipe import networks
+from fitting_core.detect.mediapipe.body import Body, BodyNetwork, square_of
+from fitting_core.detect.mediapipe.following import Followers, Person
+from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, Seen
+from fitting_core.detect.mediapipe.memory import recalled, remembered
+from fitting_core.detect.mediapipe.openpose_points import points_of
+from fitting_core.detect.mediapipe.single_shot import SingleShot
+from fitting_core.detect.mediapipe.squares import Square
+from fitting_core.detect.part import Part, silhouette_size
+from fitting_core.video.frames import FrameSource
+
+_BYTES = 150 << 20
+"""Of the images of a part; those of three parts are in memory at once."""
+_FEWEST, _MOST = 8, 60
+"""Frames of a part."""
+_WORTH_LOOKING = 0.35
+"""Share of the largest person's size up to which somebody gets no hands and no face: they have a few pixels."""
+_VERSION = 1
+"""Another one whenever the same networks find something else."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How much is done to be right."""
+
+    body: str
+    """Size of the body's network: "heavy", where it is installed, or "full"."""
+    mirrored: bool
+    """Show bodies and hands mirrored as well."""
+
+
+class MediaPipe:
+    """See `Detector`.
+
+    Args:
+        name: In `DETECTORS`.
+        effort: How much is done.
+
+    Raises:
+        InputError: The networks are not on this computer, or are damaged.
+    """
+
+    points = "mediapipe"
+
+    def __init__(self, name: str, effort: Effort) -> None:
+        size = effort.body if networks.is_installed(f"pose_landmark_{effort.body}") else "full"
+        self.name = name
+        self.version = f"{_VERSION} {networks.version()} {size}{' mirrored' if effort.mirrored else ''}"
+        self._body = BodyNetwork(size, mirrored=effort.mirrored)
+        self._person = SingleShot("person")
+        self._parts = PartsFinder(mirrored=effort.mirrored)
+
+    def part_length(self, size: tuple[int, int]) -> int:
+        """See `Detector`."""
+        return int(np.clip(_BYTES // (3 * size[0] * size[1]), _FEWEST, _MOST))
+
+    def detect(
+        self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
+    ) -> Iterator[int | Part]:
+        """See `Detector`."""
+        followers, clip = Followers(self._body, self.people_in), _Clip(self._parts, source.size)
+        if memory:
+            people, clip.seen, found = recalled(memory)
+            followers.start_from(people, found)
+        pool = ThreadPoolExecutor(1, "tcfit: hands and faces")
+        before: Future[Part] | None = None
+        try:
+            for frames in parts:
+                images = [source.frame(frame) for frame in frames]
+                followed = followers.follow(frames, images)
+                people = yield from _done(followed, frames[0] - parts[0][0], clip)
+                going_on = list(followers.people)
+                bodies = {person.number: dict(person.bodies) for person in people}
+                last = [Person(number=one.number, bodies={one.last: one.bodies[one.last]}) for one in going_on]
+                after = pool.submit(clip.part, frames, images, bodies, last, followers.found)
+                followers.forget()
+                if before is not None:
+                    yield before.result()
+                before = after
+            if before is not None:
+                yield before.result()
+        finally:
+            clip.stopped.set()
+            pool.shutdown()
+
+    def people_in(self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None) -> list[Square]:
+        """Squares around the people in an RGB image, or in a square of it."""
+        return [square_of(found.points[:2]) for found in self._person.find(image, square)]
+
+
+def _done(followed, start: int, clip: "_Clip"):  # type: ignore[no-untyped-def]
+    """Tell how far bodies and parts are, together; what following has found."""
+    while True:
+        try:
+            bodies = next(followed)
+        except StopIteration as end:
+            return end.value
+        yield (start + bodies + clip.done) // 2
+
+
+class _Stopped(Exception):
+    """Nobody waits for the part."""
+
+
+class _Clip:
+    """Adds hands, faces and silhouettes to bodies, part by part; used by one thread."""
+
+    def __init__(self, finder: PartsFinder, size: tuple[int, int]) -> None:
+        self._finder, self._size = finder, size
+        self.seen: dict[int, Seen] = {}
+        """Of the last frame, by the people's numbers."""
+        self.done = 0
+        """Frames."""
+        self.stopped = Event()
+
+    def part(
+        self,
+        frames: range,
+        images: Sequence[UInt8[np.ndarray, "H W 3"]],
+        bodies: Mapping[int, Mapping[int, Body]],
+        going_on: Sequence[Person],
+        found: int,
+    ) -> Part:
+        """A part whose bodies are known, by person and frame."""
+        close = _close_enough(bodies, frames)
+        seen: dict[int, dict[int, Seen]] = {number: {} for number in bodies}
+        for t, image in zip(frames, images, strict=True):
+            if self.stopped.is_set():
+                raise _Stopped
+            for number in close:
+                if (body := bodies[number].get(t)) is not None:
+                    before = seen[number].get(t - 1) if t > frames[0] else self.seen.get(number)
+                    seen[number][t] = self._finder.find(image, body, before, t)
+            self.done += 1
+        for t, image in zip(reversed(frames[:-1]), reversed(images[:-1]), strict=True):
+            for shown, number in ((seen[number], number) for number in close):
+                if t in shown and t + 1 in shown:
+                    self._finder.improve(image, bodies[number][t], shown[t], shown[t + 1])
+        self.seen = {number: shown[frames[-1]] for number, shown in seen.items() if frames[-1] in shown}
+        there = [[number for number in sorted(bodies) if t in bodies[number]] for t in frames]
+        return Part(
+            people=tuple(
+                _stack([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers], (137, 3))
+                for t, numbers in zip(frames, there, strict=True)
+            ),
+            numbers=tuple(np.array(numbers, int) for numbers in there),
+            silhouettes=tuple(
+                _stack([silhouette(bodies[n][t], self._size) for n in numbers], silhouette_size(self._size)[::-1])
+                for t, numbers in zip(frames, there, strict=True)
+            ),
+            memory=remembered(going_on, self.seen, found),
+        )
+
+    def _points(self, body: Body, seen: Seen) -> np.ndarray:
+        return points_of(body, seen.hands, seen.face, self._size)
+
+
+def _stack(arrays: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    return np.stack(arrays) if arrays else np.zeros((0, *shape), bool if len(shape) == 2 and shape[1] != 3 else float)
+
+
+def _close_enough(bodies: Mapping[int, Mapping[int, Body]], frames: range) -> list[int]:
+    """Who is large enough for hands and a face."""
+    sides = {n: np.median([body.square.side for t, body in own.items() if t in frames]) for n, own in bodies.items()}
+    return [number for number, side in sides.items() if side >= _WORTH_LOOKING * max(sides.values())]
+
+
+def silhouette(body: Body, size: tuple[int, int]) -> Bool[np.ndarray, "h w"]:
+    """What a body covers of an image of a size, scaled to `silhouette_size`."""
+    small = silhouette_size(size)
+    side = body.silhouette.shape[0]
+    corners = np.array([[0, 0], [side, 0], [0, side]], float)
+    scaled = body.square.to_image(corners, side) * (np.array(small) / size)
+    matrix = cv2.getAffineTransform((corners - 0.5).astype(np.float32), (scaled - 0.5).astype(np.float32))
+    return cv2.warpAffine(body.silhouette.astype(np.float32), matrix, small, flags=cv2.INTER_LINEAR) > 0.5

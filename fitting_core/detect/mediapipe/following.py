@@ -1,0 +1,140 @@
+"""Everybody in a clip, followed from frame to frame by where their own body was, forwards and backwards."""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import UInt8
+
+from fitting_core.detect.mediapipe import body as blaze
+from fitting_core.detect.mediapipe.body import Body
+from fitting_core.detect.mediapipe.squares import Square
+
+LOOK_EVERY = 10
+"""Frames between two looks for people who have come in; where nobody is followed, every frame is looked at."""
+MOST_PEOPLE = 8
+"""Who are followed at once."""
+_MOST_MISSED = 15
+"""Frames after which somebody who is found where a person was lost is somebody else."""
+_SAME_PLACE, _SAME_SIZE = 0.25, 3.0
+"""Distance of centres in sides of the smaller square, and ratio of sides, up to which two squares are of one person."""
+_SAME_BODY = 0.06
+"""Median distance of their points, in sides of the smaller square, up to which two bodies are one."""
+
+Image = UInt8[np.ndarray, "H W 3"]
+
+
+@dataclass(eq=False)
+class Person:
+    """Somebody, by what was seen of them in each frame."""
+
+    number: int
+    """In the order in which people were found."""
+    bodies: dict[int, Body] = field(default_factory=dict)
+    """By frame."""
+
+    @property
+    def last(self) -> int:
+        """The frame in which they were seen last."""
+        return max(self.bodies)
+
+
+class Followers:
+    """Who is followed.
+
+    Args:
+        find_body: The body in a square of an image.
+        find_people: Squares of an image that may show somebody.
+    """
+
+    def __init__(
+        self, find_body: Callable[[Image, Square], Body], find_people: Callable[[Image], Sequence[Square]]
+    ) -> None:
+        self._find_body, self._find_people = find_body, find_people
+        self.people: list[Person] = []
+        """Who may still be seen in the frame that comes next."""
+        self.found = 0
+        """How many people there have been."""
+
+    def start_from(self, people: list[Person], found: int) -> None:
+        """Go on with people who were followed before, of whom `found` had been found."""
+        self.people, self.found = people, found
+
+    def follow(self, frames: range, images: Sequence[Image]) -> Generator[int, None, list[Person]]:
+        """Follow everybody through consecutive frames, then backwards those who came in between.
+
+        Args:
+            frames: Their numbers.
+            images: RGB.
+
+        Yields:
+            How many frames are done.
+
+        Returns:
+            All who are in any of them.
+        """
+        seen = list(self.people)
+        for done, (t, image) in enumerate(zip(frames, images, strict=True), 1):
+            self.people = [person for person in self.people if t - person.last <= _MOST_MISSED]
+            for person in [person for person in self.people if t - 1 in person.bodies]:
+                self._follow(person, image, t, t - 1, self.people)
+            # The last frame, too: whoever comes in after it is looked for backwards no farther than there.
+            if t % LOOK_EVERY == 0 or t == frames[-1] or not any(t in person.bodies for person in self.people):
+                seen += self._look(image, t)
+            yield done
+        for t, image in zip(reversed(frames[:-1]), reversed(images[:-1]), strict=True):
+            for person in seen:
+                if t not in person.bodies and t + 1 in person.bodies:
+                    self._follow(person, image, t, t + 1, seen)
+        return [person for person in seen if any(t in person.bodies for t in frames)]
+
+    def forget(self) -> None:
+        """Keep of everybody only what the next frame needs."""
+        for person in self.people:
+            person.bodies = {person.last: person.bodies[person.last]}
+
+    def _follow(self, person: Person, image: Image, t: int, known: int, everybody: Sequence[Person]) -> None:
+        body = self._find_body(image, person.bodies[known].next_square)
+        around = [other.bodies[t] for other in everybody if other is not person and t in other.bodies]
+        if body.score > blaze.SURE and not any(_is_same_body(body, other) for other in around):
+            person.bodies[t] = body
+
+    def _look(self, image: Image, t: int) -> list[Person]:
+        """Look for people who are not followed; those who are new."""
+        new = []
+        for square in self._find_people(image):
+            here = [person.bodies[t] for person in self.people if t in person.bodies]
+            if len(here) >= MOST_PEOPLE:
+                break
+            if any(_is_same_square(square, body.square) for body in here):
+                continue
+            body = self._find_body(image, square)
+            if body.score > blaze.SURE:
+                body = self._find_body(image, body.next_square)
+            same = any(_is_same_square(body.square, other.square) or _is_same_body(body, other) for other in here)
+            if body.score <= blaze.SURE or same:
+                continue
+            person = self._lost_at(body.square, t)
+            if person is None:
+                person = Person(self.found)
+                self.found += 1
+                self.people.append(person)
+                new.append(person)
+            person.bodies[t] = body
+        return new
+
+    def _lost_at(self, square: Square, t: int) -> Person | None:
+        """Whoever was lost there a moment ago."""
+        lost = [person for person in self.people if t not in person.bodies]
+        at = [person for person in lost if _is_same_square(square, person.bodies[person.last].square)]
+        return max(at, key=lambda person: person.last, default=None)
+
+
+def _is_same_square(a: Square, b: Square) -> bool:
+    apart, sides = np.hypot(a.x - b.x, a.y - b.y), sorted((a.side, b.side))
+    return bool(apart <= _SAME_PLACE * sides[0] and sides[1] <= _SAME_SIZE * sides[0])
+
+
+def _is_same_body(a: Body, b: Body) -> bool:
+    apart = np.median(np.linalg.norm(a.xy - b.xy, axis=1))
+    return bool(apart <= _SAME_BODY * min(a.square.side, b.square.side))

@@ -1,0 +1,77 @@
+"""What every detector finds in some frames that follow each other, and what a detector is."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from fitting_core.video.frames import FrameSource
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """Everybody in some frames that follow each other."""
+
+    people: tuple[Float[np.ndarray, "P 137 3"], ...]
+    """Of each frame, its people: x, y in pixels and confidence (0 to 1); (0, 0, 0) for what was not found."""
+    numbers: tuple[Int[np.ndarray, "P"], ...]
+    """Of each frame, who its people are, as far as the detector follows them itself: the same number in other frames
+    is the same person."""
+    silhouettes: tuple[Bool[np.ndarray, "P h w"], ...]
+    """Of each frame, what its people cover of the image, which is scaled to h x w (`silhouette_size`); h and w are 0
+    from detectors that find none."""
+    memory: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What the detector needs to go on with the frame after them."""
+
+    def __len__(self) -> int:
+        return len(self.people)
+
+
+class Detector(Protocol):
+    """Finds the keypoints of everybody in a clip."""
+
+    @property
+    def name(self) -> str:
+        """In `DETECTORS`, or the file that was given."""
+        ...
+
+    @property
+    def points(self) -> str:
+        """Whose points they are like, for their noise: "mediapipe" or "coco-wholebody"."""
+        ...
+
+    @property
+    def version(self) -> str:
+        """Another one whenever it finds something else in the same images."""
+        ...
+
+    def part_length(self, size: tuple[int, int]) -> int:
+        """How many frames of a size go together into a part."""
+        ...
+
+    def detect(
+        self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
+    ) -> Iterator[int | Part]:
+        """Go through consecutive frames.
+
+        Args:
+            source: Of the frames.
+            parts: Their numbers, part by part.
+            memory: Of the part before the first; empty at the start.
+
+        Yields:
+            How many frames are done so far, and each part when it is complete. It can be closed at any time.
+        """
+        ...
+
+
+SILHOUETTE_SIDE = 256
+"""Pixels of the longer side of a silhouette."""
+
+
+def silhouette_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of the silhouettes of an image."""
+    scale = min(1.0, SILHOUETTE_SIDE / max(size))
+    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))

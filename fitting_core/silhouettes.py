@@ -1,0 +1,51 @@
+"""What a person covers of each frame of a clip, small and packed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Silhouettes:
+    """Of one person, a mask for each frame.
+
+    A mask is as wide and high as the image, scaled to some 256 pixels at the longer side: the pixel at column x and row
+    y of it is about the image's at ((x + 0.5) W / w - 0.5, (y + 0.5) H / h - 0.5).
+    """
+
+    packed: UInt8[np.ndarray, "T n"]
+    """Each mask's pixels row by row, eight in a byte (`numpy.packbits`)."""
+    size: tuple[int, int]
+    """Width and height of a mask."""
+    known: Bool[np.ndarray, "T"]
+    """Frames with a mask; in others nobody was found."""
+
+    def __post_init__(self) -> None:
+        assert self.packed.shape == (len(self.known), -(-self.size[0] * self.size[1] // 8))
+
+    @classmethod
+    def of(cls, masks: Sequence[Bool[np.ndarray, "h w"] | None], size: tuple[int, int]) -> Self:
+        """From a mask, or None, for each frame."""
+        empty = np.zeros(size[::-1], bool)
+        packed = [np.packbits(empty if mask is None else mask) for mask in masks]
+        known = np.array([mask is not None for mask in masks], bool)
+        return cls(
+            packed=np.stack(packed) if packed else np.zeros((0, -(-empty.size // 8)), np.uint8), size=size, known=known
+        )
+
+    def __len__(self) -> int:
+        return len(self.known)
+
+    def __getitem__(self, frames: slice) -> "Silhouettes":
+        return Silhouettes(packed=self.packed[frames], size=self.size, known=self.known[frames])
+
+    def mask(self, frame: int) -> Bool[np.ndarray, "h w"] | None:
+        """Of a frame; None where nobody was found."""
+        if not self.known[frame]:
+            return None
+        return (
+            np.unpackbits(self.packed[frame], count=self.size[0] * self.size[1]).astype(bool).reshape(self.size[::-1])
+        )
