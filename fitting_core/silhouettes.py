@@ -27,14 +27,12 @@ class Silhouettes:
         assert self.packed.shape == (len(self.known), -(-self.size[0] * self.size[1] // 8))
 
     @classmethod
-    def of(cls, masks: Sequence[Bool[np.ndarray, "h w"] | None], size: tuple[int, int]) -> Self:
-        """From a mask, or None, for each frame."""
-        empty = np.zeros(size[::-1], bool)
-        packed = [np.packbits(empty if mask is None else mask) for mask in masks]
-        known = np.array([mask is not None for mask in masks], bool)
-        return cls(
-            packed=np.stack(packed) if packed else np.zeros((0, -(-empty.size // 8)), np.uint8), size=size, known=known
-        )
+    def of(cls, packed: Sequence[UInt8[np.ndarray, "n"] | None], size: tuple[int, int]) -> Self:
+        """From a packed mask, or None, for each frame."""
+        empty = np.zeros(-(-size[0] * size[1] // 8), np.uint8)
+        rows = [empty if row is None else row for row in packed]
+        known = np.array([row is not None for row in packed], bool)
+        return cls(packed=np.stack(rows) if rows else empty[None][:0], size=size, known=known)
 
     def __len__(self) -> int:
         return len(self.known)

@@ -1,12 +1,12 @@
 """Detection over a clip: a generator of how far it is, which can be ended at any time and gone on with later."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, UInt8
 
-from fitting_core.detect.part import Detector, Part
+from fitting_core.detect.part import Detector, Part, silhouette_size
 from fitting_core.detect.stored import DetectionSettings, StoredDetection
 from fitting_core.video.fingerprint import fingerprint
 from fitting_core.video.frames import FrameSource
@@ -45,15 +45,17 @@ class Detected:
 
     people: tuple[Float[np.ndarray, "P 137 3"], ...]
     """Of each frame, its people in the order in which they were found: x, y in pixels and confidence."""
-    silhouettes: tuple[Bool[np.ndarray, "P h w"], ...]
+    silhouettes: tuple[UInt8[np.ndarray, "P n"], ...]
     """Of each frame, see `Part`."""
+    silhouette_size: tuple[int, int]
+    """Width and height of a silhouette."""
     detector: str
     """Name of what found them."""
     points: str
     """Whose points they are like."""
     version: str
     """Of the detector."""
-    frames: range = field(default=range(0))
+    frames: range
     """Their numbers in the video."""
 
 
@@ -123,6 +125,7 @@ class Detection:
         return Detected(
             people=tuple(those[keep] for those, keep in zip(people, kept, strict=True)),
             silhouettes=tuple(those[keep] for those, keep in zip(silhouettes, kept, strict=True)),
+            silhouette_size=silhouette_size(self.source.size),
             detector=self.detector.name,
             points=self.detector.points,
             version=self.detector.version,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int, UInt8
 
 from fitting_core.video.frames import FrameSource
 
@@ -19,9 +19,9 @@ class Part:
     numbers: tuple[Int[np.ndarray, "P"], ...]
     """Of each frame, who its people are, as far as the detector follows them itself: the same number in other frames
     is the same person."""
-    silhouettes: tuple[Bool[np.ndarray, "P h w"], ...]
-    """Of each frame, what its people cover of the image, which is scaled to h x w (`silhouette_size`); h and w are 0
-    from detectors that find none."""
+    silhouettes: tuple[UInt8[np.ndarray, "P n"], ...]
+    """Of each frame, what its people cover of the image, which is scaled to `silhouette_size`: row by row, eight pixels
+    in a byte (`numpy.packbits`). n is 0 from detectors that find none."""
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
     """What the detector needs to go on with the frame after them."""
 

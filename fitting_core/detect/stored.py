@@ -80,8 +80,7 @@ class StoredDetection:
         arrays["counts"] = np.array([len(people) for people in part.people])
         arrays["people"] = np.concatenate(part.people).astype(np.float32)
         arrays["numbers"] = np.concatenate(part.numbers)
-        shown = np.concatenate(part.silhouettes)
-        arrays["silhouettes"], arrays["silhouette_shape"] = np.packbits(shown), np.array(shown.shape)
+        arrays["silhouettes"] = np.concatenate(part.silhouettes)
         try:
             write_npz(self._path(number), arrays)
         except OSError as error:
@@ -100,11 +99,9 @@ class StoredDetection:
 
 def _part(arrays: dict[str, np.ndarray]) -> Part:
     ends = np.cumsum(arrays["counts"])[:-1]
-    shape = tuple(arrays["silhouette_shape"].tolist())
-    shown = np.unpackbits(arrays["silhouettes"], count=int(np.prod(shape))).astype(bool).reshape(shape)
     return Part(
         people=tuple(np.split(arrays["people"].astype(float), ends)),
         numbers=tuple(np.split(arrays["numbers"], ends)),
-        silhouettes=tuple(np.split(shown, ends)),
+        silhouettes=tuple(np.split(arrays["silhouettes"], ends)),
         memory={name.removeprefix(_MEMORY): array for name, array in arrays.items() if name.startswith(_MEMORY)},
     )

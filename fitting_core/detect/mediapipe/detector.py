@@ -6,7 +6,7 @@ followed forwards and backwards, and a hand is looked for in several squares and
 Bodies are found by one thread; hands, faces and silhouettes of the part before by another.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Event
@@ -24,6 +24,7 @@ from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.single_shot import SingleShot
 from fitting_core.detect.mediapipe.squares import Square
 from fitting_core.detect.part import Part, silhouette_size
+from fitting_core.keypoints import COUNT
 from fitting_core.video.frames import FrameSource
 
 _BYTES = 150 << 20
@@ -32,6 +33,7 @@ _FEWEST, _MOST = 8, 60
 """Frames of a part."""
 _WORTH_LOOKING = 0.35
 """Share of the largest person's size up to which somebody gets no hands and no face: they have a few pixels."""
+_NOBODY = np.zeros((COUNT, 3))
 _VERSION = 1
 """Another one whenever the same networks find something else."""
 
@@ -105,7 +107,9 @@ class MediaPipe:
         return [square_of(found.points[:2]) for found in self._person.find(image, square)]
 
 
-def _done(followed, start: int, clip: "_Clip"):  # type: ignore[no-untyped-def]
+def _done(
+    followed: Generator[int, None, list[Person]], start: int, clip: "_Clip"
+) -> Generator[int, None, list[Person]]:
     """Tell how far bodies and parts are, together; what following has found."""
     while True:
         try:
@@ -129,6 +133,8 @@ class _Clip:
         self.done = 0
         """Frames."""
         self.stopped = Event()
+        width, height = silhouette_size(size)
+        self._no_mask = np.zeros(-(-width * height // 8), np.uint8)
 
     def part(
         self,
@@ -157,12 +163,14 @@ class _Clip:
         there = [[number for number in sorted(bodies) if t in bodies[number]] for t in frames]
         return Part(
             people=tuple(
-                _stack([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers], (137, 3))
+                np.stack([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers] or [_NOBODY])[
+                    : len(numbers)
+                ]
                 for t, numbers in zip(frames, there, strict=True)
             ),
             numbers=tuple(np.array(numbers, int) for numbers in there),
             silhouettes=tuple(
-                _stack([silhouette(bodies[n][t], self._size) for n in numbers], silhouette_size(self._size)[::-1])
+                np.stack([self._mask(bodies[n][t]) for n in numbers] or [self._no_mask])[: len(numbers)]
                 for t, numbers in zip(frames, there, strict=True)
             ),
             memory=remembered(going_on, self.seen, found),
@@ -171,9 +179,8 @@ class _Clip:
     def _points(self, body: Body, seen: Seen) -> np.ndarray:
         return points_of(body, seen.hands, seen.face, self._size)
 
-
-def _stack(arrays: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-    return np.stack(arrays) if arrays else np.zeros((0, *shape), bool if len(shape) == 2 and shape[1] != 3 else float)
+    def _mask(self, body: Body) -> np.ndarray:
+        return np.packbits(silhouette(body, self._size))
 
 
 def _close_enough(bodies: Mapping[int, Mapping[int, Body]], frames: range) -> list[int]:

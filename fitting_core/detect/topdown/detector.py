@@ -64,7 +64,7 @@ class TopDown:
             yield Part(
                 people=people,
                 numbers=tuple(np.zeros(len(those), int) for those in people),
-                silhouettes=tuple(np.zeros((len(those), 0, 0), bool) for those in people),
+                silhouettes=tuple(np.zeros((len(those), 0), np.uint8) for those in people),
                 memory={"points": before, "highest": np.array(highest)},
             )
 

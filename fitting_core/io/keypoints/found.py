@@ -22,6 +22,4 @@ def silhouettes_of(found: Detected, entries: Sequence[int | None]) -> Silhouette
     """Those of one person, by the place in each frame's list of people; None from a detector that finds none."""
     shown = [None if entry is None else found.silhouettes[t][entry] for t, entry in enumerate(entries)]
     some = next((mask for mask in shown if mask is not None), None)
-    if some is None or not some.size:
-        return None
-    return Silhouettes.of(shown, (some.shape[1], some.shape[0]))
+    return None if some is None or not some.size else Silhouettes.of(shown, found.silhouette_size)
