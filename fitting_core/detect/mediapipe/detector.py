@@ -65,9 +65,10 @@ class MediaPipe:
         size = effort.body if networks.is_installed(f"pose_landmark_{effort.body}") else "full"
         self.name = name
         self.version = f"{_VERSION} {networks.version()} {size}{' mirrored' if effort.mirrored else ''}"
-        self._body = BodyNetwork(size, mirrored=effort.mirrored)
+        self.body_in = BodyNetwork(size, mirrored=effort.mirrored)
+        """The body in a square of an image."""
         self._person = SingleShot("person")
-        self._parts = PartsFinder(mirrored=effort.mirrored)
+        self.parts_finder = PartsFinder(mirrored=effort.mirrored)
 
     def part_length(self, size: tuple[int, int]) -> int:
         """See `Detector`."""
@@ -77,7 +78,7 @@ class MediaPipe:
         self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
     ) -> Iterator[int | Part]:
         """See `Detector`."""
-        followers, clip = Followers(self._body, self.people_in), _Clip(self._parts, source.size)
+        followers, clip = Followers(self.body_in, self.people_in), _Clip(self.parts_finder, source.size)
         if memory:
             people, clip.seen, found = recalled(memory)
             followers.start_from(people, found)
@@ -102,9 +103,11 @@ class MediaPipe:
             clip.stopped.set()
             pool.shutdown()
 
-    def people_in(self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None) -> list[Square]:
+    def people_in(
+        self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None, *, threshold: float | None = None
+    ) -> list[Square]:
         """Squares around the people in an RGB image, or in a square of it."""
-        return [square_of(found.points[:2]) for found in self._person.find(image, square)]
+        return [square_of(found.points[:2]) for found in self._person.find(image, square, threshold=threshold)]
 
 
 def _done(

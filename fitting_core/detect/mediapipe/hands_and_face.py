@@ -106,6 +106,10 @@ class PartsFinder:
             squares += [square_of_palm(found) for found in self._palms.find(image, room)[:2]]
         return squares
 
+    def hands_at(self, image: Image, squares: Sequence[Square], *, least: float) -> list[Hand]:
+        """The different hands that some squares show."""
+        return self._hands.find(image, squares, least=least)
+
     def hands_in(self, image: Image, room: Square, *, least: float = KEPT) -> list[Hand]:
         """All hands in a square of an image."""
         palms = [square_of_palm(found) for found in self._palms.find(image, room, threshold=0.2)]

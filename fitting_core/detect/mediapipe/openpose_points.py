@@ -61,18 +61,19 @@ _TRUNK, _LIMBS = slice(blaze.LEFT_SHOULDER, blaze.LEFT_KNEE), slice(blaze.LEFT_S
 
 
 def points_of(
-    body: Body, hands: dict[str, Hand | None], face: Face | None, size: tuple[int, int]
+    body: Body | None, hands: dict[str, Hand | None], face: Face | None, size: tuple[int, int]
 ) -> Float[np.ndarray, "137 3"]:
     """x, y in pixels and confidence of a person's points; (0, 0, 0) for what was not found.
 
     Args:
-        body: Of the person.
+        body: Of the person; None where it was not found.
         hands: By side.
         face: Of the person.
         size: Width and height of the image.
     """
     points = np.zeros((COUNT, 3))
-    _put_body(points, body, size)
+    if body is not None:
+        _put_body(points, body, size)
     for side in SIDES:
         if (hand := hands[side]) is not None:
             points[_HANDS[side], :2] = hand.xy
