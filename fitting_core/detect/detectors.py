@@ -40,7 +40,7 @@ def _mediapipe(*, body: str, mirrored: bool) -> Callable[[str, Running], Detecto
     def make(name: str, running: Running) -> Detector:
         from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
 
-        return MediaPipe(name, Effort(body=body, mirrored=mirrored))
+        return MediaPipe(name, Effort(body=body, mirrored=mirrored), threads=running.threads)
 
     return make
 

@@ -6,6 +6,7 @@ followed forwards and backwards, and a hand is looked for in several squares and
 Bodies are found by one thread; hands, faces and silhouettes of the part before by another.
 """
 
+import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -54,6 +55,7 @@ class MediaPipe:
     Args:
         name: In `DETECTORS`.
         effort: How much is done.
+        threads: For each network; 0: as many as the computer's cores are good for.
 
     Raises:
         InputError: The networks are not on this computer, or are damaged.
@@ -61,14 +63,16 @@ class MediaPipe:
 
     points = "mediapipe"
 
-    def __init__(self, name: str, effort: Effort) -> None:
+    def __init__(self, name: str, effort: Effort, *, threads: int = 0) -> None:
+        # Three networks run at once: body, mirrored body, and those of hands and face.
+        threads = threads or int(np.clip((os.cpu_count() or 1) // 3, 1, 4))
         size = effort.body if networks.is_installed(f"pose_landmark_{effort.body}") else "full"
         self.name = name
         self.version = f"{_VERSION} {networks.version()} {size}{' mirrored' if effort.mirrored else ''}"
-        self.body_in = BodyNetwork(size, mirrored=effort.mirrored)
+        self.body_in = BodyNetwork(size, mirrored=effort.mirrored, threads=threads)
         """The body in a square of an image."""
-        self._person = SingleShot("person")
-        self.parts_finder = PartsFinder(mirrored=effort.mirrored)
+        self._person = SingleShot("person", threads=threads)
+        self.parts_finder = PartsFinder(mirrored=effort.mirrored, threads=threads)
 
     def part_length(self, size: tuple[int, int]) -> int:
         """See `Detector`."""

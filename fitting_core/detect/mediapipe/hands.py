@@ -95,7 +95,7 @@ class HandNetwork:
         if not shown:
             return []
         points, scores, sides, _ = self._network(
-            np.stack([picture(image, square, _SIZE, mirrored=flip) for square, flip in shown])
+            np.stack([picture(image, square, _SIZE)[:, :: -1 if flip else 1] for square, flip in shown])
         )
         hands = []
         for (square, flip), own, score, right in zip(shown, points, scores.ravel(), sides.ravel(), strict=True):

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-_WORTH_AVERAGING = 1.5
-"""How many times as wide as the network's picture a square is from which it is shrunk by area."""
-_MOST_AVERAGING = 8
+_WORTH_SHRINKING = 1.5
+"""How many times as wide as the network's picture a square is from which it is shrunk by area first."""
+_MOST_SHRUNK = 8
 _BYTE = np.float32(1 / 255)
 
 
@@ -89,18 +89,31 @@ def picture(
     square: Square,
     size: int,
     *,
-    mirrored: bool = False,
     border: int = cv2.BORDER_REPLICATE,
 ) -> Float32[np.ndarray, "size size 3"]:
     """A square of an RGB image as a network's picture, 0 to 1.
 
     A square that is much larger than the picture is shrunk by the mean of its pixels, which keeps fine structure.
     """
-    factor = min(_MOST_AVERAGING, int(square.side / size)) if square.side > _WORTH_AVERAGING * size else 1
-    side = size * factor
-    corners = np.array([[0, 0], [side, 0], [0, side]], np.float32)
-    matrix = cv2.getAffineTransform(square.to_image(corners, side).astype(np.float32) - 0.5, corners - 0.5)
-    out = cv2.warpAffine(image, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=border)
-    if factor > 1:
-        out = cv2.resize(out, (size, size), interpolation=cv2.INTER_AREA)
-    return (out[:, ::-1] if mirrored else out).astype(np.float32) * _BYTE
+    image, origin, factor = _shrunk(image, square, size)
+    corners = np.array([[0, 0], [size, 0], [0, size]], np.float32)
+    seen = (square.to_image(corners, size) - origin) / factor - 0.5
+    matrix = cv2.getAffineTransform(seen.astype(np.float32), corners - 0.5)
+    return cv2.warpAffine(image, matrix, (size, size), flags=cv2.INTER_LINEAR, borderMode=border) * _BYTE
+
+
+def _shrunk(
+    image: UInt8[np.ndarray, "H W 3"], square: Square, size: int
+) -> tuple[UInt8[np.ndarray, "h w 3"], Float[np.ndarray, "2"], int]:
+    """What a square needs of an image, where it begins in it, and by what whole number it was shrunk."""
+    factor = min(_MOST_SHRUNK, int(square.side / size)) if square.side > _WORTH_SHRINKING * size else 1
+    if factor == 1:
+        return image, np.zeros(2), 1
+    reach = square.side * np.sqrt(0.5) + factor
+    height, width = image.shape[:2]
+    left, right = (int(np.clip(square.x + by, 0, width)) for by in (-reach, reach))
+    top, bottom = (int(np.clip(square.y + by, 0, height)) for by in (-reach, reach))
+    across, down = max(1, (right - left) // factor), max(1, (bottom - top) // factor)
+    left, top = min(left, width - factor), min(top, height - factor)
+    part = image[top : top + down * factor, left : left + across * factor]
+    return cv2.resize(part, (across, down), interpolation=cv2.INTER_AREA), np.array([left, top], float), factor
