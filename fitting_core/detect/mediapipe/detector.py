@@ -7,7 +7,7 @@ Bodies are found by one thread; hands, faces and silhouettes of the part before 
 """
 
 import os
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Event
@@ -18,7 +18,7 @@ from jaxtyping import Bool, UInt8
 
 from fitting_core.detect.mediapipe import networks
 from fitting_core.detect.mediapipe.body import Body, BodyNetwork, square_of
-from fitting_core.detect.mediapipe.following import Followers, Person
+from fitting_core.detect.mediapipe.following import Followers, Person, Stretch
 from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, Seen
 from fitting_core.detect.mediapipe.memory import recalled, remembered
 from fitting_core.detect.mediapipe.openpose_points import points_of
@@ -28,12 +28,14 @@ from fitting_core.detect.part import Part, silhouette_size
 from fitting_core.keypoints import COUNT
 from fitting_core.video.frames import FrameSource
 
-_BYTES = 150 << 20
-"""Of the images of a part; those of three parts are in memory at once."""
+_BYTES = 100 << 20
+"""Of the images of a part; those of four parts may be in memory at once."""
 _FEWEST, _MOST = 8, 60
 """Frames of a part."""
 _WORTH_LOOKING = 0.35
 """Share of the largest person's size up to which somebody gets no hands and no face: they have a few pixels."""
+_LONG = 1.5
+"""Ratio of the sides of an image from which its ends are looked at by themselves."""
 _NOBODY = np.zeros((COUNT, 3))
 _VERSION = 1
 """Another one whenever the same networks find something else."""
@@ -87,22 +89,25 @@ class MediaPipe:
             people, clip.seen, found = recalled(memory)
             followers.start_from(people, found)
         pool = ThreadPoolExecutor(1, "tcfit: hands and faces")
-        before: Future[Part] | None = None
+        waiting: _Waiting | None = None
+        """For the next stretch: somebody in it may have come in here."""
+        coming: Future[Part] | None = None
         try:
             for frames in parts:
-                images = [source.frame(frame) for frame in frames]
-                followed = followers.follow(frames, images)
-                people = yield from _done(followed, frames[0] - parts[0][0], clip)
-                going_on = list(followers.people)
-                bodies = {person.number: dict(person.bodies) for person in people}
-                last = [Person(number=one.number, bodies={one.last: one.bodies[one.last]}) for one in going_on]
-                after = pool.submit(clip.part, frames, images, bodies, last, followers.found)
-                followers.forget()
-                if before is not None:
-                    yield before.result()
-                before = after
-            if before is not None:
-                yield before.result()
+                stretch = Stretch(frames, [source.frame(frame) for frame in frames])
+                for done in followers.forwards(stretch):
+                    yield (frames[0] - parts[0][0] + done + clip.done) // 2
+                followers.backwards([stretch] if waiting is None else [waiting.stretch, stretch])
+                if waiting is not None:
+                    if coming is not None:
+                        yield coming.result()
+                    coming = pool.submit(clip.part, waiting, waiting.stretch.bodies())
+                followers.forget(before=frames[0])
+                waiting = _Waiting(stretch, followers.going_on(), followers.found)
+            if coming is not None:
+                yield coming.result()
+            if waiting is not None:
+                yield pool.submit(clip.part, waiting, waiting.stretch.bodies()).result()
         finally:
             clip.stopped.set()
             pool.shutdown()
@@ -110,20 +115,29 @@ class MediaPipe:
     def people_in(
         self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None, *, threshold: float | None = None
     ) -> list[Square]:
-        """Squares around the people in an RGB image, or in a square of it."""
-        return [square_of(found.points[:2]) for found in self._person.find(image, square, threshold=threshold)]
+        """Squares around the people in an RGB image, or in a square of it; small ones are found in parts of it."""
+        places = [square, *_ends(image.shape[1], image.shape[0])] if square is None else [square]
+        found = [one for place in places for one in self._person.find(image, place, threshold=threshold)]
+        return [square_of(one.points[:2]) for one in sorted(found, key=lambda one: -one.score)]
 
 
-def _done(
-    followed: Generator[int, None, list[Person]], start: int, clip: "_Clip"
-) -> Generator[int, None, list[Person]]:
-    """Tell how far bodies and parts are, together; what following has found."""
-    while True:
-        try:
-            bodies = next(followed)
-        except StopIteration as end:
-            return end.value
-        yield (start + bodies + clip.done) // 2
+def _ends(width: int, height: int) -> list[Square]:
+    """The largest squares at both ends of an image that is long."""
+    side, length = min(width, height), max(width, height)
+    if length < _LONG * side:
+        return []
+    middles = (side / 2, length - side / 2)
+    return [Square(at, side / 2, side) if width > height else Square(side / 2, at, side) for at in middles]
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """A stretch whose bodies are known, but for those that the next one tells of."""
+
+    stretch: Stretch
+    going_on: list[Person]
+    found: int
+    """How many people there had been at its end."""
 
 
 class _Stopped(Exception):
@@ -143,16 +157,10 @@ class _Clip:
         width, height = silhouette_size(size)
         self._no_mask = np.zeros(-(-width * height // 8), np.uint8)
 
-    def part(
-        self,
-        frames: range,
-        images: Sequence[UInt8[np.ndarray, "H W 3"]],
-        bodies: Mapping[int, Mapping[int, Body]],
-        going_on: Sequence[Person],
-        found: int,
-    ) -> Part:
-        """A part whose bodies are known, by person and frame."""
-        close = _close_enough(bodies, frames)
+    def part(self, waiting: _Waiting, bodies: Mapping[int, Mapping[int, Body]]) -> Part:
+        """Of a stretch whose bodies are known, by person and frame."""
+        frames, images = waiting.stretch.frames, waiting.stretch.images
+        close = _close_enough(bodies)
         seen: dict[int, dict[int, Seen]] = {number: {} for number in bodies}
         for t, image in zip(frames, images, strict=True):
             if self.stopped.is_set():
@@ -180,7 +188,7 @@ class _Clip:
                 np.stack([self._mask(bodies[n][t]) for n in numbers] or [self._no_mask])[: len(numbers)]
                 for t, numbers in zip(frames, there, strict=True)
             ),
-            memory=remembered(going_on, self.seen, found),
+            memory=remembered(waiting.going_on, self.seen, waiting.found),
         )
 
     def _points(self, body: Body, seen: Seen) -> np.ndarray:
@@ -190,9 +198,9 @@ class _Clip:
         return np.packbits(silhouette(body, self._size))
 
 
-def _close_enough(bodies: Mapping[int, Mapping[int, Body]], frames: range) -> list[int]:
+def _close_enough(bodies: Mapping[int, Mapping[int, Body]]) -> list[int]:
     """Who is large enough for hands and a face."""
-    sides = {n: np.median([body.square.side for t, body in own.items() if t in frames]) for n, own in bodies.items()}
+    sides = {n: np.median([body.square.side for body in own.values()]) for n, own in bodies.items()}
     return [number for number, side in sides.items() if side >= _WORTH_LOOKING * max(sides.values())]
 
 

@@ -39,6 +39,21 @@ class Person:
         return max(self.bodies)
 
 
+@dataclass(eq=False)
+class Stretch:
+    """Consecutive frames, and who is in them."""
+
+    frames: range
+    """Their numbers."""
+    images: Sequence[Image]
+    """RGB."""
+    people: list[Person] = field(default_factory=list)
+
+    def bodies(self) -> dict[int, dict[int, Body]]:
+        """By the people's numbers and by frame."""
+        return {one.number: {t: one.bodies[t] for t in self.frames if t in one.bodies} for one in self.people}
+
+
 class Followers:
     """Who is followed.
 
@@ -60,38 +75,35 @@ class Followers:
         """Go on with people who were followed before, of whom `found` had been found."""
         self.people, self.found = people, found
 
-    def follow(self, frames: range, images: Sequence[Image]) -> Generator[int, None, list[Person]]:
-        """Follow everybody through consecutive frames, then backwards those who came in between.
-
-        Args:
-            frames: Their numbers.
-            images: RGB.
-
-        Yields:
-            How many frames are done.
-
-        Returns:
-            All who are in any of them.
-        """
-        seen = list(self.people)
-        for done, (t, image) in enumerate(zip(frames, images, strict=True), 1):
+    def forwards(self, stretch: "Stretch") -> Generator[int, None, None]:
+        """Follow everybody through a stretch, and look for others; yields how many frames are done."""
+        stretch.people = list(self.people)
+        for done, (t, image) in enumerate(zip(stretch.frames, stretch.images, strict=True), 1):
             self.people = [person for person in self.people if t - person.last <= _MOST_MISSED]
             for person in [person for person in self.people if t - 1 in person.bodies]:
                 self._follow(person, image, t, t - 1, self.people)
-            # The last frame, too: whoever comes in after it is looked for backwards no farther than there.
-            if t % LOOK_EVERY == 0 or t == frames[-1] or not any(t in person.bodies for person in self.people):
-                seen += self._look(image, t)
+            if t % LOOK_EVERY == 0 or t == stretch.frames[-1] or not any(t in one.bodies for one in self.people):
+                stretch.people += self._look(image, t)
             yield done
-        for t, image in zip(reversed(frames[:-1]), reversed(images[:-1]), strict=True):
-            for person in seen:
-                if t not in person.bodies and t + 1 in person.bodies:
-                    self._follow(person, image, t, t + 1, seen)
-        return [person for person in seen if any(t in person.bodies for t in frames)]
 
-    def forget(self) -> None:
-        """Keep of everybody only what the next frame needs."""
-        for person in self.people:
-            person.bodies = {person.last: person.bodies[person.last]}
+    def backwards(self, stretches: Sequence["Stretch"]) -> None:
+        """Follow those who came in between backwards through stretches that follow each other."""
+        everybody = list({person: None for stretch in stretches for person in stretch.people})
+        for stretch in reversed(stretches):
+            for t, image in zip(reversed(stretch.frames), reversed(stretch.images), strict=True):
+                for person in everybody:
+                    if t not in person.bodies and t + 1 in person.bodies:
+                        self._follow(person, image, t, t + 1, everybody)
+            stretch.people = [person for person in everybody if any(t in person.bodies for t in stretch.frames)]
+
+    def going_on(self) -> list[Person]:
+        """Who may be seen in the next frame, with nothing but where they were seen last."""
+        return [Person(number=one.number, bodies={one.last: one.bodies[one.last]}) for one in self.people]
+
+    def forget(self, before: int) -> None:
+        """Let go of what was seen before a frame, but for where everybody was last."""
+        for one in self.people:
+            one.bodies = {t: body for t, body in one.bodies.items() if t >= before or t == one.last}
 
     def _follow(self, person: Person, image: Image, t: int, known: int, everybody: Sequence[Person]) -> None:
         body = self._find_body(image, person.bodies[known].next_square)

@@ -25,28 +25,26 @@ def remembered(people: Sequence[Person], seen: Mapping[int, Seen], found: int) -
         seen: Hands and faces of the last frame, by the people's numbers.
         found: How many people there have been.
     """
-    bodies = [person.bodies[person.last] for person in people]
-    shown = [seen.get(person.number, Seen()) for person in people]
-    hands = [[_hand_row(one.hands[side]) for side in SIDES] for one in shown]
+    hands = [np.concatenate([_hand_row(one.hands[side]) for side in SIDES]) for one in seen.values()]
     return {
         "found": np.array(found),
         "number": np.array([person.number for person in people], int),
         "last": np.array([person.last for person in people], int),
-        "body": _rows([_body_row(body) for body in bodies]),
-        "hands": _rows([np.concatenate(pair) for pair in hands]),
-        "face": _rows([_face_row(one.face) for one in shown]),
+        "body": _rows([_body_row(person.bodies[person.last]) for person in people]),
+        "shown": np.array(list(seen), int),
+        "hands": _rows(hands),
+        "face": _rows([_face_row(one.face) for one in seen.values()]),
     }
 
 
 def recalled(memory: Memory) -> tuple[list[Person], dict[int, Seen], int]:
     """What `remembered` was given; of bodies only what tells where to look."""
-    people, seen = [], {}
-    for number, last, row, pair, face in zip(
-        *(memory[name] for name in ("number", "last", "body", "hands", "face")), strict=True
-    ):
-        people.append(Person(number=int(number), bodies={int(last): _body(row)}))
-        hands = dict(zip(SIDES, map(_hand, np.split(pair, 2)), strict=True))
-        seen[int(number)] = Seen(hands=hands, face=_face(face))
+    rows = zip(*(memory[name].tolist() for name in ("number", "last")), memory["body"], strict=True)
+    people = [Person(number=number, bodies={last: _body(row)}) for number, last, row in rows]
+    seen = {
+        int(number): Seen(hands=dict(zip(SIDES, map(_hand, np.split(pair, 2)), strict=True)), face=_face(face))
+        for number, pair, face in zip(*(memory[name] for name in ("shown", "hands", "face")), strict=True)
+    }
     return people, seen, int(memory["found"])
 
 
