@@ -148,8 +148,8 @@ def _given(scratch: Path, lacking: Sequence[str], *, archive: Path) -> Generator
     if not packages.unpack(archive, scratch):
         other = packages.other_sums(archive, NETWORKS)
         raise InputError(
-            f"{archive}: {other or 'holds none of the networks that tcfit uses'}. Expected {WHEEL.title} as a wheel, or "
-            f"{HOLISTIC.title} as a .tgz."
+            f"{archive}: {other or 'holds none of the networks that tcfit uses'}. Expected {WHEEL.title} as a wheel, "
+            f"or {HOLISTIC.title} as a .tgz."
         )
     return ""
 
@@ -200,14 +200,11 @@ def _convert(name: str, source: Path, target: Path) -> None:
     try:
         convert(source, target)
     except ValueError as error:
-        raise InputError(
-            f"The network {name} {error}; it cannot be converted. Nothing was installed. {_REPORT}"
-        ) from error
+        raise InputError(f"The network {name} {error}; it cannot be converted. {_REPORT}") from error
     try:
         session = networks.open_session(target.read_bytes())
         shape = session.get_inputs()[0].shape[1:]
-        images = np.zeros((2, *shape), np.float32)
-        answers = session.run(None, {session.get_inputs()[0].name: images})
+        answers = list(map(np.asarray, session.run(None, {networks.IMAGES: np.zeros((2, *shape), np.float32)})))
     except Exception as error:  # onnxruntime's errors have no class of their own
         first = str(error).partition("\n")[0][:300]
         raise InputError(f"onnxruntime does not run the network {name}: {first}. {_REPORT}") from error

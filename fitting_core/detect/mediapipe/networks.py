@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 LICENCE = "Apache-2.0, by Google's model cards"
 _CONVERSION = 1
 """To be raised when ONNX files come out otherwise: those that were made before are fetched anew then."""
+IMAGES = "image"
+"""The input of every network."""
 _LIST = "networks.json"
 """In the folder: the version, and the SHA-256 of each ONNX file by name."""
 
@@ -242,6 +244,6 @@ def _not_there(name: str, place: Path) -> str:
     else:
         file = "FILE.whl"
     return (
-        f"{what} Get it by `tcfit models add mediapipe` ({needed}), in a checkout of tcfit by `make install`, or without "
-        f"a network by `tcfit models add {file}`, with {NETWORKS[name].package.title}."
+        f"{what} Get it by `tcfit models add mediapipe` ({needed}), in a checkout of tcfit by `make install`, or "
+        f"without a network by `tcfit models add {file}`, with {NETWORKS[name].package.title}."
     )

@@ -1,7 +1,8 @@
 """Writing a network as an ONNX file.
 
-ONNX is a message of protocol buffers: fields by number, each a number or bytes that say how long they are. Field numbers
-are those of onnx.proto3 (Apache-2.0). The package `onnx` writes the same, but is 20 MB that nothing else of tcfit needs.
+ONNX is a message of protocol buffers: fields by number, each a number or bytes that say how long they are. Field
+numbers are those of onnx.proto3 (Apache-2.0). The package `onnx` writes the same, but would have to be fetched for this
+alone, also where there is no network.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -77,8 +77,8 @@ def fetched_wheel(scratch: Path, using: Programs) -> Shares:
     """
     if using.pip is None:
         raise InputError(
-            f"pip fetches {WHEEL.title}, and is not in this environment ({sys.prefix}). Add it by `python -m ensurepip` "
-            f"(`uv pip install pip` where uv made it). {BY_HAND}"
+            f"pip fetches {WHEEL.title}, and is not in this environment ({sys.prefix}). Add it by `python -m "
+            f"ensurepip`, or `uv pip install pip` where uv made it. {BY_HAND}"
         )
     given = ["--no-deps", "--only-binary=:all:", *_TAGS, "--dest", str(scratch), f"{WHEEL.name}=={WHEEL.version}"]
     run = _Run(scratch, WHEEL.megabytes)
@@ -89,8 +89,8 @@ def fetched_wheel(scratch: Path, using: Programs) -> Shares:
         found = hashlib.file_digest(file, "sha256").hexdigest()
     if found != WHEEL_SHA256:
         raise InputError(
-            f"Your pip index gave {wheel.name} with the SHA-256 {found}, expected {WHEEL_SHA256}. It was not used: it may "
-            "be incomplete or changed. Try again, or look at where your pip index has it from."
+            f"Your pip index gave {wheel.name} with the SHA-256 {found}, expected {WHEEL_SHA256}. It was not used: it "
+            "may be incomplete or changed. Try again, or look at where your pip index has it from."
         )
     return wheel
 
@@ -152,9 +152,9 @@ def other_sums(archive: Path, names: Iterable[str]) -> str:
 
 
 def holds_networks(path: Path) -> bool:
-    """Whether a path is that of a wheel, or of an archive with networks in it."""
-    if path.suffix == ".whl":
-        return True
+    """Whether a path is that of a wheel, or of an npm package or zip archive with networks in it."""
+    if path.suffix not in (".tgz", ".zip"):
+        return path.suffix == ".whl"
     try:
         with _members(path) as members:
             return any(member.name.endswith(".tflite") for member in members)
@@ -258,7 +258,9 @@ class _Run:
         return self.share
 
 
-def _started(command: Sequence[str], folder: Path, output: IO[bytes], environment: Mapping[str, str]):
+def _started(
+    command: Sequence[str], folder: Path, output: IO[bytes], environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
             command,

@@ -1,8 +1,8 @@
 """Reading a network in a .tflite file: its tensors, and its operators in the order in which they run.
 
-The file is a FlatBuffer: tables whose fields lie where a list of offsets in front of them says. Field numbers are those
-of TensorFlow Lite's schema (tensorflow/compiler/mlir/lite/schema/schema.fbs, Apache-2.0). Only what MediaPipe's networks
-use is read. It is written here, in so few lines, so that no package has to be fetched for it.
+The file is a FlatBuffer: tables whose fields lie where a list of offsets in front of them says. Field numbers are
+those of TensorFlow Lite's schema (tensorflow/compiler/mlir/lite/schema/schema.fbs, Apache-2.0). Only what MediaPipe's
+networks use is read. No package has to be fetched for it, so that a file from elsewhere is enough without a network.
 """
 
 import struct

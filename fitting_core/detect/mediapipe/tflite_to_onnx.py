@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.detect.mediapipe.networks import IMAGES
 from fitting_core.detect.mediapipe.onnx_file import TYPES, Attribute, Node, onnx_bytes
 from fitting_core.detect.mediapipe.tflite_file import Operator, TfliteFile, read_tflite
 
-IMAGES = "image"
-"""The input of every network."""
 _SAME = 0
 """Padding that keeps the size, apart from strides; the other kind has none."""
 _NO_ACTIVATION, _RELU, _RELU6 = 0, 1, 3
@@ -203,8 +202,8 @@ def _padded(graph: _Graph, operator: Operator) -> None:
 def _resized(graph: _Graph, operator: Operator) -> None:
     told = operator.options
     mode = "align_corners" if told["align_corners"] else "half_pixel" if told["half_pixels"] else "asymmetric"
-    before, after = graph.shape(operator.inputs[0]), graph.known(operator.inputs[1])
-    scales = graph.weight(np.array([1, 1, after[0] / before[1], after[1] / before[2]], np.float32))
+    _, *before, _ = graph.shape(operator.inputs[0])
+    scales = graph.weight(np.array([1, 1, *graph.known(operator.inputs[1]) / before], np.float32))
     inputs = [graph.names[operator.inputs[0]], "", scales]
     graph.emit("Resize", inputs, operator.outputs[0], mode="linear", coordinate_transformation_mode=mode)
 
