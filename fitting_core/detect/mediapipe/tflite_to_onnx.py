@@ -139,7 +139,7 @@ def _depthwise_convolution(graph: _Graph, operator: Operator) -> None:
 
 def _convolve(graph: _Graph, operator: Operator, kernels: np.ndarray, *, groups: int) -> None:
     told = operator.options
-    size = kernels.shape[2:]
+    size = list(kernels.shape[2:])
     strides = (told["stride_height"], told["stride_width"])
     dilations = (told["dilation_height"], told["dilation_width"])
     inputs = [graph.names[operator.inputs[0]], graph.weight(kernels), *_bias(graph, operator)]
@@ -157,8 +157,7 @@ def _convolve(graph: _Graph, operator: Operator, kernels: np.ndarray, *, groups:
 
 
 def _bias(graph: _Graph, operator: Operator) -> list[str]:
-    has_one = len(operator.inputs) > 2 and operator.inputs[2] >= 0
-    return [graph.weight(graph.known(operator.inputs[2]))] if has_one else []
+    return [graph.weight(graph.known(tensor)) for tensor in operator.inputs[2:] if tensor >= 0]
 
 
 def _pads(
