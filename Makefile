@@ -58,6 +58,9 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
 	@$(RUN) -m fitting_core.fit.fused
+	@echo "Fetching the networks with which tcfit detects keypoints (MediaPipe's, 90 MB, once) ..."
+	@$(RUN) -m tcfit_app models add mediapipe --yes || \
+		echo 'Going on without them. Later, tcfit models add mediapipe fetches them.'
 	@touch $@
 
 $(INSTALLED_DOCS): $(INSTALLED)

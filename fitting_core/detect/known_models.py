@@ -4,6 +4,7 @@ Nothing of them ships with tcfit. `download` fetches one when the user asks for 
 """
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,6 +15,8 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import at_home
 
+ENVIRONMENT = "TCFIT_DETECTORS"
+"""Environment variable with the folder of the models, as where several users share them."""
 _SERVER = "https://download.openmmlab.com/mmpose/v1/projects"
 _POSE_LICENCE = "Apache-2.0 (MMPose)"
 _HUMANART = "Apache-2.0 (MMPose); trained on Human-Art, whose annotations are for non-commercial use"
@@ -97,7 +100,9 @@ KNOWN_MODELS: dict[str, KnownModel] = {model.name: model for model in _TABLE}
 
 
 def models_folder() -> Path:
-    """Where downloaded models are kept for the user."""
+    """Where downloaded models are kept: the folder in the environment variable, else one of the user's data."""
+    if given := os.environ.get(ENVIRONMENT):
+        return at_home(given)
     return platformdirs.user_data_path("tcfit", appauthor=False) / "detectors"
 
 

@@ -155,6 +155,26 @@ def check_video() -> Iterator[Check]:
         yield Check(status="warning", found=found, advice="apt install ffmpeg")
 
 
+def check_detector() -> Iterator[Check]:
+    """The embedded detector's networks."""
+    from fitting_core.detect.mediapipe import networks
+
+    get = "tcfit models add mediapipe"
+    here = [name for name in networks.NETWORKS if networks.is_installed(name)]
+    damaged = [name for name in here if not networks.is_sound(name)]
+    gone = networks.missing()
+    if damaged:
+        yield Check(status="warning", found=f"damaged: {', '.join(damaged)}, in {networks.folder()}", advice=get)
+    elif gone:
+        found = f"{', '.join(gone)} not in {networks.folder()}: keypoints must come from elsewhere"
+        yield Check(status="warning", found=found, advice=f"{get}, if tcfit is to detect keypoints itself")
+    elif len(here) < len(networks.NETWORKS):
+        found = f"its networks are in {networks.folder()}, but not the more exact one for bodies, which is optional"
+        yield Check(status="ok", found=found, advice=get)
+    else:
+        yield Check(status="ok", found=f"its networks are in {networks.folder()}")
+
+
 def check_folders() -> Iterator[Check]:
     """Whether the folders where tcfit keeps things can be written."""
     folders = {
@@ -202,6 +222,7 @@ CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
     "Computing": check_torch,
     "Off-screen rendering (overlay video)": check_rendering,
     "Video": check_video,
+    "Embedded detector": check_detector,
     "Folders": check_folders,
     "Plugins": check_plugins,
 }

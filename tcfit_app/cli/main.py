@@ -30,20 +30,22 @@ from tcfit_app.options.render import RenderOptions
 
 @dataclass(frozen=True, kw_only=True)
 class ListModels:
-    """Show the body models on this computer (the default)."""
+    """Show the models and networks on this computer (the default)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AddModels:
-    """Copy body models to where tcfit finds them."""
+    """Copy body models to where tcfit finds them, or fetch the embedded detector's networks."""
 
     paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
-    """Model files, folders, or archives as downloaded."""
+    """Model files, folders, or archives as downloaded. The word mediapipe fetches the detector's networks."""
+    yes: bool = False
+    """Agree to the download beforehand."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Models:
-    """Show the body models on this computer, or add your own."""
+    """Show the body models and networks on this computer, or add to them."""
 
     action: Annotated[ListModels, subcommand("list")] | Annotated[AddModels, subcommand("add")] = field(
         default_factory=ListModels
@@ -147,9 +149,12 @@ def _models(options: Models, command: str) -> None:
     if isinstance(options.action, ListModels):
         list_models()
     elif options.action.paths:
-        register_models(list(options.action.paths))
+        register_models(list(options.action.paths), agreed=options.action.yes)
     else:
-        raise InputError("tcfit models add: no path given; expected model files, folders or downloaded archives.")
+        raise InputError(
+            "tcfit models add: no path given; expected model files, folders or downloaded archives, or the word "
+            "mediapipe."
+        )
 
 
 def _settings(options: Settings, command: str) -> None:

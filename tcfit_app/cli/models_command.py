@@ -1,5 +1,10 @@
-"""`tcfit models`: show the body models and pose priors on this computer, and add the user's own."""
+"""`tcfit models`: show the body models, pose priors and networks on this computer, and add to them.
 
+Networks are imported where they are needed: onnxruntime would take its time of every list of bodies.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from fitting_core.body.files.forms import KINDS
@@ -11,8 +16,18 @@ _HEADER = ("MODEL", "GENDER", "VERTICES", "FROM", "FILE")
 _PRIOR_HEADER = ("POSE PRIOR", "IS", "FROM", "FILE")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Addable:
+    """Something that `tcfit models add` takes."""
+
+    recognises: Callable[[Path], bool]
+    add: Callable[[Path, bool], None]
+    """From a path to what is printed; told whether the user agrees to a download."""
+
+
 def list_models() -> None:
-    """Print tables of the body models and pose priors found, those first that are preferred, and how to add more.
+    """Print tables of the body models and pose priors found, those first that are preferred, and of the detector's
+    networks, and how to add more.
 
     Raises:
         InputError: The environment variable of the folders names something that is no folder.
@@ -27,25 +42,72 @@ def list_models() -> None:
     for found in (*bodies, *priors):
         if found.problem:
             print(f"\nCannot be read: {found.problem}")
+    from tcfit_app.cli.detector_networks import NAME, networks_table
+
+    print(f"\n{_table(networks_table())}")
+    print(f"The networks are the embedded detector's; `tcfit models add {NAME}` fetches those that are not here.")
     print("\nOf the same model and gender the first one is used. Add your own SMPL-X, SMPL-H, SMPL or VPoser with")
     print("  tcfit models add PATH   (a model file, a folder, or the archive as downloaded)")
     print(f"They are copied to {user_folder()}")
 
 
-def register_models(paths: list[Path]) -> None:
-    """Copy body models or VPoser into the user's folder and print what was added.
+def register_models(paths: list[Path], *, agreed: bool = False) -> None:
+    """Add models and networks where tcfit finds them, and print what was added.
 
     Args:
-        paths: Model files, folders or downloaded archives, one after the other. One with snapshots of networks in it is
-            taken for VPoser, any other for body models.
+        paths: Model files, folders or downloaded archives, one after the other; or the name of networks that are to be
+            fetched. The first of ADDABLE that recognises a path takes it.
+        agreed: Whether the user has agreed to a download.
 
     Raises:
-        InputError: A path holds neither; those before it stay registered.
+        InputError: A path holds nothing of use; those before it stay registered.
     """
     for path in paths:
-        added = _prior_table([register_vposer(path)]) if holds_vposer(path) else _body_table(register(path))
-        print(f"From {path}")
-        print(added)
+        next(kind for kind in ADDABLE if kind.recognises(path)).add(path, agreed)
+
+
+def _is_name_of_networks(path: Path) -> bool:
+    from tcfit_app.cli.detector_networks import NAME
+
+    return str(path) == NAME
+
+
+def _fetch_networks(path: Path, agreed: bool) -> None:
+    from tcfit_app.cli.detector_networks import fetch_networks
+
+    fetch_networks(agreed=agreed)
+
+
+def _holds_networks(path: Path) -> bool:
+    from fitting_core.detect.mediapipe.packages import holds_networks
+
+    return holds_networks(path)
+
+
+def _add_networks(path: Path, agreed: bool) -> None:
+    from tcfit_app.cli.detector_networks import add_networks
+
+    added = add_networks(path)
+    print(f"From {path}\n{added}")
+
+
+def _add_vposer(path: Path, agreed: bool) -> None:
+    added = _prior_table([register_vposer(path)])
+    print(f"From {path}\n{added}")
+
+
+def _add_bodies(path: Path, agreed: bool) -> None:
+    added = _body_table(register(path))
+    print(f"From {path}\n{added}")
+
+
+ADDABLE = (
+    Addable(recognises=_is_name_of_networks, add=_fetch_networks),
+    Addable(recognises=_holds_networks, add=_add_networks),
+    Addable(recognises=holds_vposer, add=_add_vposer),
+    Addable(recognises=lambda path: True, add=_add_bodies),
+)
+"""The last takes what no other knows, and says what is wrong with it."""
 
 
 def _body_table(bodies: list[BodyFile]) -> str:

@@ -1,0 +1,86 @@
+"""The embedded detector's networks on the command line: asked about, fetched with a progress bar, and listed."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from tqdm import tqdm
+
+from fitting_core.detect.mediapipe import networks
+from fitting_core.detect.mediapipe.fetching import Fetched, FetchProgress, add, announced, fetch
+from fitting_core.errors import InputError
+
+NAME = "mediapipe"
+"""What they are called where they are asked for."""
+
+
+def fetch_networks(*, agreed: bool) -> None:
+    """Fetch the networks that are not there, after the user has seen what they are and agreed.
+
+    Args:
+        agreed: Whether the user has agreed before.
+
+    Raises:
+        InputError: Nobody agreed, or they cannot be fetched.
+        KeyboardInterrupt: Cancelled; everything is as it was.
+    """
+    if all(networks.is_sound(name) for name in networks.NETWORKS):
+        print(f"They are in {networks.folder()} already.")
+        return
+    print(announced(), flush=True)
+    if not agreed and not _agrees():
+        raise InputError("Nothing was fetched.")
+    print(_told(_shown(fetch())))
+
+
+def add_networks(archive: Path) -> str:
+    """Take networks out of a package that the user has.
+
+    Returns:
+        What was added.
+
+    Raises:
+        InputError: It has none of the networks, or they cannot be kept.
+    """
+    return _told(_shown(add(archive)))
+
+
+def networks_table() -> list[tuple[str, ...]]:
+    """A row for each network: name, what it finds, whether it is here; under the names of the columns."""
+    rows = [("NETWORK", "FINDS", "IS")]
+    return rows + [(name, known.title, _state(name)) for name, known in networks.NETWORKS.items()]
+
+
+def _state(name: str) -> str:
+    if networks.is_sound(name):
+        return "here"
+    if networks.is_installed(name):
+        return "damaged"
+    return "not here (optional)" if networks.NETWORKS[name].optional else "not here"
+
+
+def _agrees() -> bool:
+    if not sys.stdin.isatty():
+        raise InputError("Nothing was fetched: give --yes to agree where nobody can be asked.")
+    return input("Fetch them? [y/N] ").strip().lower() in ("y", "yes")
+
+
+def _shown(events: Iterator[FetchProgress | Fetched]) -> Fetched:
+    step, form = "", "{desc} {percentage:3.0f}%|{bar}|"
+    with tqdm(total=1.0, bar_format=form, dynamic_ncols=True, disable=not sys.stderr.isatty()) as bar:
+        for event in events:
+            if isinstance(event, Fetched):
+                bar.update(1.0 - bar.n)
+                return event
+            if event.step != step:
+                step = event.step
+                bar.set_description_str(step)
+                if bar.disable:
+                    print(f"{step} ...", file=sys.stderr, flush=True)
+            bar.update(event.share - bar.n)
+    raise AssertionError("fetching ends with what it got")
+
+
+def _told(got: Fetched) -> str:
+    added = f"In {got.folder}: {', '.join(got.added) if got.added else 'nothing new'}."
+    return f"{added}\nNote: {got.note}" if got.note else added
