@@ -78,7 +78,7 @@ class StoredDetection:
         """Store a part."""
         arrays = {f"{_MEMORY}{name}": array for name, array in part.memory.items()}
         arrays["counts"] = np.array([len(people) for people in part.people])
-        arrays["people"] = np.concatenate(part.people).astype(np.float32)
+        arrays["people"] = np.concatenate(part.people)
         arrays["numbers"] = np.concatenate(part.numbers)
         arrays["silhouettes"] = np.concatenate(part.silhouettes)
         try:
@@ -100,7 +100,7 @@ class StoredDetection:
 def _part(arrays: dict[str, np.ndarray]) -> Part:
     ends = np.cumsum(arrays["counts"])[:-1]
     return Part(
-        people=tuple(np.split(arrays["people"].astype(float), ends)),
+        people=tuple(np.split(arrays["people"], ends)),
         numbers=tuple(np.split(arrays["numbers"], ends)),
         silhouettes=tuple(np.split(arrays["silhouettes"], ends)),
         memory={name.removeprefix(_MEMORY): array for name, array in arrays.items() if name.startswith(_MEMORY)},

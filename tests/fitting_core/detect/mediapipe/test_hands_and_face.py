@@ -1,0 +1,80 @@
+"""Whose hand is whose, and where hands are looked for."""
+
+import numpy as np
+import pytest
+
+from fitting_core.detect.mediapipe import body as blaze
+from fitting_core.detect.mediapipe.face import Face
+from fitting_core.detect.mediapipe.following import Person
+from fitting_core.detect.mediapipe.hands import different, square_at_wrist
+from fitting_core.detect.mediapipe.hands_and_face import KEPT, Seen, assigned, worth_of
+from fitting_core.detect.mediapipe.memory import recalled, remembered
+from tests.fitting_core.detect.mediapipe.seen import body_at, hand_at
+
+BODY = body_at(320, 240, 400)
+LEFT, RIGHT = BODY.xy[blaze.LEFT_WRIST], BODY.xy[blaze.RIGHT_WRIST]
+
+
+def test_each_hand_goes_to_its_wrist():
+    left, right = hand_at(*LEFT, right=0.1), hand_at(*RIGHT, right=0.9)
+    for order in ([left, right], [right, left]):
+        assert assigned(order, BODY) == {"left": left, "right": right}
+
+
+def test_a_hand_that_looks_like_the_other_side_still_belongs_to_the_wrist_at_which_it_is():
+    hand = hand_at(*LEFT, right=0.95)
+    assert assigned([hand], BODY) == {"left": hand, "right": None}
+
+
+def test_crossed_wrists_are_told_by_how_the_hands_look():
+    xy = BODY.xy.copy()
+    xy[blaze.LEFT_WRIST], xy[blaze.RIGHT_WRIST] = (322, 240), (318, 240)
+    body = body_at(320, 240, 400, xy=xy)
+    left, right = hand_at(312, 240, right=0.05), hand_at(328, 240, right=0.95)
+    assert assigned([left, right], body) == {"left": left, "right": right}
+
+
+def test_one_hand_is_not_both():
+    hand, xy = hand_at(320, 240), BODY.xy.copy()
+    xy[[blaze.LEFT_WRIST, blaze.RIGHT_WRIST]] = (320, 240)
+    found = assigned([hand, hand], body_at(320, 240, 400, xy=xy))
+    assert sum(one is not None for one in found.values()) == 1
+
+
+def test_far_and_weak_hands_are_nobody_s():
+    assert assigned([hand_at(600, 40)], BODY) == {"left": None, "right": None}
+    assert assigned([hand_at(*LEFT, score=0.4 * KEPT, right=0.1)], BODY)["left"] is None
+    assert worth_of(hand_at(600, 40), "left", BODY) == 0
+
+
+def test_of_two_hands_in_one_place_the_better_one_stays():
+    weak, strong = hand_at(100, 100, score=0.5), hand_at(102, 101, score=0.8)
+    apart = hand_at(200, 100, score=0.3)
+    assert different([weak, apart, strong]) == [strong, apart]
+
+
+def test_a_hand_that_points_at_the_camera_gets_no_tiny_square():
+    xy = BODY.xy.copy()
+    xy[[blaze.LEFT_PINKY, blaze.LEFT_INDEX]] = xy[blaze.LEFT_WRIST] + 1
+    square = square_at_wrist(body_at(320, 240, 400, xy=xy), "left")
+    assert square.side == pytest.approx(0.14 * 400)
+
+
+def test_where_to_look_next_is_around_the_hand():
+    hand = hand_at(300, 200)
+    square = hand.next_square
+    assert square.side > 60 and np.hypot(square.x - 300, square.y - 180) < 30
+    assert abs(square.angle) < 0.2  # the fingers point up
+
+
+def test_memory_comes_back_as_it_was():
+    people = [Person(3, {8: body_at(100, 200, 300), 9: body_at(110, 200, 300)}), Person(5, {4: BODY})]
+    face = Face(xy=np.random.default_rng(0).normal(size=(468, 2)), score=0.7)
+    seen = {3: Seen(hands={"left": hand_at(10, 20), "right": None}, face=face), 7: Seen()}
+    back, shown, found = recalled(remembered(people, seen, 8))
+    assert found == 8 and [(one.number, one.last) for one in back] == [(3, 9), (5, 4)]
+    assert back[0].bodies[9].square == people[0].bodies[9].square
+    assert np.array_equal(back[1].bodies[4].next_square.box, BODY.next_square.box)
+    assert list(shown) == [3, 7] and shown[7] == Seen() and shown[3].hands["right"] is None
+    assert np.array_equal(shown[3].face.xy, face.xy) and shown[3].hands["left"].score == 0.9
+    assert recalled(remembered([], {}, 0)) == ([], {}, 0)
