@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting_core.detect.known_models import find_model, is_here
@@ -53,7 +53,7 @@ def _networks_are_here() -> bool:
 
 def _top_down(boxes: str) -> Callable[[str, Running], Detector]:
     def make(name: str, running: Running) -> Detector:
-        return top_down(name, name, running if running.boxes else Running(**vars(running) | {"boxes": boxes}))
+        return top_down(name, name, running if running.boxes else replace(running, boxes=boxes))
 
     return make
 

@@ -135,7 +135,7 @@ def small_toes(body: Body) -> dict[str, Float[np.ndarray, "2"]]:
 
 def inside(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> np.ndarray:
     """Which points the image holds."""
-    return ((xy >= 0) & (xy < size)).all(1)
+    return np.all((xy >= 0) & (xy < np.array(size)), axis=1)
 
 
 def _unit(v: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
