@@ -46,6 +46,10 @@ class Hand:
     square: Square
     """What was looked at."""
 
+    def looks(self, side: Side) -> float:
+        """The score, less where it looks like a hand of the other side: then the fingers are often wrong, too."""
+        return self.score * (0.5 + 0.5 * (self.right if side == "right" else 1 - self.right))
+
     @property
     def next_square(self) -> Square:
         """Where to look for the same hand."""

@@ -129,7 +129,7 @@ class PartsFinder:
 
 def _weak(hands: dict[Side, Hand | None]) -> list[Side]:
     """The sides whose hand was not found well."""
-    return [side for side in SIDES if (hand := hands[side]) is None or hand.score < _WELL_FOUND]
+    return [side for side in SIDES if (hand := hands[side]) is None or hand.looks(side) < _WELL_FOUND]
 
 
 def assigned(hands: Sequence[Hand], body: Body) -> dict[Side, Hand | None]:
@@ -147,8 +147,7 @@ def assigned(hands: Sequence[Hand], body: Body) -> dict[Side, Hand | None]:
 def worth_of(hand: Hand, side: Side, body: Body) -> float:
     """Its score, less where it is far from the body's wrist or looks like one of the other side."""
     gap = float(np.linalg.norm(hand.xy[0] - body.xy[WRISTS[side]])) / body.square.side
-    looks_right = hand.right if side == "right" else 1 - hand.right
-    return hand.score * float(np.clip(2 - gap / _REACH, 0, 1)) * (0.5 + 0.5 * looks_right)
+    return hand.looks(side) * float(np.clip(2 - gap / _REACH, 0, 1))
 
 
 def _holds(image: Image, point: np.ndarray, margin: float) -> bool:

@@ -77,7 +77,8 @@ def points_of(
     for side in SIDES:
         if (hand := hands[side]) is not None:
             points[_HANDS[side], :2] = hand.xy
-            points[_HANDS[side], 2] = hand.score * (1.0 if hand.score > SURE_HAND else 0.5) * inside(hand.xy, size)
+            sure = hand.looks(side)
+            points[_HANDS[side], 2] = sure * (1.0 if sure > SURE_HAND else 0.5) * inside(hand.xy, size)
     if face is not None:
         start = FACE.start
         points[start : start + len(_FACE)] = np.column_stack([face.xy[_FACE], np.full(len(_FACE), face.score)])

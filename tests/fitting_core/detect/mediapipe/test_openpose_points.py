@@ -66,12 +66,16 @@ def test_confidence_falls_where_plain_and_mirrored_picture_differ():
 
 def test_hands_and_face():
     face = Face(xy=np.tile([[300.0, 60.0]], (468, 1)) + np.arange(468)[:, None] / 100, score=0.8)
-    hands = {"left": hand_at(400, 240), "right": hand_at(200, 240, score=0.4)}
+    hands = {"left": hand_at(400, 240, right=0.0), "right": hand_at(200, 240, score=0.4, right=1.0)}
     points = points_of(BODY, hands, face, SIZE)
     assert points[LEFT_HAND, :2] == pytest.approx(hands["left"].xy) and (points[LEFT_HAND, 2] == 0.9).all()
     assert (points[RIGHT_HAND, 2] == 0.2).all()
     assert (points[FACE, 2][:68] == 0.8).all() and (points[FACE, 2][68:] == 0.4).all()
     assert points[FACE.start + 30, :2] == pytest.approx(face.xy[4])  # the nose's tip
+    turned = {**hands, "left": hand_at(400, 240, right=1.0)}
+    assert points_of(BODY, turned, None, SIZE)[LEFT_HAND, 2] == pytest.approx(
+        0.225
+    )  # like a right one: half, and unsure
     far = {**hands, "left": hand_at(700, 240)}
     assert not points_of(BODY, far, None, SIZE)[LEFT_HAND].any()
 
