@@ -75,6 +75,11 @@ class TfliteWriter:
 
     def write(self, path: Path, outputs: Sequence[int]) -> Path:
         """Write the file."""
+        path.write_bytes(self.content(outputs))
+        return path
+
+    def content(self, outputs: Sequence[int]) -> bytes:
+        """The file's content."""
         builder = flatbuffers.Builder(1024)
         codes = sorted({operator[0] for operator in self.operators})
         buffers = [self._table(builder, {})]
@@ -94,8 +99,7 @@ class TfliteWriter:
         for slot, offset in ((1, names), (2, graphs), (4, stored)):
             builder.PrependUOffsetTRelativeSlot(slot, offset, 0)
         builder.Finish(builder.EndObject(), file_identifier=b"TFL3")
-        path.write_bytes(bytes(builder.Output()))
-        return path
+        return bytes(builder.Output())
 
     def _tensor(self, builder: flatbuffers.Builder, tensor: tuple, buffers: list[int]) -> int:
         name, shape, content, sparsity, kind = tensor
