@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import onnxruntime
 from jaxtyping import Float32
 
+from fitting_core.detect.runtime import onnxruntime
 from fitting_core.errors import InputError
 from fitting_core.files.regular import refusal, regular_file
 

@@ -225,7 +225,7 @@ class Network:
 
 def open_session(onnx: bytes, *, threads: int = 1) -> "onnxruntime.InferenceSession":
     """Open the content of an ONNX file on the CPU. Raises onnxruntime's own errors."""
-    import onnxruntime
+    from fitting_core.detect.runtime import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1

@@ -270,10 +270,13 @@ def _sliced(graph: _Graph, operator: Operator) -> None:
     begin = [0 if told["begin_mask"] >> axis & 1 else value for axis, value in enumerate(begin)]
     end = [_END if told["end_mask"] >> axis & 1 else value for axis, value in enumerate(end)]
     begin[0], end[0] = 0, _END  # all images
-    axes = [_AXES[axis] if rank == 4 else axis for axis in range(rank)]
+    gone = [axis for axis in range(rank) if told["shrink_mask"] >> axis & 1]
+    inside = rank == 4 and not gone
+    images = graph.names[operator.inputs[0]] if inside else graph.channels_last(operator.inputs[0])
+    axes = [_AXES[axis] if inside else axis for axis in range(rank)]
     bounds = [graph.integers(values) for values in (begin, end, axes, strides)]
-    name = graph.emit("Slice", [graph.names[operator.inputs[0]], *bounds], operator.outputs[0])
-    if gone := [axes[axis] for axis in range(rank) if told["shrink_mask"] >> axis & 1]:
+    name = graph.emit("Slice", [images, *bounds], operator.outputs[0])
+    if gone:
         graph.emit("Squeeze", [name, graph.integers(gone)], operator.outputs[0])
 
 
