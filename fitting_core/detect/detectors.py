@@ -20,6 +20,8 @@ class Known:
     make: Callable[[str, "Running"], Detector]
     is_here: Callable[[], bool]
     """Whether everything that it needs is on this computer."""
+    models: tuple[str, ...] = ()
+    """What `download` fetches for it, by names in KNOWN_MODELS; MediaPipe's networks come in another way."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +72,8 @@ def top_down(name: str, pose: str, running: Running) -> Detector:
 
 
 def _of_family(name: str, title: str, boxes: str) -> Known:
-    return Known(title=title, make=_top_down(boxes), is_here=lambda: is_here(name) and is_here(boxes))
+    models = (name, boxes)
+    return Known(title=title, make=_top_down(boxes), is_here=lambda: all(map(is_here, models)), models=models)
 
 
 DETECTORS: dict[str, Known] = {
