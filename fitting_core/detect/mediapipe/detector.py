@@ -84,7 +84,7 @@ class MediaPipe:
         self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
     ) -> Iterator[int | Part]:
         """See `Detector`."""
-        followers, clip = Followers(self.body_in, self.people_in), _Clip(self.parts_finder, source.size)
+        followers, clip = Followers(self.body_in, self.everybody_in), _Clip(self.parts_finder, source.size)
         if memory:
             people, clip.seen, found = recalled(memory)
             followers.start_from(people, found)
@@ -112,11 +112,25 @@ class MediaPipe:
             clip.stopped.set()
             pool.shutdown()
 
-    def people_in(
-        self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None, *, threshold: float | None = None
+    def everybody_in(self, image: UInt8[np.ndarray, "H W 3"], harder: bool) -> list[Square]:
+        """Squares around the people in an RGB image, the surest first.
+
+        Args:
+            image: RGB.
+            harder: Look in small parts of it, too, if nobody is found otherwise: for people who are less than a seventh
+                of it high. It takes as long as 20 images.
+        """
+        width, height = image.shape[1::-1]
+        found = self._found(image, [None, *_ends(width, height)])
+        return found or (self._found(image, _tiles(width, height)) if harder else [])
+
+    def people_in(self, image: UInt8[np.ndarray, "H W 3"], square: Square | None, *, threshold: float) -> list[Square]:
+        """Squares around the people in a square of an RGB image, or anywhere, of at least a score."""
+        return self._found(image, [square], threshold)
+
+    def _found(
+        self, image: UInt8[np.ndarray, "H W 3"], places: Sequence[Square | None], threshold: float | None = None
     ) -> list[Square]:
-        """Squares around the people in an RGB image, or in a square of it; small ones are found in parts of it."""
-        places = [square, *_ends(image.shape[1], image.shape[0])] if square is None else [square]
         found = [one for place in places for one in self._person.find(image, place, threshold=threshold)]
         return [square_of(one.points[:2]) for one in sorted(found, key=lambda one: -one.score)]
 
@@ -128,6 +142,15 @@ def _ends(width: int, height: int) -> list[Square]:
         return []
     middles = (side / 2, length - side / 2)
     return [Square(at, side / 2, side) if width > height else Square(side / 2, at, side) for at in middles]
+
+
+def _tiles(width: int, height: int) -> list[Square]:
+    """Squares of half the short side, each of which shares half with the next."""
+    side = min(width, height) / 2
+    across, down = (
+        np.linspace(side / 2, length - side / 2, round(2 * length / side) - 1) for length in (width, height)
+    )
+    return [Square(float(x), float(y), side) for y in down for x in across]
 
 
 @dataclass(frozen=True, eq=False)
