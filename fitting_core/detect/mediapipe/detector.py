@@ -29,8 +29,8 @@ from fitting_core.keypoints import COUNT
 from fitting_core.video.frames import FrameSource
 
 _BYTES = 100 << 20
-"""Of the images of a part; those of four parts may be in memory at once."""
-_FEWEST, _MOST = 8, 60
+"""Of the images of a part: those of four parts may be in memory at once."""
+_FEWEST, _MOST = 8, 30
 """Frames of a part."""
 _WORTH_LOOKING = 0.35
 """Share of the largest person's size up to which somebody gets no hands and no face: they have a few pixels."""
@@ -97,6 +97,9 @@ class MediaPipe:
                 stretch = Stretch(frames, [source.frame(frame) for frame in frames])
                 for done in followers.forwards(stretch):
                     yield (frames[0] - parts[0][0] + done + clip.done) // 2
+                    if coming is not None and coming.done():
+                        yield coming.result()
+                        coming = None
                 followers.backwards([stretch] if waiting is None else [waiting.stretch, stretch])
                 if waiting is not None:
                     if coming is not None:
@@ -201,14 +204,12 @@ class _Clip:
         there = [[number for number in sorted(bodies) if t in bodies[number]] for t in frames]
         return Part(
             people=tuple(
-                np.stack([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers] or [_NOBODY])[
-                    : len(numbers)
-                ]
+                _stacked([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers], _NOBODY)
                 for t, numbers in zip(frames, there, strict=True)
             ),
             numbers=tuple(np.array(numbers, int) for numbers in there),
             silhouettes=tuple(
-                np.stack([self._mask(bodies[n][t]) for n in numbers] or [self._no_mask])[: len(numbers)]
+                _stacked([self._mask(bodies[n][t]) for n in numbers], self._no_mask)
                 for t, numbers in zip(frames, there, strict=True)
             ),
             memory=remembered(waiting.going_on, self.seen, waiting.found),
@@ -219,6 +220,11 @@ class _Clip:
 
     def _mask(self, body: Body) -> np.ndarray:
         return np.packbits(silhouette(body, self._size))
+
+
+def _stacked(arrays: list[np.ndarray], like: np.ndarray) -> np.ndarray:
+    """Arrays as one, which may be of none."""
+    return np.stack(arrays) if arrays else like[None][:0]
 
 
 def _close_enough(bodies: Mapping[int, Mapping[int, Body]]) -> list[int]:
