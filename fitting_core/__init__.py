@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fitting_core import PRESETS, find_body, fit_clip, load_body, read_clip
 
-clip = read_clip(Path("walk.mp4"), Path("keypoints"), focal_length_35mm=26)
+clip = read_clip(Path("walk.mp4"))
 body = load_body(find_body(gender="neutral"))
 result = fit_clip(clip, body, PRESETS["tcfit"])
 print(result.last.params.body_pose.shape)  # frames, 63: axis-angle in radians
@@ -36,6 +36,9 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.config.schema import Temporal as Temporal
     from fitting_core.config.schema import Weights as Weights
     from fitting_core.config.toml import read_config as read_config
+    from fitting_core.detect.detecting import DetectionProgress as DetectionProgress
+    from fitting_core.detect.detectors import DETECTORS as DETECTORS
+    from fitting_core.detect.detectors import find_detector as find_detector
     from fitting_core.errors import InputError as InputError
     from fitting_core.fit.events import Finished as Finished
     from fitting_core.fit.events import FitEvent as FitEvent
@@ -89,6 +92,8 @@ _HOMES = {
     "clip": ("Clip",),
     "config.schema": ("PRESETS", "FitConfig", "ShapeSample", "SolverSettings", "Temporal", "Weights"),
     "config.toml": ("read_config",),
+    "detect.detecting": ("DetectionProgress",),
+    "detect.detectors": ("DETECTORS", "find_detector"),
     "errors": ("InputError",),
     "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "FramesFitted"),
     "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),

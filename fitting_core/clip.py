@@ -26,6 +26,8 @@ class Clip:
     """What a user should know about how the input was read: alignment, gaps, the person chosen."""
     silhouettes: Silhouettes | None = None
     """Where a detector found them: of the images as they were filmed."""
+    found_by: str = ""
+    """Name and version of the detector where tcfit found the keypoints itself; empty where they were given."""
 
     def __len__(self) -> int:
         return len(self.keypoints)

@@ -1,7 +1,8 @@
 """Detection over a clip: a generator of how far it is, which can be ended at any time and gone on with later."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -22,6 +23,8 @@ class DetectionProgress:
     done: int
     """Frames."""
     total: int
+    kept: int
+    """Frames that are stored: what goes on after an end has them already."""
 
     @property
     def share(self) -> float:
@@ -81,30 +84,39 @@ class Detection:
         """Where its parts are kept for the user."""
         return StoredDetection(self.settings())
 
-    def events(self, store: StoredDetection) -> Iterator[DetectionProgress | FramesDetected | Detected]:
+    def events(self, store: StoredDetection) -> Generator[DetectionProgress | FramesDetected | Detected, None, None]:
         """Detect, storing part by part; what was stored before is not done again. The last event is the result.
+
+        The first progress says how much was stored before.
 
         Raises:
             InputError: A frame cannot be decoded, a model cannot be run, or the store cannot be written.
         """
         store.begin()
         found: list[Part] = []
-        parts = self._parts()
+        memory, parts = {}, self._parts()
         for part in self.stored_parts(store):
             yield FramesDetected(frames=parts[len(found)], people=part.people)
-            found.append(part)
+            memory = part.memory
+            found.append(replace(part, memory={}))
         missing = parts[len(found) :]
-        start = missing[0][0] - self.frames[0] if missing else len(self.frames)
-        memory = found[-1].memory if found else {}
-        for event in self.detector.detect(self.source, missing, memory) if missing else ():
-            if isinstance(event, int):
-                yield DetectionProgress(done=start + event, total=len(self.frames))
-                continue
-            store.write(len(found), event)
-            yield FramesDetected(frames=parts[len(found)], people=event.people)
-            found.append(event)
-        yield DetectionProgress(done=len(self.frames), total=len(self.frames))
+        start = kept = sum(map(len, found))
+        yield self._progress(start, kept)
+        if missing:
+            with closing(self.detector.detect(self.source, missing, memory)) as events:
+                for event in events:
+                    if isinstance(event, int):
+                        yield self._progress(start + event, kept)
+                        continue
+                    store.write(len(found), event)
+                    yield FramesDetected(frames=parts[len(found)], people=event.people)
+                    found.append(replace(event, memory={}))
+                    kept += len(event)
+            yield self._progress(kept, kept)
         yield self.joined(found)
+
+    def _progress(self, done: int, kept: int) -> DetectionProgress:
+        return DetectionProgress(done=done, total=len(self.frames), kept=kept)
 
     def stored_parts(self, store: StoredDetection) -> Iterator[Part]:
         """What is stored of it, from the first part on without a gap."""

@@ -1,6 +1,6 @@
 """What every detector finds in some frames that follow each other, and what a detector is."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -53,7 +53,7 @@ class Detector(Protocol):
 
     def detect(
         self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
-    ) -> Iterator[int | Part]:
+    ) -> Generator[int | Part, None, None]:
         """Go through consecutive frames.
 
         Args:

@@ -37,17 +37,22 @@ class DetectionSettings:
     version: int = _VERSION
 
 
+def users_folder() -> Path:
+    """Where detections are kept for the user."""
+    return platformdirs.user_cache_path("tcfit", appauthor=False) / "keypoints"
+
+
 class StoredDetection:
     """The parts of a detection on the disk.
 
     Args:
         settings: Of the detection.
-        kept_in: Folder of all detections; None: the user's cache.
+        kept_in: Folder of all detections; None: `users_folder`.
     """
 
     def __init__(self, settings: DetectionSettings, kept_in: Path | None = None) -> None:
         self._settings = json.dumps(asdict(settings), indent=1)
-        self._kept_in = kept_in or platformdirs.user_cache_path("tcfit", appauthor=False) / "keypoints"
+        self._kept_in = kept_in or users_folder()
         self.folder = self._kept_in / hashlib.sha256(self._settings.encode()).hexdigest()[:32]
 
     def begin(self) -> None:
@@ -62,8 +67,7 @@ class StoredDetection:
                 draft.write_text(self._settings, encoding="utf-8")
         except OSError as error:
             raise self._unwritable(error) from error
-        kept = sorted(self._kept_in.glob(f"*/{_SETTINGS}"), key=lambda file: file.stat().st_mtime)
-        for old in kept[:-_MOST_KEPT]:
+        for old in sorted(self._kept_in.glob(f"*/{_SETTINGS}"), key=_used)[:-_MOST_KEPT]:
             shutil.rmtree(old.parent, ignore_errors=True)
 
     def _unwritable(self, error: OSError) -> InputError:
@@ -82,6 +86,7 @@ class StoredDetection:
         arrays["numbers"] = np.concatenate(part.numbers)
         arrays["silhouettes"] = np.concatenate(part.silhouettes)
         try:
+            self.folder.mkdir(parents=True, exist_ok=True)  # another process may have made room
             write_npz(self._path(number), arrays)
         except OSError as error:
             raise self._unwritable(error) from error
@@ -95,6 +100,14 @@ class StoredDetection:
 
     def _path(self, number: int) -> Path:
         return self.folder / f"part-{number:06}.npz"
+
+
+def _used(settings: Path) -> float:
+    """When a detection was used last; other processes delete old ones, too."""
+    try:
+        return settings.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _part(arrays: dict[str, np.ndarray]) -> Part:

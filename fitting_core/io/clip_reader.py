@@ -1,5 +1,6 @@
 """Read a clip: frames, keypoints and camera put together into what is fitted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -7,6 +8,9 @@ import numpy as np
 
 from fitting_core.camera import Camera, FocalRule, Up
 from fitting_core.clip import Clip
+from fitting_core.detect.detecting import Detected
+from fitting_core.detect.detectors import DEFAULT
+from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import CameraGiven
@@ -15,6 +19,7 @@ from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.footage import Footage, guessed_size, locate
 from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io.keypoints.detections import Detections, to_pixels
+from fitting_core.io.keypoints.found import Tell, find_keypoints, found_by, found_detections, silhouettes_of
 from fitting_core.io.keypoints.person import choose_person
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import straightened_keypoints
@@ -36,6 +41,8 @@ class Shot:
     later_notes: tuple[str, ...]
     """On the image size."""
     rate_notes: tuple[str, ...]
+    found: Detected | None = None
+    """What a detector found in it, if no keypoints were given."""
 
     @property
     def first_frame(self) -> int:
@@ -59,6 +66,7 @@ class Shot:
         keypoints: Keypoints,
         camera: Camera,
         *,
+        entries: Sequence[int | None],
         of_person: tuple[str, ...],
         of_places: tuple[str, ...],
         of_camera: tuple[str, ...],
@@ -68,6 +76,7 @@ class Shot:
         Args:
             keypoints: Of all frames, as detected.
             camera: Of them.
+            entries: Per frame, the person's place in the list of people.
             of_person: Notes on who it is.
             of_places: Notes on where the keypoints lie.
             of_camera: Notes on the camera.
@@ -82,6 +91,8 @@ class Shot:
             source=self.images,
             first_frame=self.first_frame,
             notes=(*self.notes, *of_person, *after),
+            silhouettes=None if self.found is None else silhouettes_of(self.found, entries),
+            found_by="" if self.found is None else found_by(self.found),
         )
 
 
@@ -90,6 +101,8 @@ def read_shot(
     keypoints: Path | None,
     given: CameraGiven,
     *,
+    detector: str | Detector,
+    tell: Tell | None,
     keypoint_scale: str,
     frame_rate: float | None,
     image_size: tuple[int, int] | None,
@@ -98,6 +111,18 @@ def read_shot(
 ) -> Shot:
     """Everything of a clip but who is meant; arguments and errors as of `read_clip`."""
     images, keypoint_path = locate(video, keypoints)
+    if keypoint_path is None:
+        assert video is not None and images is not None
+        empty = _empty_shot(
+            images,
+            given,
+            name=_name(video),
+            frame_rate=frame_rate,
+            image_size=image_size,
+            first_frame=first_frame,
+            last_frame=last_frame,
+        )
+        return _searched(empty, images, detector, tell)
     detections = read_detections(keypoint_path)
     footage = Footage.of(images)
     size = footage.known_size(image_size) or detections.size
@@ -119,10 +144,52 @@ def read_shot(
     )
 
 
+def _empty_shot(
+    images: Path,
+    given: CameraGiven,
+    *,
+    name: str,
+    frame_rate: float | None,
+    image_size: tuple[int, int] | None,
+    first_frame: int | None,
+    last_frame: int | None,
+) -> Shot:
+    """A clip whose keypoints are yet to come, with nobody in any frame; arguments and errors as of `read_clip`."""
+    footage = Footage.of(images)
+    size = footage.known_size(image_size)
+    assert size is not None and footage.timeline is not None
+    part = chosen(footage.timeline, first_frame, last_frame)
+    rate, rate_notes = footage.known_rate(frame_rate, None)
+    frames = ClipFrames(timeline=footage.timeline, part=part, frame_rate=rate)
+    nobody = (np.zeros((0, COUNT, 3)),) * len(frames.numbers)
+    return Shot(
+        detections=Detections(frames=nobody, stems=tuple(map(str, frames.numbers)), source=images),
+        size=size,
+        frames=frames,
+        images=images,
+        name=name,
+        given=given,
+        notes=footage.notes,
+        later_notes=(),
+        rate_notes=rate_notes,
+    )
+
+
+def _searched(shot: Shot, images: Path, detector: str | Detector, tell: Tell | None) -> Shot:
+    """The same clip with everybody whom a detector finds."""
+    shot.given.camera(shot.size, shot.frames)  # what is wrong with it is not told after minutes of detection
+    numbers = shot.frames.numbers
+    found = find_keypoints(images, numbers, detector, tell or (lambda progress: None))
+    detections = found_detections(found, images)
+    return replace(shot, detections=detections, notes=(*shot.notes, *detections.notes), found=found)
+
+
 def read_clip(
     video: Path | None,
     keypoints: Path | None = None,
     *,
+    detector: str | Detector = DEFAULT,
+    tell: Tell | None = None,
     focal_length: float | FocalRule | None = None,
     fov: float | None = None,
     focal_length_35mm: float | None = None,
@@ -140,13 +207,19 @@ def read_clip(
 ) -> Clip:
     """Read one person's keypoints, the camera and the frame rate of a clip.
 
+    Where no keypoints are given, they are found in the video, which takes about as long as a fit. They are kept in the
+    user's cache: the same frames are not searched twice by the same detector, and a search that was ended goes on.
+
     Frames without keypoints get confidence 0 everywhere. Whatever a user should know about how the input was read
     stands in the clip's notes; where the focal length comes from stands in its camera.
 
     Args:
         video: A video file, a folder of images, or a folder in SMPLify-X layout (``images`` and ``keypoints`` inside).
             None to go without: overlays and comparisons with the video are then not possible.
-        keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout.
+        keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout, or to have them found.
+        detector: What finds them: a name in DETECTORS, the path of an ONNX model of the RTMPose family, or what
+            `find_detector` opened.
+        tell: Is told how far finding them is, in this thread; what it raises ends it.
         focal_length: Pixels; "auto" for what photographs tell, or else an estimate from the clip; or "diagonal".
         fov: Horizontal field of view in degrees.
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
@@ -167,7 +240,8 @@ def read_clip(
         last_frame: Number of the last frame to use.
 
     Raises:
-        InputError: A file is missing or broken, options contradict each other, or nothing was detected.
+        InputError: A file is missing or broken, options contradict each other, nothing was detected, or the detector is
+            not on this computer.
     """
     given = CameraGiven.of(
         focal_length=focal_length,
@@ -183,6 +257,8 @@ def read_clip(
         video,
         keypoints,
         given,
+        detector=detector,
+        tell=tell,
         keypoint_scale=keypoint_scale,
         frame_rate=frame_rate,
         image_size=image_size,
@@ -193,7 +269,14 @@ def read_clip(
     of_places = check_inside(choice.keypoints, shot.size)
     seen, of_camera = shot.camera(choice.keypoints)
     of_person = (choice.note,) if choice.note else ()
-    return shot.clip(choice.keypoints, seen, of_person=of_person, of_places=of_places, of_camera=of_camera)
+    return shot.clip(
+        choice.keypoints,
+        seen,
+        entries=choice.entries,
+        of_person=of_person,
+        of_places=of_places,
+        of_camera=of_camera,
+    )
 
 
 def read_footage(
@@ -227,25 +310,21 @@ def read_footage(
         camera_up=camera_up,
     )
     images = video / "images" if (video / "images").is_dir() else video
-    footage = Footage.of(images)
-    size = footage.known_size(image_size)
-    assert size is not None and footage.timeline is not None
-    part = chosen(footage.timeline, first_frame, last_frame)
-    rate, rate_notes = footage.known_rate(frame_rate, None)
-    looked_at = ClipFrames(timeline=footage.timeline, part=part, frame_rate=rate)
-    seen, camera_notes = given.camera(size, looked_at)
-    frames = looked_at.numbers
+    shot = _empty_shot(
+        images,
+        given,
+        name=_name(video),
+        frame_rate=frame_rate,
+        image_size=image_size,
+        first_frame=first_frame,
+        last_frame=last_frame,
+    )
+    seen, of_camera = given.camera(shot.size, shot.frames)
     if given.automatic:
         seen = told_by_photographs(seen, images) or seen
-    return Clip(
-        keypoints=Keypoints(xy=np.zeros((len(frames), COUNT, 2)), confidence=np.zeros((len(frames), COUNT))),
-        camera=seen,
-        frame_rate=rate,
-        name=_name(video),
-        source=images,
-        first_frame=frames[0],
-        notes=(*footage.notes, *rate_notes, *camera_notes),
-    )
+    count = len(shot.detections)
+    nothing = Keypoints(xy=np.zeros((count, COUNT, 2)), confidence=np.zeros((count, COUNT)))
+    return shot.clip(nothing, seen, entries=(None,) * count, of_person=(), of_places=(), of_camera=of_camera)
 
 
 def read_keypoints(

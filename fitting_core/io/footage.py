@@ -90,24 +90,26 @@ class Footage:
         return option, ()
 
 
-def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path]:
-    """Where the frames and the keypoints are, given what the user pointed at.
+def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path | None]:
+    """Where the frames and the keypoints are, given what the user pointed at. Without keypoints there is a video, in
+    which they are to be found.
 
     Raises:
-        InputError: Neither names keypoints.
+        InputError: Nothing was given, or a folder in SMPLify-X layout lacks its images.
     """
     inside = video if video is not None and (video / "images").is_dir() else None
     images = inside / "images" if inside else video
     if keypoints is not None:
         return images, keypoints
     if video is None:
-        raise InputError("Neither a video nor keypoints were given; expected at least the keypoints.")
+        raise InputError("Neither a video nor keypoints were given; expected at least one of them.")
     found = video / "keypoints"
-    if found.is_dir() and inside:
-        return images, found
-    missing = "keypoints" if inside else "images"
-    hint = f"; as a folder in SMPLify-X layout it lacks {missing}/" if video.is_dir() else ""
-    raise InputError(f"No keypoints given for {video}{hint}. Name the folder or file of the keypoints.")
+    if found.is_dir() and not inside:
+        raise InputError(
+            f"{video} has keypoints/, but as a folder in SMPLify-X layout it lacks images/. Give the keypoints alone "
+            f"({found}), or put the images there."
+        )
+    return images, found if found.is_dir() else None
 
 
 def _pixel_note(path: Path, aspect: float) -> str:

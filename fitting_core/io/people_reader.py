@@ -8,8 +8,11 @@ import numpy as np
 
 from fitting_core.camera import FocalRule, Up
 from fitting_core.clip import Clip
+from fitting_core.detect.detectors import DEFAULT
+from fitting_core.detect.part import Detector
 from fitting_core.files.regular import legible
 from fitting_core.io.clip_reader import CameraGiven, Shot, check_inside, read_shot
+from fitting_core.io.keypoints.found import Tell
 from fitting_core.io.keypoints.people.everybody import FoundPerson, find_everybody
 from fitting_core.io.people_file import LONGEST_NAME, MOST_PEOPLE, People, Person
 from fitting_core.keypoints import Keypoints
@@ -32,6 +35,8 @@ def read_people(
     video: Path | None,
     keypoints: Path | None = None,
     *,
+    detector: str | Detector = DEFAULT,
+    tell: Tell | None = None,
     focal_length: float | FocalRule | None = None,
     fov: float | None = None,
     focal_length_35mm: float | None = None,
@@ -68,6 +73,8 @@ def read_people(
         video,
         keypoints,
         given,
+        detector=detector,
+        tell=tell,
         keypoint_scale=keypoint_scale,
         frame_rate=frame_rate,
         image_size=image_size,
@@ -81,7 +88,14 @@ def read_people(
     for number, one in enumerate(found.people, 1):
         about = _about(one, number, shot)
         notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
-        clip = shot.clip(one.keypoints, seen, of_person=notes, of_places=of_places, of_camera=of_camera)
+        clip = shot.clip(
+            one.keypoints,
+            seen,
+            entries=one.entries,
+            of_person=notes,
+            of_places=of_places,
+            of_camera=of_camera,
+        )
         people.append(PersonInClip(about=about, clip=_part(clip, one.frames, about), name=shot.name))
     return people
 
@@ -134,6 +148,7 @@ def _part(clip: Clip, frames: range, about: Person) -> Clip:
     return replace(
         clip,
         keypoints=clip.keypoints[part],
+        silhouettes=None if clip.silhouettes is None else clip.silhouettes[part],
         camera=clip.camera[part],
         first_frame=clip.first_frame + frames.start,
         name=f"{clip.name} {about.name}",

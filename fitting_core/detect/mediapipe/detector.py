@@ -7,7 +7,7 @@ Bodies are found by one thread; hands, faces and silhouettes of the part before 
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Event
@@ -82,7 +82,7 @@ class MediaPipe:
 
     def detect(
         self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
-    ) -> Iterator[int | Part]:
+    ) -> Generator[int | Part, None, None]:
         """See `Detector`."""
         followers, clip = Followers(self.body_in, self.everybody_in), _Clip(self.parts_finder, source.size)
         if memory:

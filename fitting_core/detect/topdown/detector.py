@@ -1,6 +1,6 @@
 """RTMPose, DWPose and RTMW over a clip: in the boxes of a box model, or around the points of the frame before."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -21,6 +21,8 @@ _MOST_PEOPLE = 6
 """In a frame: the largest and surest."""
 _VERSION = 1
 """Another one whenever the same models find something else."""
+_DIGITS = 12
+"""Of a model's SHA-256 in the version."""
 
 
 class TopDown:
@@ -40,7 +42,8 @@ class TopDown:
         if batch < 1:
             raise InputError(f"batch={batch}; expected 1 or more.")
         self.name, self._pose, self._boxes, self._batch = name, pose, boxes, batch
-        self.version = f"{_VERSION} {pose.model.sha256} {boxes.model.sha256 if boxes else ''}"
+        models = [pose.model, *([boxes.model] if boxes else [])]
+        self.version = " ".join([str(_VERSION), *(model.sha256[:_DIGITS] for model in models)])
 
     def part_length(self, size: tuple[int, int]) -> int:
         """See `Detector`."""
@@ -48,7 +51,7 @@ class TopDown:
 
     def detect(
         self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
-    ) -> Iterator[int | Part]:
+    ) -> Generator[int | Part, None, None]:
         """See `Detector`."""
         before, highest = memory.get("points", np.zeros((0, 3))), float(memory.get("highest", 0.0))
         done = 0

@@ -1,11 +1,57 @@
-"""What a detector has found in a video, as what a reader of keypoint files returns."""
+"""Keypoints that tcfit finds in a video itself, as what a reader of keypoint files returns."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 
-from fitting_core.detect.detecting import Detected
+from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
+from fitting_core.detect.detectors import find_detector
+from fitting_core.detect.part import Detector
+from fitting_core.errors import InputError
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.silhouettes import Silhouettes
+from fitting_core.video.frames import FrameSource
+
+Tell = Callable[[DetectionProgress], None]
+"""Is told how far a detection is. What it raises ends it; what was found until then is kept."""
+
+
+def find_keypoints(
+    video: Path, frames: range, detector: str | Detector, tell: Tell = lambda progress: None
+) -> Detected:
+    """Everybody in some frames, as they were filmed. What was found in them before is not looked for again.
+
+    Args:
+        video: A video file or a folder of images.
+        frames: Numbers of consecutive ones.
+        detector: A name in `DETECTORS`, the path of a model, or one that is open.
+        tell: Is told how far it is.
+
+    Raises:
+        InputError: The detector is not on this computer, a frame cannot be decoded, what is found cannot be kept, or
+            nobody is found.
+    """
+    opened = find_detector(detector) if isinstance(detector, str) else detector
+    with FrameSource(video) as source:
+        detection = Detection(source=source, frames=frames, detector=opened)
+        with closing(detection.events(detection.store())) as events:
+            for event in events:
+                if isinstance(event, DetectionProgress):
+                    tell(event)
+                elif isinstance(event, Detected):
+                    return _with_somebody(event, video)
+    raise AssertionError("a detection ends with what it found")
+
+
+def _with_somebody(found: Detected, video: Path) -> Detected:
+    if not any(len(people) for people in found.people):
+        count = len(found.frames)
+        where = "the only frame" if count == 1 else f"any of the {count} frames"
+        raise InputError(
+            f"{found.detector} found nobody in {where} of {video}; expected a person who can be seen well. Choose "
+            "frames that show one, try another detector (tcfit detect --list shows them), or give keypoints."
+        )
+    return found
 
 
 def found_detections(found: Detected, video: Path) -> Detections:
@@ -14,8 +60,13 @@ def found_detections(found: Detected, video: Path) -> Detections:
         frames=found.people,
         stems=tuple(f"{video.stem}_{frame:012}" for frame in found.frames),
         source=video,
-        notes=(f"Keypoints were found by {found.detector} ({found.version}).",),
+        notes=(f"Keypoints were found by {found_by(found)}.",),
     )
+
+
+def found_by(found: Detected) -> str:
+    """Name and version of the detector."""
+    return f"{found.detector} (version {found.version})"
 
 
 def silhouettes_of(found: Detected, entries: Sequence[int | None]) -> Silhouettes | None:
