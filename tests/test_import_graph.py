@@ -17,7 +17,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors frame_runs keypoints plugins
+        errors frame_runs keypoint_noise keypoints plugins
         camera lens config files body
         clip metrics priors video lifting ground
         fit
