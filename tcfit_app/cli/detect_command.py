@@ -13,6 +13,7 @@ from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_mode
 from fitting_core.detect.stored import StoredDetection
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.openpose import SUFFIX, write_openpose
+from fitting_core.keypoint_noise import COCO_WHOLEBODY
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.json_lines import Note, Progress, Step, emit, emit_wrote
@@ -74,10 +75,10 @@ def _detect(detection: Detection, store: StoredDetection, folder: Path, name: st
     except BaseException:
         part = detection.so_far(store)
         if len(part.keypoints):
-            write_openpose(folder, part.keypoints, name=name, first_frame=frames[0])
+            _write(folder, part, name, frames)
         _tell([f"Stopped: {len(part.keypoints)} of {len(frames)} frames are in {folder}. The same command goes on."])
         raise
-    write_openpose(folder, found.keypoints, name=name, first_frame=frames[0])
+    _write(folder, found, name, frames)
     store.discard()
     emit_wrote(folder, kind="keypoints")
     if found.note:
@@ -85,6 +86,10 @@ def _detect(detection: Detection, store: StoredDetection, folder: Path, name: st
         _tell([f"Note: {found.note}"])
     detected = (found.keypoints.confidence > 0).any(1).sum()
     print(f"Wrote {len(frames)} files into {folder}: somebody in {detected} of {len(frames)} frames.")
+
+
+def _write(folder: Path, found: Detected, name: str, frames: range) -> None:
+    write_openpose(folder, found.keypoints, name=name, first_frame=frames[0], detector=COCO_WHOLEBODY)
 
 
 def shown(detection: Detection, store: StoredDetection) -> Detected:

@@ -16,6 +16,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
 from fitting_core.io.keypoints.openpose import SUFFIX
+from fitting_core.keypoint_noise import COCO_WHOLEBODY
 from fitting_core.keypoints import Keypoints
 from fitting_core.video.frame_names import natural_key, split_number
 
@@ -31,6 +32,8 @@ class FoundKeypoints:
     """Of every frame of the clip."""
     notes: tuple[str, ...]
     """For the user."""
+    detector: str = ""
+    """Who found them, by its name in `keypoint_noise.DETECTORS`."""
 
 
 class KeypointJob(Protocol):
@@ -62,8 +65,8 @@ class ImportFiles:
         from fitting_core.io.clip_reader import read_keypoints
 
         report(f"Reading {self.path.name}", None)
-        keypoints, notes = read_keypoints(self.path, clip)
-        return FoundKeypoints(keypoints=keypoints, notes=notes)
+        keypoints, notes, detector = read_keypoints(self.path, clip)
+        return FoundKeypoints(keypoints=keypoints, notes=notes, detector=detector)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +129,7 @@ class Detect:
             for event in detection.events(store):
                 if isinstance(event, Detected):
                     notes = (f"Keypoints were detected by {self._models()}.", *([event.note] if event.note else []))
-                    return FoundKeypoints(keypoints=event.keypoints, notes=notes)
+                    return FoundKeypoints(keypoints=event.keypoints, notes=notes, detector=COCO_WHOLEBODY)
                 what = {"people": "Looking for people", "keypoints": "Detecting keypoints"}[event.step]
                 report(f"{what}: {event.done} of {event.total} frames", event.share)
         raise AssertionError("a detection ends with what it found")

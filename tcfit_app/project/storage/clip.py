@@ -20,7 +20,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
 from fitting_core.files.npz import read_npz
-from fitting_core.files.regular import regular_file
+from fitting_core.files.regular import legible, regular_file
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.accessing import accessing
@@ -32,6 +32,10 @@ from tcfit_app.project.storage.names import name_of_file
 DETECTIONS = "detections.npz"
 _WIDTHS = {"xy": (COUNT, 2), "confidence": (COUNT,)}
 """Its arrays: floating point, and their shapes behind the number of frames."""
+_DETECTOR = "detector"
+"""Its name beside them, which files of earlier versions lack."""
+_LONGEST = 100
+"""Letters of such a name."""
 _COMING = "detections.coming.npz"
 """Detections that take the place of those; the database's checksum says which of both files are the project's."""
 _RATE = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
@@ -50,7 +54,7 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
         InputError: The database cannot be written.
         OSError: Another file cannot be written.
     """
-    _write_detections(draft / DETECTIONS, clip.keypoints)
+    _write_detections(draft / DETECTIONS, clip)
     Database.create(draft / database.NAME)
     values = (
         name_of_file(clip.name),
@@ -82,7 +86,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     checksum = row.read("detections_sha256", _checksum, None, f"whether {DETECTIONS} is whole cannot be told")
     if checksum is not None and not store.read_only:
         _settle_detections(folder, checksum)
-    keypoints = _read_detections(folder, checksum)
+    keypoints, detector = _read_detections(folder, checksum)
     camera = row.read(
         "camera",
         lambda value: _camera(value, len(keypoints)),
@@ -95,6 +99,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
         frame_rate=row.read("frame_rate", of(_RATE), 30.0, "30 frames per second stand in for it"),
         name=row.read("name", line, name_of_file(folder.resolve().stem), "that of the folder stands in for it"),
         first_frame=row.read("first_frame", of(Count), 0, "frames are counted from 0"),
+        detector=detector,
         notes=row.read("notes", json_of(tuple[str, ...]), (), "they are left out"),
     )
     return clip, _link(row)
@@ -158,10 +163,8 @@ def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> N
         )
 
 
-def replace_detections(
-    folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...], camera: Camera
-) -> None:
-    """Give a project other detections, with notes and camera of its clip; when this returns they are on the disk.
+def replace_detections(folder: Path, store: Database, clip: Clip) -> None:
+    """Give a project another clip's detections, with its notes and its camera; when this returns they are on the disk.
 
     Wherever it ends in between, the project opens with the old ones or the new ones: the new file lies beside the old
     one, the database's transaction decides, and then the new one takes the old one's place.
@@ -170,12 +173,12 @@ def replace_detections(
         InputError: The project cannot be written; it has its old detections then.
     """
     with accessing(folder):
-        _write_detections(folder / _COMING, keypoints)
+        _write_detections(folder / _COMING, clip)
         new = _sha256(folder / _COMING)
         with store.transaction() as connection:
             connection.execute(
                 "UPDATE clip SET detections_sha256 = ?, camera = ?, notes = ?",
-                (new, msgspec.json.encode(camera).decode(), msgspec.json.encode(notes).decode()),
+                (new, msgspec.json.encode(clip.camera).decode(), msgspec.json.encode(clip.notes).decode()),
             )
     _settle_detections(folder, new)
 
@@ -232,24 +235,28 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
     return False
 
 
-def _write_detections(path: Path, keypoints: Keypoints) -> None:
-    arrays = {name: np.asarray(getattr(keypoints, name), dtype=float) for name in _WIDTHS}
+def _write_detections(path: Path, clip: Clip) -> None:
+    arrays = {name: np.asarray(getattr(clip.keypoints, name), dtype=float) for name in _WIDTHS}
     try:
         _check_detections(arrays)  # what could not be read back must not get there
     except ValueError as error:
         raise InputError(f"These keypoints cannot be stored: {error}.") from error
     with replacing(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+        np.savez_compressed(file, allow_pickle=False, **arrays, **{_DETECTOR: np.array(clip.detector[:_LONGEST])})
 
 
-def _read_detections(folder: Path, expected: str | None) -> Keypoints:
-    """The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything."""
+def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str]:
+    """Keypoints, and who detected them.
+
+    The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything.
+    """
     path, advice = folder / DETECTIONS, "It must stay as it was made: take it from a backup"
     try:
         path = path if expected is None else _detections_file(folder, expected)
         if expected is not None and _sha256(path) != expected:
             raise InputError(f"{path}: was changed since the project was made. {advice}.")
-        arrays = read_npz(path, _WIDTHS)
+        arrays = read_npz(path, (*_WIDTHS, _DETECTOR))
+        detector = _detector(arrays.pop(_DETECTOR, None))
         _check_detections(arrays)
     except InputError:  # is a ValueError, too
         raise
@@ -257,7 +264,16 @@ def _read_detections(folder: Path, expected: str | None) -> Keypoints:
         raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
     for array in arrays.values():
         array.setflags(write=False)
-    return Keypoints(**arrays)
+    return Keypoints(**arrays), detector
+
+
+def _detector(told: np.ndarray | None) -> str:
+    """Its name; empty where the file does not tell, as those of earlier versions. Raises ValueError for no name."""
+    if told is None:
+        return ""
+    if told.dtype.kind != "U" or told.shape != () or len(str(told)) > _LONGEST:
+        raise ValueError(f"{_DETECTOR} is {told.dtype} of the shape {told.shape}, expected a name")
+    return legible(str(told))
 
 
 def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:

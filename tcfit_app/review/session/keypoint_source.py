@@ -69,6 +69,6 @@ class KeypointSource:
         """What a job finds, which is in the project when this returns."""
         found = job.run(self._project.clip, report)
         if found is not None:
-            self._project.take_detections(found.keypoints, found.notes)
+            self._project.take_detections(found.keypoints, found.notes, detector=found.detector)
             shutil.rmtree(self._project.folder / PARTS, ignore_errors=True)
         return found
