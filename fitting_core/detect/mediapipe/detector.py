@@ -24,8 +24,9 @@ from fitting_core.detect.mediapipe.memory import recalled, remembered
 from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.single_shot import SingleShot
 from fitting_core.detect.mediapipe.squares import Square
-from fitting_core.detect.part import Part, silhouette_size
+from fitting_core.detect.part import Part
 from fitting_core.keypoints import COUNT
+from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 
 _BYTES = 100 << 20

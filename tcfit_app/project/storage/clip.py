@@ -22,6 +22,7 @@ from fitting_core.files.atomic import replacing, sync
 from fitting_core.files.npz import read_npz
 from fitting_core.files.regular import legible, regular_file
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.silhouettes import SILHOUETTE_SIDE, Silhouettes
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, text
@@ -36,6 +37,8 @@ _DETECTOR = "detector"
 """Its name beside them, which files of earlier versions lack."""
 _LONGEST = 100
 """Letters of such a name."""
+_SILHOUETTES = ("silhouettes", "silhouette_size", "silhouette_known")
+"""More arrays of it, where a detector found silhouettes: see `Silhouettes`."""
 _COMING = "detections.coming.npz"
 """Detections that take the place of those; the database's checksum says which of both files are the project's."""
 _RATE = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
@@ -86,7 +89,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     checksum = row.read("detections_sha256", _checksum, None, f"whether {DETECTIONS} is whole cannot be told")
     if checksum is not None and not store.read_only:
         _settle_detections(folder, checksum)
-    keypoints, detector = _read_detections(folder, checksum)
+    keypoints, detector, silhouettes = _read_detections(folder, checksum)
     camera = row.read(
         "camera",
         lambda value: _camera(value, len(keypoints)),
@@ -101,6 +104,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
         first_frame=row.read("first_frame", of(Count), 0, "frames are counted from 0"),
         detector=detector,
         notes=row.read("notes", json_of(tuple[str, ...]), (), "they are left out"),
+        silhouettes=silhouettes,
     )
     return clip, _link(row)
 
@@ -241,12 +245,15 @@ def _write_detections(path: Path, clip: Clip) -> None:
         _check_detections(arrays)  # what could not be read back must not get there
     except ValueError as error:
         raise InputError(f"These keypoints cannot be stored: {error}.") from error
+    arrays[_DETECTOR] = np.array(clip.detector[:_LONGEST])
+    if (shown := clip.silhouettes) is not None:
+        arrays |= dict(zip(_SILHOUETTES, (shown.packed, np.array(shown.size), shown.known), strict=True))
     with replacing(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays, **{_DETECTOR: np.array(clip.detector[:_LONGEST])})
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
-def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str]:
-    """Keypoints, and who detected them.
+def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str, Silhouettes | None]:
+    """Keypoints, who detected them, and silhouettes if they were found as well.
 
     The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything.
     """
@@ -255,8 +262,9 @@ def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str
         path = path if expected is None else _detections_file(folder, expected)
         if expected is not None and _sha256(path) != expected:
             raise InputError(f"{path}: was changed since the project was made. {advice}.")
-        arrays = read_npz(path, (*_WIDTHS, _DETECTOR))
+        arrays = read_npz(path, (*_WIDTHS, _DETECTOR, *_SILHOUETTES))
         detector = _detector(arrays.pop(_DETECTOR, None))
+        shown = _silhouettes({name: arrays.pop(name) for name in _SILHOUETTES if name in arrays}, arrays)
         _check_detections(arrays)
     except InputError:  # is a ValueError, too
         raise
@@ -264,7 +272,21 @@ def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str
         raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
     for array in arrays.values():
         array.setflags(write=False)
-    return Keypoints(**arrays), detector
+    return Keypoints(**arrays), detector, shown
+
+
+def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarray]) -> Silhouettes | None:
+    """None where there are none. Raises ValueError if they are not those of a clip with these keypoints."""
+    if not found:
+        return None
+    packed, size, known = (found[name] for name in _SILHOUETTES)
+    if size.shape != (2,) or size.dtype.kind not in "iu" or not (size.min() >= 1 and size.max() <= SILHOUETTE_SIDE):
+        raise ValueError(f"{_SILHOUETTES[1]} is {size.tolist()}, expected width and height up to {SILHOUETTE_SIDE}")
+    count, (width, height) = len(keypoints["xy"]), size.tolist()
+    shape = (count, -(-width * height // 8))
+    if packed.shape != shape or packed.dtype != np.uint8 or known.shape != (count,) or known.dtype != bool:
+        raise ValueError(f"{_SILHOUETTES[0]} is {packed.dtype} of the shape {packed.shape}, expected bytes of {shape}")
+    return Silhouettes(packed=packed, size=(width, height), known=known)
 
 
 def _detector(told: np.ndarray | None) -> str:
