@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting_core.detect.known_models import find_model, is_here
+from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here
 from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 
@@ -20,6 +20,12 @@ class Known:
     make: Callable[[str, "Running"], Detector]
     is_here: Callable[[], bool]
     """Whether everything that it needs is on this computer."""
+    models: tuple[str, ...] = ()
+    """What it needs of `KNOWN_MODELS`."""
+
+    def lacking(self) -> list[KnownModel]:
+        """Those of its known models that are not on this computer."""
+        return [KNOWN_MODELS[name] for name in self.models if not is_here(name)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +76,8 @@ def top_down(name: str, pose: str, running: Running) -> Detector:
 
 
 def _of_family(name: str, title: str, boxes: str) -> Known:
-    return Known(title=title, make=_top_down(boxes), is_here=lambda: is_here(name) and is_here(boxes))
+    models = (name, boxes)
+    return Known(title=title, make=_top_down(boxes), is_here=lambda: all(map(is_here, models)), models=models)
 
 
 DETECTORS: dict[str, Known] = {
