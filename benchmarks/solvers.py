@@ -56,7 +56,7 @@ def with_hands(clip: Clip) -> Int[np.ndarray, "n"]:
 
 def compared(clip: Clip, body: BodyModel, options: Solvers, config: FitConfig) -> list[Row]:
     """A row for each solver and each way to group the frames."""
-    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate)
+    stages = Stages.of_clip(clip, body, config)
     origin = camera_start(stages)
     ways = {"one at a time": list(stages.all_frames[:, None])} if options.one_at_a_time else {}
     ways["together"] = [stages.all_frames]

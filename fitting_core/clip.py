@@ -22,6 +22,8 @@ class Clip:
     source: Path | None = None
     """The video file or folder of images, if there is one; frame i of the keypoints is its frame i + first_frame."""
     first_frame: int = 0
+    detector: str = ""
+    """Who found the keypoints, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows."""
     notes: tuple[str, ...] = ()
     """What a user should know about how the input was read: alignment, gaps, the person chosen."""
     silhouettes: Silhouettes | None = None

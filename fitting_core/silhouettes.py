@@ -7,12 +7,21 @@ from typing import Self
 import numpy as np
 from jaxtyping import Bool, UInt8
 
+SILHOUETTE_SIDE = 256
+"""Pixels of the longer side of a mask."""
+
+
+def silhouette_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of the masks of an image."""
+    scale = min(1.0, SILHOUETTE_SIDE / max(size))
+    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Silhouettes:
     """Of one person, a mask for each frame.
 
-    A mask is as wide and high as the image, scaled to some 256 pixels at the longer side: the pixel at column x and row
+    A mask is as wide and high as the image, scaled to `silhouette_size`: the pixel at column x and row
     y of it is about the image's at ((x + 0.5) W / w - 0.5, (y + 0.5) H / h - 0.5).
     """
 

@@ -5,10 +5,11 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
-from fitting_core.detect.part import Detector, Part, silhouette_size
+from fitting_core.detect.part import Detector, Part
 from fitting_core.detect.stored import DetectionSettings, StoredDetection
+from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.fingerprint import fingerprint
 from fitting_core.video.frames import FrameSource
 
@@ -39,6 +40,8 @@ class FramesDetected:
     frames: range
     """Numbers in the video."""
     people: tuple[Float[np.ndarray, "P 137 3"], ...]
+    """See `Part`."""
+    numbers: tuple[Int[np.ndarray, "P"], ...]
     """See `Part`."""
 
 
@@ -96,7 +99,7 @@ class Detection:
         found: list[Part] = []
         memory, parts = {}, self._parts()
         for part in self.stored_parts(store):
-            yield FramesDetected(frames=parts[len(found)], people=part.people)
+            yield FramesDetected(frames=parts[len(found)], people=part.people, numbers=part.numbers)
             memory = part.memory
             found.append(replace(part, memory={}))
         missing = parts[len(found) :]
@@ -110,7 +113,7 @@ class Detection:
                     else:
                         store.write(len(found), event)
                         kept += len(event)
-                        yield FramesDetected(frames=parts[len(found)], people=event.people)
+                        yield FramesDetected(frames=parts[len(found)], people=event.people, numbers=event.numbers)
                         found.append(replace(event, memory={}))
                     yield self._progress(max(done, kept), kept)
         yield self.joined(found)

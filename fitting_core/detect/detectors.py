@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting_core.detect.known_models import find_model, is_here
+from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here
 from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 
@@ -21,7 +21,11 @@ class Known:
     is_here: Callable[[], bool]
     """Whether everything that it needs is on this computer."""
     models: tuple[str, ...] = ()
-    """What `download` fetches for it, by names in KNOWN_MODELS; MediaPipe's networks come in another way."""
+    """What it needs of `KNOWN_MODELS`."""
+
+    def lacking(self) -> list[KnownModel]:
+        """Those of its known models that are not on this computer."""
+        return [KNOWN_MODELS[name] for name in self.models if not is_here(name)]
 
 
 @dataclass(frozen=True, kw_only=True)

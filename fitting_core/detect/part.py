@@ -66,13 +66,3 @@ class Detector(Protocol):
             How many frames are done so far, and each part when it is complete. It can be closed at any time.
         """
         ...
-
-
-SILHOUETTE_SIDE = 256
-"""Pixels of the longer side of a silhouette."""
-
-
-def silhouette_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Width and height of the silhouettes of an image."""
-    scale = min(1.0, SILHOUETTE_SIDE / max(size))
-    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))

@@ -152,7 +152,7 @@ def rerun_events(
             f"Frames {asked} cannot be fitted again: the clip has frames {first} to {first + len(clip) - 1}."
         )
     near = coupled(frames, len(clip))
-    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
+    whole = Stages.of_clip(clip, body, config, start=start)
     stages = whole.within(near)
     consistency = Consistency(stages, make_solver(config.solver, config.settings))
     yield PhaseStarted(phase=3, title=f"frames {asked} again")
@@ -211,7 +211,7 @@ def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenS
     Raises:
         InputError: no frame of the clip shows enough of a person.
     """
-    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
+    stages = Stages.of_clip(clip, body, config, start=start)
     if not bool(stages.observations.usable.any()):
         raise InputError(
             f"No frame of {clip.name} shows a person: a frame needs at least 4 body keypoints with a confidence "

@@ -50,6 +50,7 @@ def evaluate_objective(
     *,
     stage: int = N_STAGES,
     frame_rate: float | None = None,
+    detector: str = "",
 ) -> ObjectiveValues:
     """Evaluates the objective without minimising anything.
 
@@ -69,6 +70,7 @@ def evaluate_objective(
             every frame that has two neighbours.
         stage: whose weights count, 1 to 5.
         frame_rate: of the clip, frames per second; needed where `temporal.reference_rate` of the configuration is set.
+        detector: who found the keypoints, `Clip.detector`; counts where the configuration weighs them by its noise.
 
     Raises:
         InputError: no such preset or stage, parameters that do not fit to the keypoints or the configuration, or no
@@ -79,7 +81,7 @@ def evaluate_objective(
         raise InputError(f"There is no stage {stage}: stages are numbered from 1 to {N_STAGES}.")
     _check(params, keypoints, config)
     rate = _frame_rate(frame_rate, config)
-    stages = Stages.of(keypoints, camera, body, config, frame_rate=rate)
+    stages = Stages.of(keypoints, camera, body, config, frame_rate=rate, detector=detector)
     state = stages.parametrisation.from_params(params)
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
     with torch.no_grad():

@@ -38,7 +38,7 @@ def evaluated(
         phase: 3 counts E_T too.
         start: what the fit began with, `FitResult.start`.
     """
-    stages = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
+    stages = Stages.of_clip(clip, body, config, start=start)
     result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
@@ -71,7 +71,7 @@ def patched(
         provenance: of all frames; None: it is not known where those of the windows came from.
         note: for the user.
     """
-    whole = Stages.of(clip.keypoints, clip.camera, body, config, frame_rate=clip.frame_rate, start=start)
+    whole = Stages.of_clip(clip, body, config, start=start)
     cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
     for window in windows:
         stages, inside = whole.within(window), slice(window.start, window.stop)

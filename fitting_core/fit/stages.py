@@ -14,6 +14,7 @@ from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
+from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.observations import Observations
@@ -142,6 +143,7 @@ class Stages:
         config: FitConfig,
         *,
         frame_rate: float = 25.0,
+        detector: str = "",
         start: GivenStart | None = None,
     ) -> "Stages":
         """The stages of a whole clip.
@@ -152,10 +154,13 @@ class Stages:
             body: the body model.
             config: weights and all other settings.
             frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
+            detector: who found the keypoints, `Clip.detector`.
             start: what phase 1 begins with, and what is held near it if `config.start_deviation` says so.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
-        observations = Observations.of(keypoints, camera, config, dtype=fitted.dtype, device=fitted.device)
+        observations = Observations.of(
+            keypoints, camera, config, detector=detector, dtype=fitted.dtype, device=fitted.device
+        )
         if any(config.weights.relative_position):
             observations = observations.lifted(camera, frame_rate)
         if start is not None and config.start_deviation is not None:
@@ -167,6 +172,19 @@ class Stages:
             fitted=fitted,
             config=config,
             temporal_weight=config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0),
+            start=start,
+        )
+
+    @staticmethod
+    def of_clip(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> "Stages":
+        """The same for a clip, whose detector is known and whose frame rate counts."""
+        return Stages.of(
+            clip.keypoints,
+            clip.camera,
+            body,
+            config,
+            frame_rate=clip.frame_rate,
+            detector=clip.detector,
             start=start,
         )
 

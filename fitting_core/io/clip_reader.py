@@ -90,6 +90,7 @@ class Shot:
             name=self.name,
             source=self.images,
             first_frame=self.first_frame,
+            detector=self.detections.detector,
             notes=(*self.notes, *of_person, *after),
             silhouettes=None if self.found is None else silhouettes_of(self.found, entries),
             found_by="" if self.found is None else found_by(self.found),
@@ -329,8 +330,8 @@ def read_footage(
 
 def read_keypoints(
     path: Path, clip: Clip, *, person: int | None = None, keypoint_scale: str = "auto"
-) -> tuple[Keypoints, tuple[str, ...]]:
-    """Keypoints for the frames of a clip that is known, and notes on how they were read.
+) -> tuple[Keypoints, tuple[str, ...], str]:
+    """Keypoints for the frames of a clip that is known, notes on how they were read, and who detected them.
 
     Args:
         path: Any format of fitting_core.io.READERS.
@@ -350,7 +351,8 @@ def read_keypoints(
     of_person = (found.note,) if found.note else ()
     straight, of_lens = straightened_keypoints(found.keypoints, clip.camera.lens)
     of_places = check_inside(found.keypoints, clip.camera.size)
-    return straight, (*detections.notes, *notes, *of_person, *scale_notes, *of_places, *of_lens)
+    said = (*detections.notes, *notes, *of_person, *scale_notes, *of_places, *of_lens)
+    return straight, said, detections.detector
 
 
 def _timeline_around(clip: Clip, detections: Detections) -> Timeline:

@@ -21,6 +21,8 @@ there where it is not known, as of an imported motion |
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
 | camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
+| detector | () | who found the keypoints: openpose, mediapipe or coco-wholebody; empty where nobody knows, not there \
+in files of earlier versions |
 | body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
 
 The arrays have SMPL-X's layout whatever the body's kind was, so surface_model_type is always "smplx".
@@ -149,6 +151,7 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
         "frames": clip.first_frame + np.arange(len(clip)),
         "mocap_frame_rate": clip.frame_rate,
         "mocap_framerate": clip.frame_rate,
+        "detector": clip.detector,
         "gender": body.gender,
         "body_kind": body.kind,
         "body_hash": body.hash,

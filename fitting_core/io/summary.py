@@ -44,6 +44,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
         "frames": len(clip),
         "first_frame": clip.first_frame,
         "frame_rate": clip.frame_rate,
+        "detector": clip.detector,
         "seconds": {f"phase{p.phase}": p.seconds for p in fit.phases} | {"total": sum(p.seconds for p in fit.phases)},
         "reprojection_px": {f"phase{p.phase}": reprojection(clip, body, p.params, counted) for p in measured},
         "jitter": {f"phase{p.phase}": _jitter(body, p.params, fit.camera) for p in measured},

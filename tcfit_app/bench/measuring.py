@@ -87,9 +87,7 @@ def fit_measures(setup: Setup) -> Measured:
 
 def solver_measures(setup: Setup) -> Measured:
     """The five stages of phase 1, all frames together, from the camera step on."""
-    stages = Stages.of(
-        setup.clip.keypoints, setup.clip.camera, setup.load_body(), setup.config, frame_rate=setup.clip.frame_rate
-    )
+    stages = Stages.of_clip(setup.clip, setup.load_body(), setup.config)
     solver = make_solver(setup.config.solver, setup.config.settings)
     found = five_stages(stages, solver, camera_start(stages), [stages.all_frames], clock=CLOCKS[setup.clock])
     cost = stage_objective(stages, N_STAGES, found.state).cost(found.state, stages.all_frames)

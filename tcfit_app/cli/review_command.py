@@ -141,6 +141,7 @@ def _review(
     load_app()
     import torch
 
+    from fitting_core.detect.detectors import DEFAULT
     from fitting_core.fit.fused import ready
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
@@ -157,8 +158,12 @@ def _review(
     app = ReviewApp(session, server.viser, files=options.files, group=people and Group(people, sessions))
     try:
         for one in sessions:
-            if fit is not None and one.project.has_detections and not one.fits.runs and not one.project.read_only:
+            if fit is None or one.fits.runs or one.project.read_only:
+                continue
+            if one.project.has_detections:
                 one.fit_everything(fit, kind="smplx", gender="neutral")
+            else:
+                one.source.detect(DEFAULT, then_fit=True)
         app.run()
     except KeyboardInterrupt:
         tell("Ending the review ...")

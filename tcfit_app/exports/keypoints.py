@@ -21,6 +21,7 @@ def write_openpose_folder(source: ExportSource, folder: Path, progress: Progress
         name=file_stem(clip.name),
         first_frame=clip.first_frame,
         image_stems=[image.stem for image in source.images],
+        detector=clip.detector,
     )
     (folder / "clip.json").write_bytes(as_json(clip_stated(clip)))
 
@@ -36,6 +37,7 @@ def write_coco(source: ExportSource, path: Path, progress: Progress) -> None:
         frame_rate=clip.frame_rate,
         first_frame=clip.first_frame,
         image_names=[image.name for image in source.images],
+        detector=clip.detector,
     )
 
 

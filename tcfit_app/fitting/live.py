@@ -148,9 +148,7 @@ class LiveCorrection:
     def __init__(self, correction: Correction, target: Target) -> None:
         self.correction = correction
         clip, config = correction.edited(target), correction.following
-        stages = Stages.of(
-            clip.keypoints, clip.camera, correction.body, config, frame_rate=clip.frame_rate, start=correction.yielding
-        )
+        stages = Stages.of_clip(clip, correction.body, config, start=correction.yielding)
         window, near = correction.frames, coupled(correction.frames, len(clip))
         self._stages = stages.within(near)
         self._frame = correction.frame - near.start

@@ -4,20 +4,28 @@ Files that a browser sends are written under names of our own, whatever they are
 """
 
 import io
-import os
 import re
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
+from fitting_core.camera import DEFAULT_FOCAL, Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
 from fitting_core.io.keypoints.openpose import SUFFIX
 from fitting_core.keypoints import Keypoints
+from fitting_core.silhouettes import Silhouettes
 from fitting_core.video.frame_names import natural_key, split_number
+from tcfit_app.imports.found_people import FoundPeople
+
+if TYPE_CHECKING:
+    from fitting_core.detect.detecting import Detected
 
 Report = Callable[[str, float | None], None]
 """Takes what is being done, and how far it is (0 to 1, or unknown). Raises to end the job."""
@@ -31,6 +39,12 @@ class FoundKeypoints:
     """Of every frame of the clip."""
     notes: tuple[str, ...]
     """For the user."""
+    detector: str = ""
+    """Who found them, by its name in `keypoint_noise.DETECTORS`."""
+    silhouettes: Silhouettes | None = None
+    """Of every frame, where the detector found them."""
+    camera: Camera | None = None
+    """With the focal length that the keypoints tell, where no other was known; None: the clip's."""
 
 
 class KeypointJob(Protocol):
@@ -62,8 +76,8 @@ class ImportFiles:
         from fitting_core.io.clip_reader import read_keypoints
 
         report(f"Reading {self.path.name}", None)
-        keypoints, notes = read_keypoints(self.path, clip)
-        return FoundKeypoints(keypoints=keypoints, notes=notes)
+        keypoints, notes, detector = read_keypoints(self.path, clip)
+        return FoundKeypoints(keypoints=keypoints, notes=notes, detector=detector)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,51 +102,86 @@ class ImportUpload:
 
 @dataclass(frozen=True, kw_only=True)
 class Detect:
-    """Finds keypoints in the clip's video. What it had found when it ended is gone on with."""
+    """Finds keypoints in the clip's video. What it had found when it ended is kept in the user's cache."""
 
-    pose: str
-    """Path of a whole-body model, or the name of a known one."""
-    boxes: str = ""
-    """The same for a model that finds people; empty: without one."""
-    parts: Path
-    """Folder for what has been found so far."""
+    detector: str
+    """A name in `DETECTORS`, or the path of a model."""
+    people: FoundPeople = field(default_factory=FoundPeople)
+    """Takes up what is found as it is found, and knows who is meant."""
 
     @property
     def title(self) -> str:
         """For the user."""
-        return "Detecting keypoints"
+        return "Finding keypoints"
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
-        from fitting_core.detect import load_box_model, load_pose_model
-        from fitting_core.detect.detecting import Detected, Detection
-        from fitting_core.detect.known_models import find_model
-        from fitting_core.detect.stored import StoredDetection
+        from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
+        from fitting_core.detect.detectors import find_detector
         from fitting_core.video.frames import FrameSource
 
         if clip.source is None:
             raise InputError("The project's video is not there: say where it is, or import keypoints.")
-        report("Opening the models", None)
-        # The browser's pictures need a core, too.
-        threads = max(1, (os.cpu_count() or 1) - 1)
-        pose = load_pose_model(find_model(self.pose), threads=threads)
-        boxes = load_box_model(find_model(self.boxes), threads=threads) if self.boxes else None
-        store = StoredDetection(self.parts)
-        with FrameSource(clip.source, lens=clip.camera.lens) as source:
+        report("Opening the detector", None)
+        detector = find_detector(self.detector)
+        with FrameSource(clip.source) as source:
             frames = range(clip.first_frame, clip.first_frame + len(clip))
-            detection = Detection(source=source, frames=frames, pose=pose, boxes=boxes)
-            if store.settings() != detection.settings():
-                store.discard()  # of other models
-            for event in detection.events(store):
-                if isinstance(event, Detected):
-                    notes = (f"Keypoints were detected by {self._models()}.", *([event.note] if event.note else []))
-                    return FoundKeypoints(keypoints=event.keypoints, notes=notes)
-                what = {"people": "Looking for people", "keypoints": "Detecting keypoints"}[event.step]
-                report(f"{what}: {event.done} of {event.total} frames", event.share)
+            detection = Detection(source=source, frames=frames, detector=detector)
+            with closing(detection.events(detection.store())) as events:
+                for event in events:
+                    if isinstance(event, Detected):
+                        return self._chosen(event, clip)
+                    if isinstance(event, DetectionProgress):
+                        report(f"{event.done} of {event.total} frames", event.share)
+                    else:
+                        self.people.add(event, clip.first_frame)
         raise AssertionError("a detection ends with what it found")
 
-    def _models(self) -> str:
-        return " and ".join(Path(given).name for given in (self.pose, self.boxes) if given)
+    def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
+        """Of whoever is meant."""
+        from fitting_core.io.camera_rule import estimated
+        from fitting_core.io.keypoints.found import found_detections, silhouettes_of, with_somebody
+        from fitting_core.io.keypoints.person import choose_person
+        from fitting_core.lens import straightened_keypoints
+
+        assert clip.source is not None
+        detections = found_detections(with_somebody(found, clip.source), clip.source)
+        choice = choose_person(detections, seen=self._seen(found), first_frame=clip.first_frame)
+        keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
+        return FoundKeypoints(
+            keypoints=keypoints,
+            notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
+            detector=found.points,
+            silhouettes=silhouettes_of(found, choice.entries),
+            camera=estimated(clip.camera, keypoints, clip.frame_rate) if clip.camera.source == DEFAULT_FOCAL else None,
+        )
+
+    def _seen(self, found: "Detected") -> tuple[int, int] | None:
+        """Frame and place of whom the user has clicked on, in the lists of those who are left."""
+        if self.people.seen is None or (shown := self.people.at(self.people.seen[0])) is None:
+            return None
+        frame, place = self.people.seen
+        same = [np.array_equal(points, shown.points[place]) for points in found.people[frame]]
+        return (frame, same.index(True)) if True in same else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FetchNetworks:
+    """Fetches the embedded detector's networks, which the user has agreed to."""
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return "Fetching the detector"
+
+    def run(self, clip: Clip, report: Report) -> None:
+        """See `KeypointJob.run`."""
+        from fitting_core.detect.mediapipe.fetching import FetchProgress, fetch
+
+        with closing(fetch()) as events:  # pyright: ignore[reportArgumentType]
+            for event in events:
+                if isinstance(event, FetchProgress):
+                    report(event.step, event.share)
 
 
 @dataclass(frozen=True, kw_only=True)

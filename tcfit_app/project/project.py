@@ -5,7 +5,8 @@ A project is a folder:
 | file | |
 |---|---|
 | project.sqlite | clip, log of edits, marks and notes, runs and settings (`storage/database.py` has the tables) |
-| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137); stay once there are any |
+| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and by what detector; stay \
+once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
 | reference.npz | what fits are compared with, where something is known |
 | handshapes.toml | the user's own set of handshapes, where there is one |
@@ -35,6 +36,7 @@ from fitting_core.io.people_file import holds_people, refuse_several
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
+from fitting_core.silhouettes import Silhouettes
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Note, Redo, Remark, Undo, decode, encode
 from tcfit_app.project.storage import database, media
@@ -194,12 +196,23 @@ class Project:
         """Whether anything was detected in any frame; without that, `take_detections` can be called."""
         return self._detected
 
-    def take_detections(self, keypoints: Keypoints, notes: tuple[str, ...] = ()) -> None:
+    def take_detections(
+        self,
+        keypoints: Keypoints,
+        notes: tuple[str, ...] = (),
+        *,
+        detector: str = "",
+        silhouettes: Silhouettes | None = None,
+        camera: Camera | None = None,
+    ) -> None:
         """Give a project that was made without keypoints its detections; when this returns, they are on the disk.
 
         Args:
             keypoints: Of every frame of the clip.
             notes: For the user, added to those of the clip.
+            detector: Who found them, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows.
+            silhouettes: Of every frame, where they were found as well.
+            camera: The clip's from now on, with a focal length that they tell; None: it stays.
 
         Raises:
             InputError: It has detections, the keypoints are of another number of frames or none, or the project cannot
@@ -214,9 +227,16 @@ class Project:
                 )
             if not (keypoints.confidence > 0).any():
                 raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
-            stored = replace(self._stored, keypoints=_fixed(keypoints), notes=(*self._stored.notes, *notes))
+            stored = replace(
+                self._stored,
+                keypoints=_fixed(keypoints),
+                detector=detector,
+                notes=(*self._stored.notes, *notes),
+                silhouettes=silhouettes,
+                camera=camera or self._stored.camera,
+            )
             EditHistory(stored.keypoints, self.log)  # what could not be opened again must not get onto the disk
-            replace_detections(self.folder, self._database, stored.keypoints, stored.notes, stored.camera)
+            replace_detections(self.folder, self._database, stored)
             with self._guard:
                 self._stored, self._detected = stored, True
                 self._history = EditHistory(stored.keypoints, self._log)
@@ -246,7 +266,7 @@ class Project:
                 filmed = filmed_keypoints(before.keypoints, before.camera.lens)
                 straight, lens_notes = straightened_keypoints(filmed, camera.lens)
                 stored = replace(stored, keypoints=_fixed(straight), notes=(*stored.notes, *lens_notes))
-                replace_detections(self.folder, self._database, stored.keypoints, stored.notes, camera)
+                replace_detections(self.folder, self._database, stored)
             with self._guard:
                 self._stored, self._clip = stored, None
                 if stored.keypoints is not before.keypoints:

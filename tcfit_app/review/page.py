@@ -125,8 +125,10 @@ class Page:
         self.picture.resized(event.width, event.height)
 
     def _go_to(self, event: page_events.GoToPerson) -> None:
-        everybody = self.tab.someone.everybody
-        if event.person < len(everybody):
+        everybody, found = self.tab.someone.everybody, self.tab.session.source.people
+        if found is not None and not self.tab.session.project.has_detections:
+            found.choose(self.tab.state.frame, event.person)
+        elif event.person < len(everybody):
             self.tab.browser.go_to(everybody[event.person])
 
     def _key(self, event: page_events.Key) -> None:

@@ -24,13 +24,14 @@ from fitting_core.detect.mediapipe.memory import recalled, remembered
 from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.single_shot import SingleShot
 from fitting_core.detect.mediapipe.squares import Square
-from fitting_core.detect.part import Part, silhouette_size
+from fitting_core.detect.part import Part
 from fitting_core.keypoints import COUNT
+from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 
 _BYTES = 100 << 20
-"""Of the images of a part; those of four parts may be in memory at once."""
-_FEWEST, _MOST = 8, 60
+"""Of the images of a part: those of four parts may be in memory at once."""
+_FEWEST, _MOST = 8, 30
 """Frames of a part."""
 _WORTH_LOOKING = 0.35
 """Share of the largest person's size up to which somebody gets no hands and no face: they have a few pixels."""
@@ -84,7 +85,7 @@ class MediaPipe:
         self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
     ) -> Generator[int | Part, None, None]:
         """See `Detector`."""
-        followers, clip = Followers(self.body_in, self.people_in), _Clip(self.parts_finder, source.size)
+        followers, clip = Followers(self.body_in, self.everybody_in), _Clip(self.parts_finder, source.size)
         if memory:
             people, clip.seen, found = recalled(memory)
             followers.start_from(people, found)
@@ -97,6 +98,9 @@ class MediaPipe:
                 stretch = Stretch(frames, [source.frame(frame) for frame in frames])
                 for done in followers.forwards(stretch):
                     yield (frames[0] - parts[0][0] + done + clip.done) // 2
+                    if coming is not None and coming.done():
+                        yield coming.result()
+                        coming = None
                 followers.backwards([stretch] if waiting is None else [waiting.stretch, stretch])
                 if waiting is not None:
                     if coming is not None:
@@ -112,11 +116,25 @@ class MediaPipe:
             clip.stopped.set()
             pool.shutdown()
 
-    def people_in(
-        self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None, *, threshold: float | None = None
+    def everybody_in(self, image: UInt8[np.ndarray, "H W 3"], harder: bool) -> list[Square]:
+        """Squares around the people in an RGB image, the surest first.
+
+        Args:
+            image: RGB.
+            harder: Look in small parts of it, too, if nobody is found otherwise: for people who are less than a seventh
+                of it high. It takes as long as 20 images.
+        """
+        width, height = image.shape[1::-1]
+        found = self._found(image, [None, *_ends(width, height)])
+        return found or (self._found(image, _tiles(width, height)) if harder else [])
+
+    def people_in(self, image: UInt8[np.ndarray, "H W 3"], square: Square | None, *, threshold: float) -> list[Square]:
+        """Squares around the people in a square of an RGB image, or anywhere, of at least a score."""
+        return self._found(image, [square], threshold)
+
+    def _found(
+        self, image: UInt8[np.ndarray, "H W 3"], places: Sequence[Square | None], threshold: float | None = None
     ) -> list[Square]:
-        """Squares around the people in an RGB image, or in a square of it; small ones are found in parts of it."""
-        places = [square, *_ends(image.shape[1], image.shape[0])] if square is None else [square]
         found = [one for place in places for one in self._person.find(image, place, threshold=threshold)]
         return [square_of(one.points[:2]) for one in sorted(found, key=lambda one: -one.score)]
 
@@ -128,6 +146,15 @@ def _ends(width: int, height: int) -> list[Square]:
         return []
     middles = (side / 2, length - side / 2)
     return [Square(at, side / 2, side) if width > height else Square(side / 2, at, side) for at in middles]
+
+
+def _tiles(width: int, height: int) -> list[Square]:
+    """Squares of half the short side, each of which shares half with the next."""
+    side = min(width, height) / 2
+    across, down = (
+        np.linspace(side / 2, length - side / 2, round(2 * length / side) - 1) for length in (width, height)
+    )
+    return [Square(float(x), float(y), side) for y in down for x in across]
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,14 +205,12 @@ class _Clip:
         there = [[number for number in sorted(bodies) if t in bodies[number]] for t in frames]
         return Part(
             people=tuple(
-                np.stack([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers] or [_NOBODY])[
-                    : len(numbers)
-                ]
+                _stacked([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers], _NOBODY)
                 for t, numbers in zip(frames, there, strict=True)
             ),
             numbers=tuple(np.array(numbers, int) for numbers in there),
             silhouettes=tuple(
-                np.stack([self._mask(bodies[n][t]) for n in numbers] or [self._no_mask])[: len(numbers)]
+                _stacked([self._mask(bodies[n][t]) for n in numbers], self._no_mask)
                 for t, numbers in zip(frames, there, strict=True)
             ),
             memory=remembered(waiting.going_on, self.seen, waiting.found),
@@ -196,6 +221,11 @@ class _Clip:
 
     def _mask(self, body: Body) -> np.ndarray:
         return np.packbits(silhouette(body, self._size))
+
+
+def _stacked(arrays: list[np.ndarray], like: np.ndarray) -> np.ndarray:
+    """Arrays as one, which may be of none."""
+    return np.stack(arrays) if arrays else like[None][:0]
 
 
 def _close_enough(bodies: Mapping[int, Mapping[int, Body]]) -> list[int]:

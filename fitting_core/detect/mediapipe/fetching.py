@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -58,18 +59,29 @@ Source = Callable[[Path, Sequence[str]], Generator[FetchProgress, None, str]]
 """Puts the .tflite files of networks that are lacking into a folder, and returns why some are not among them."""
 
 
-def announced() -> str:
-    """What a user has to know before agreeing."""
-    lines = [
-        "mediapipe: networks that find people, bodies, hands and faces in a video",
-        f"  fetched   {WHEEL.megabytes} MB: {WHEEL.title}, from your pip index",
-        f"            {HOLISTIC.megabytes} MB: {HOLISTIC.title}, from your npm registry, for the more exact body",
-    ]
-    if packages.programs().npm is None:
-        size = packages.NODE_MEGABYTES
-        lines.append(f"            {size} MB: {packages.NODE}, from your pip index, for npm; deleted afterwards")
-    lines += [f"  licence   {networks.LICENCE}", f"  kept      {_KEPT_MEGABYTES} MB in {networks.folder()}"]
-    return "\n".join(lines)
+def announced(place: Path | None = None) -> str:
+    """What a user has to know before agreeing to fetch what is lacking.
+
+    Args:
+        place: The folder of networks; None: the user's.
+    """
+    place = place or networks.folder()
+    lacking = set(_lacking(place))
+    sources = []
+    if lacking & set(NEEDED):
+        sources.append(f"{WHEEL.megabytes} MB: {WHEEL.title}, from your pip index")
+    if lacking & set(OPTIONAL):
+        sources.append(f"{HOLISTIC.megabytes} MB: {HOLISTIC.title}, from your npm registry, for the more exact body")
+        if packages.programs().npm is None:
+            sources.append(f"{packages.NODE_MEGABYTES} MB: {packages.NODE}, from your pip index, for npm; then deleted")
+    return "\n".join(
+        [
+            "mediapipe: networks that find people, bodies, hands and faces in a video",
+            *(f"  {title:10}{line}" for title, line in zip_longest(["fetched"], sources, fillvalue="")),
+            f"  {'licence':10}{networks.LICENCE}",
+            f"  {'kept':10}{_KEPT_MEGABYTES} MB in {place}",
+        ]
+    )
 
 
 def fetch(place: Path | None = None, *, using: Programs | None = None) -> Iterator[FetchProgress | Fetched]:

@@ -59,11 +59,11 @@ class Followers:
 
     Args:
         find_body: The body in a square of an image.
-        find_people: Squares of an image that may show somebody.
+        find_people: Squares of an image that may show somebody; told whether it is to look harder.
     """
 
     def __init__(
-        self, find_body: Callable[[Image, Square], Body], find_people: Callable[[Image], Sequence[Square]]
+        self, find_body: Callable[[Image, Square], Body], find_people: Callable[[Image, bool], Sequence[Square]]
     ) -> None:
         self._find_body, self._find_people = find_body, find_people
         self.people: list[Person] = []
@@ -114,7 +114,8 @@ class Followers:
     def _look(self, image: Image, t: int) -> list[Person]:
         """Look for people who are not followed; those who are new."""
         new = []
-        for square in self._find_people(image):
+        nobody = not any(t in person.bodies for person in self.people)
+        for square in self._find_people(image, nobody and t % LOOK_EVERY == 0):
             here = [person.bodies[t] for person in self.people if t in person.bodies]
             if len(here) >= MOST_PEOPLE:
                 break

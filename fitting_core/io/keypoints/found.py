@@ -39,11 +39,12 @@ def find_keypoints(
                 if isinstance(event, DetectionProgress):
                     tell(event)
                 elif isinstance(event, Detected):
-                    return _with_somebody(event, video)
+                    return with_somebody(event, video)
     raise AssertionError("a detection ends with what it found")
 
 
-def _with_somebody(found: Detected, video: Path) -> Detected:
+def with_somebody(found: Detected, video: Path) -> Detected:
+    """The same. Raises InputError if nobody was found."""
     if not any(len(people) for people in found.people):
         count = len(found.frames)
         where = "the only frame" if count == 1 else f"any of the {count} frames"
@@ -60,6 +61,7 @@ def found_detections(found: Detected, video: Path) -> Detections:
         frames=found.people,
         stems=tuple(f"{video.stem}_{frame:012}" for frame in found.frames),
         source=video,
+        detector=found.points,
         notes=(f"Keypoints were found by {found_by(found)}.",),
     )
 

@@ -10,12 +10,15 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
+from fitting_core.io.keypoints.detections import Detections, told_detector
+from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, short, stray_confidences
+from fitting_core.keypoint_noise import OPENPOSE
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.video.frame_names import natural_key, split_number
 
 SUFFIX = "_keypoints.json"
+DETECTOR = "detector"
+"""Key beside "people" under which our files say who detected them. OpenPose's own do not have it."""
 
 _COCO_18 = [name for name in BODY_25[:19] if name != "mid_hip"]
 """The order of OpenPose's COCO model: BODY_25 without mid-hip and feet."""
@@ -53,31 +56,44 @@ def read_openpose(path: Path) -> Detections:
     Frames come in the order of their numbers. Body lists can be BODY_25 or COCO-18 (feet are then not detected, and
     mid-hip is the mean of the hips); any list can be empty or absent; ``person_id`` and 3D lists are not used.
     Positions stay as in the files, pixels or normalised. Confidences slightly below 0 or above 1 count as 0 and 1,
-    which is noted.
+    which is noted. Beside the people a file can say who detected them, as `write_openpose` does; else it was OpenPose.
 
     Raises:
         InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
     """
     files = _json_files(path) if path.is_dir() else [path]
     _forbid_same_number(files)
-    raw = [(file, _read_people(file)) for file in files]
+    contents = [_read_content(file) for file in files]
+    raw = [(file, content["people"]) for file, content in zip(files, contents, strict=True)]
     frames = tuple(_frame(file, people) for file, people in raw)
     _forbid_mixed_layouts(raw)
+    told = [content.get(DETECTOR, OPENPOSE) for content in contents]
+    _forbid_mixed_detectors(files, told)
+    detector, of_detector = told_detector(path, told[0])
     return Detections(
         frames=frames,
         stems=tuple(_stem(file) for file in files),
         source=path,
         scale="auto",
-        notes=stray_confidences(path, _confidences(raw)),
+        detector=detector,
+        notes=(*of_detector, *stray_confidences(path, _confidences(raw))),
     )
 
 
 def write_openpose(
-    folder: Path, keypoints: Keypoints, *, name: str, first_frame: int = 0, image_stems: Sequence[str] = ()
+    folder: Path,
+    keypoints: Keypoints,
+    *,
+    name: str,
+    first_frame: int = 0,
+    image_stems: Sequence[str] = (),
+    detector: str = "",
 ) -> list[Path]:
     """Write one person's keypoints; as of `write_everybody`."""
     points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1)[:, None]
-    return write_everybody(folder, list(points), name=name, first_frame=first_frame, image_stems=image_stems)
+    return write_everybody(
+        folder, list(points), name=name, first_frame=first_frame, image_stems=image_stems, detector=detector
+    )
 
 
 def write_everybody(
@@ -118,7 +134,7 @@ def write_everybody(
             f"{len(paths)} new ones they would read as one clip; choose an empty folder."
         )
     parts = {key: part for key, part in _WRITTEN.items() if any((frame[:, part, 2] > 0).any() for frame in people)}
-    head = {"version": 1.3, **({"detector": detector} if detector else {})}
+    head = {"version": 1.3, **({DETECTOR: detector} if detector else {})}
     for path, frame in zip(paths, people, strict=True):
         entries = [_entry(points, parts) for points in frame if (points[:, 2] > 0).any()]
         with replacing(path) as draft:
@@ -163,13 +179,12 @@ def _forbid_same_number(files: Sequence[Path]) -> None:
         seen[prefix, number] = file
 
 
-def _read_people(file: Path) -> list[Any]:
+def _read_content(file: Path) -> dict[str, Any]:
     content = read_json(file, advice=_ADVICE)
-    people = content.get("people") if isinstance(content, dict) else None
-    if not isinstance(people, list):
+    if not isinstance(content, dict) or not isinstance(content.get("people"), list):
         found = f"an object with {', '.join(content) or 'nothing'}" if isinstance(content, dict) else kind(content)
         raise InputError(f"{file} is not OpenPose JSON: found {found}; expected an object with a list 'people'.")
-    return people
+    return content
 
 
 def _frame(file: Path, people: list[Any]) -> Float[np.ndarray, "P 137 3"]:
@@ -231,4 +246,12 @@ def _forbid_mixed_layouts(raw: Sequence[tuple[Path, list[Any]]]) -> None:
         raise InputError(
             f"Different body layouts in one clip: {file.name} has {count} points, {other.name} has {other_count}. "
             "Keep the files of one detector run only."
+        )
+
+
+def _forbid_mixed_detectors(files: Sequence[Path], told: Sequence[Any]) -> None:
+    if other := next((k for k, detector in enumerate(told) if detector != told[0]), None):
+        raise InputError(
+            f"Different detectors in one clip: {files[0].name} says {short(told[0])}, {files[other].name} says "
+            f"{short(told[other])}. Keep the files of one detector run only."
         )

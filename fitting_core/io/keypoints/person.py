@@ -38,7 +38,13 @@ class PersonChoice:
 _Track = Track[Sighting]
 
 
-def choose_person(detections: Detections, *, person: int | None = None, first_frame: int = 0) -> PersonChoice:
+def choose_person(
+    detections: Detections,
+    *,
+    person: int | None = None,
+    seen: tuple[int, int] | None = None,
+    first_frame: int = 0,
+) -> PersonChoice:
     """Choose one person over the clip.
 
     Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
@@ -49,6 +55,7 @@ def choose_person(detections: Detections, *, person: int | None = None, first_fr
         detections: In pixels.
         person: Take the one who has this place (from 0) in the list of people of the first frame that has such a place,
             instead. Detectors do not keep their order, so that others can have this place in other frames.
+        seen: Take the one who is at a place (from 0) in the list of people of a frame of these detections, instead.
         first_frame: Number of the first frame, for the note.
 
     Raises:
@@ -63,6 +70,9 @@ def choose_person(detections: Detections, *, person: int | None = None, first_fr
     if person is not None:
         chosen, start = _asked(detections, tracks, person)
         note = _describe_asked(chosen, len(detections), first_frame, person, start)
+    elif seen is not None:
+        chosen = next((track for track in tracks if _entry(track, seen[0]) == seen[1]), tracks[0])
+        note = f"Person: {_found(chosen, len(detections), first_frame)}"
     else:
         chosen, note = tracks[0], _describe(tracks, detections, first_frame)
     entries = tuple(_entry(chosen, t) for t in range(len(detections)))

@@ -9,6 +9,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.json_points import MIN_CONFIDENCE, checked_points, stray_confidences
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
+from fitting_core.keypoint_noise import COCO_WHOLEBODY, MEDIAPIPE, OPENPOSE
 from fitting_core.keypoints import BODY_25, BONES, COUNT, FACE, GROUPS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.wholebody import COCO_17, FEET_6, with_means
 
@@ -94,11 +95,11 @@ COMPONENTS: dict[str, dict[str, int]] = {
 }
 """By a component's name: our place of each of its points, by the point's name."""
 BODIES = {
-    "pose_keypoints_2d": "OpenPose",
-    "POSE_LANDMARKS": "MediaPipe Holistic",
-    "BODY": "COCO-WholeBody",
+    "pose_keypoints_2d": (OPENPOSE, "OpenPose"),
+    "POSE_LANDMARKS": (MEDIAPIPE, "MediaPipe Holistic"),
+    "BODY": (COCO_WHOLEBODY, "COCO-WholeBody"),
 }
-"""By the body's component: whose points the file has."""
+"""By the body's component: whose points the file has, and how notes call it."""
 WITH_MEANS = ("POSE_LANDMARKS", "BODY")
 """Bodies without neck and mid-hip, which are made of shoulders and hips."""
 
@@ -162,6 +163,7 @@ def read_pose(path: Path) -> Detections:
         scale="auto",
         size=pose.size if min(pose.size) > 0 else None,
         frame_rate=pose.frame_rate or None,
+        detector=_body(pose)[0],
         notes=(*_notes(path, pose, set(ours)), *stray_confidences(path, pose.confidence[..., used].ravel())),
     )
 
@@ -216,9 +218,13 @@ def _places(path: Path, pose: PoseFile) -> list[int | None]:
     return places
 
 
+def _body(pose: PoseFile) -> tuple[str, str]:
+    return next((BODIES[c.name] for c in pose.components if c.name in BODIES), ("", "no body"))
+
+
 def _notes(path: Path, pose: PoseFile, ours: set[int]) -> tuple[str, ...]:
-    whose = next((BODIES[c.name] for c in pose.components if c.name in BODIES), "no body")
-    made = {INDEX["neck"], INDEX["mid_hip"]} if whose != "OpenPose" else set()
+    detector, whose = _body(pose)
+    made = {INDEX["neck"], INDEX["mid_hip"]} if detector != OPENPOSE else set()
     missing = [NAMES[place] for place in range(COUNT) if place not in ours | made]
     if not missing:
         return ()

@@ -20,8 +20,9 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
 from fitting_core.files.npz import read_npz
-from fitting_core.files.regular import regular_file
+from fitting_core.files.regular import legible, regular_file
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.silhouettes import SILHOUETTE_SIDE, Silhouettes
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, text
@@ -32,6 +33,12 @@ from tcfit_app.project.storage.names import name_of_file
 DETECTIONS = "detections.npz"
 _WIDTHS = {"xy": (COUNT, 2), "confidence": (COUNT,)}
 """Its arrays: floating point, and their shapes behind the number of frames."""
+_DETECTOR = "detector"
+"""Its name beside them, which files of earlier versions lack."""
+_LONGEST = 100
+"""Letters of such a name."""
+_SILHOUETTES = ("silhouettes", "silhouette_size", "silhouette_known")
+"""More arrays of it, where a detector found silhouettes: see `Silhouettes`."""
 _COMING = "detections.coming.npz"
 """Detections that take the place of those; the database's checksum says which of both files are the project's."""
 _RATE = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
@@ -50,7 +57,7 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
         InputError: The database cannot be written.
         OSError: Another file cannot be written.
     """
-    _write_detections(draft / DETECTIONS, clip.keypoints)
+    _write_detections(draft / DETECTIONS, clip)
     Database.create(draft / database.NAME)
     values = (
         name_of_file(clip.name),
@@ -82,7 +89,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     checksum = row.read("detections_sha256", _checksum, None, f"whether {DETECTIONS} is whole cannot be told")
     if checksum is not None and not store.read_only:
         _settle_detections(folder, checksum)
-    keypoints = _read_detections(folder, checksum)
+    keypoints, detector, silhouettes = _read_detections(folder, checksum)
     camera = row.read(
         "camera",
         lambda value: _camera(value, len(keypoints)),
@@ -95,7 +102,9 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
         frame_rate=row.read("frame_rate", of(_RATE), 30.0, "30 frames per second stand in for it"),
         name=row.read("name", line, name_of_file(folder.resolve().stem), "that of the folder stands in for it"),
         first_frame=row.read("first_frame", of(Count), 0, "frames are counted from 0"),
+        detector=detector,
         notes=row.read("notes", json_of(tuple[str, ...]), (), "they are left out"),
+        silhouettes=silhouettes,
     )
     return clip, _link(row)
 
@@ -158,10 +167,8 @@ def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> N
         )
 
 
-def replace_detections(
-    folder: Path, store: Database, keypoints: Keypoints, notes: tuple[str, ...], camera: Camera
-) -> None:
-    """Give a project other detections, with notes and camera of its clip; when this returns they are on the disk.
+def replace_detections(folder: Path, store: Database, clip: Clip) -> None:
+    """Give a project another clip's detections, with its notes and its camera; when this returns they are on the disk.
 
     Wherever it ends in between, the project opens with the old ones or the new ones: the new file lies beside the old
     one, the database's transaction decides, and then the new one takes the old one's place.
@@ -170,12 +177,12 @@ def replace_detections(
         InputError: The project cannot be written; it has its old detections then.
     """
     with accessing(folder):
-        _write_detections(folder / _COMING, keypoints)
+        _write_detections(folder / _COMING, clip)
         new = _sha256(folder / _COMING)
         with store.transaction() as connection:
             connection.execute(
                 "UPDATE clip SET detections_sha256 = ?, camera = ?, notes = ?",
-                (new, msgspec.json.encode(camera).decode(), msgspec.json.encode(notes).decode()),
+                (new, msgspec.json.encode(clip.camera).decode(), msgspec.json.encode(clip.notes).decode()),
             )
     _settle_detections(folder, new)
 
@@ -232,24 +239,32 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
     return False
 
 
-def _write_detections(path: Path, keypoints: Keypoints) -> None:
-    arrays = {name: np.asarray(getattr(keypoints, name), dtype=float) for name in _WIDTHS}
+def _write_detections(path: Path, clip: Clip) -> None:
+    arrays = {name: np.asarray(getattr(clip.keypoints, name), dtype=float) for name in _WIDTHS}
     try:
         _check_detections(arrays)  # what could not be read back must not get there
     except ValueError as error:
         raise InputError(f"These keypoints cannot be stored: {error}.") from error
+    arrays[_DETECTOR] = np.array(clip.detector[:_LONGEST])
+    if (shown := clip.silhouettes) is not None:
+        arrays |= dict(zip(_SILHOUETTES, (shown.packed, np.array(shown.size), shown.known), strict=True))
     with replacing(path) as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
-def _read_detections(folder: Path, expected: str | None) -> Keypoints:
-    """The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything."""
+def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str, Silhouettes | None]:
+    """Keypoints, who detected them, and silhouettes if they were found as well.
+
+    The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything.
+    """
     path, advice = folder / DETECTIONS, "It must stay as it was made: take it from a backup"
     try:
         path = path if expected is None else _detections_file(folder, expected)
         if expected is not None and _sha256(path) != expected:
             raise InputError(f"{path}: was changed since the project was made. {advice}.")
-        arrays = read_npz(path, _WIDTHS)
+        arrays = read_npz(path, (*_WIDTHS, _DETECTOR, *_SILHOUETTES))
+        detector = _detector(arrays.pop(_DETECTOR, None))
+        shown = _silhouettes({name: arrays.pop(name) for name in _SILHOUETTES if name in arrays}, arrays)
         _check_detections(arrays)
     except InputError:  # is a ValueError, too
         raise
@@ -257,7 +272,30 @@ def _read_detections(folder: Path, expected: str | None) -> Keypoints:
         raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
     for array in arrays.values():
         array.setflags(write=False)
-    return Keypoints(**arrays)
+    return Keypoints(**arrays), detector, shown
+
+
+def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarray]) -> Silhouettes | None:
+    """None where there are none. Raises ValueError if they are not those of a clip with these keypoints."""
+    if not found:
+        return None
+    packed, size, known = (found[name] for name in _SILHOUETTES)
+    if size.shape != (2,) or size.dtype.kind not in "iu" or not (size.min() >= 1 and size.max() <= SILHOUETTE_SIDE):
+        raise ValueError(f"{_SILHOUETTES[1]} is {size.tolist()}, expected width and height up to {SILHOUETTE_SIDE}")
+    count, (width, height) = len(keypoints["xy"]), size.tolist()
+    shape = (count, -(-width * height // 8))
+    if packed.shape != shape or packed.dtype != np.uint8 or known.shape != (count,) or known.dtype != bool:
+        raise ValueError(f"{_SILHOUETTES[0]} is {packed.dtype} of the shape {packed.shape}, expected bytes of {shape}")
+    return Silhouettes(packed=packed, size=(width, height), known=known)
+
+
+def _detector(told: np.ndarray | None) -> str:
+    """Its name; empty where the file does not tell, as those of earlier versions. Raises ValueError for no name."""
+    if told is None:
+        return ""
+    if told.dtype.kind != "U" or told.shape != () or len(str(told)) > _LONGEST:
+        raise ValueError(f"{_DETECTOR} is {told.dtype} of the shape {told.shape}, expected a name")
+    return legible(str(told))
 
 
 def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:

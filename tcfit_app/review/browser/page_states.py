@@ -115,8 +115,12 @@ class OtherPerson(_State, frozen=True, kw_only=True):
     number: int
     """Comes back in `GoToPerson`."""
     name: str
+    hint: str
+    """What a press on the name, or on the person, does."""
     at: tuple[float, float] | None
     """The image's pixel above which the name stands; None: it stands nowhere."""
+    bones: tuple[tuple[float, float, float, float], ...] = ()
+    """Lines that are drawn dimmed, where nothing else shows the person: from x, y to x, y in image pixels."""
 
 
 class OtherPeople(_State, frozen=True, kw_only=True):
@@ -401,8 +405,8 @@ class FitSpan(_State, frozen=True, kw_only=True):
 
     first: int
     last: int
-    state: Literal["fitting", "phase1", "phase2", "done"]
-    """Being fitted; has a fit of phase 1; of phase 2; is finished."""
+    state: Literal["found", "fitting", "phase1", "phase2", "done"]
+    """Has its keypoints; is being fitted; has a fit of phase 1; of phase 2; is finished."""
 
 
 class Fit(_State, frozen=True, kw_only=True):

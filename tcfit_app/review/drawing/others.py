@@ -87,7 +87,12 @@ class OthersPart:
             return
         flat = tab.state.mode != "space"
         people = tuple(
-            OtherPerson(number=one.someone.number, name=one.someone.name, at=_above(one.layer) if flat else None)
+            OtherPerson(
+                number=one.someone.number,
+                name=one.someone.name,
+                hint=f"Show and correct {one.someone.name}",
+                at=_above(one.layer) if flat else None,
+            )
             for one in seen
         )
         tab.channel.send("other_people", OtherPeople(people=people))

@@ -12,6 +12,7 @@ from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Styl
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.around import AroundPart
+from tcfit_app.review.drawing.found import FoundPart
 from tcfit_app.review.drawing.joints import JointsPart
 from tcfit_app.review.drawing.others import OthersPart
 from tcfit_app.review.drawing.side import SidePart
@@ -45,7 +46,7 @@ class Picture:
         self._size = (0, 0)
         self._image: FrameImage | None = None
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
-        self._others = OthersPart(tab)
+        self._others, self._found = OthersPart(tab), FoundPart(tab)
         self._room: Room | None = None
         self._placed: tuple[tuple[Room, Camera, int], Room] | None = None
         """A room, and how the camera of a frame is in it."""
@@ -233,7 +234,8 @@ class Picture:
         )
         if tab.sent.differs("style", style):
             tab.channel.send("style", style)
-        if not tab.sent.differs("keypoints", state.frame, session.edits):
+        self._found.draw()
+        if not session.project.has_detections or not tab.sent.differs("keypoints", state.frame, session.edits):
             return
         corrected, found, frame = session.project.corrected, session.project.detected, state.frame
         edited = np.flatnonzero(corrected.edited[frame])

@@ -128,9 +128,12 @@ class Timeline:
 
     def _draw_fit(self) -> None:
         tab = self._tab
-        if tab.sent.differs("fit", tab.session.changes):
+        people = tab.session.source.people if tab.session.source.busy else None
+        if tab.sent.differs("fit", tab.session.changes, people and people.version):
             jobs = tab.session.jobs.values()
             found = tuple(span for job in jobs if job.started for span in fit_spans(job, self._frames_of(job)))
+            if people is not None:
+                found = tuple(FitSpan(first=done[0], last=done[-1], state="found") for done in people.done)
             tab.channel.send("fit", states.Fit(spans=found) if found else None)
 
     def _frames_of(self, job: RunningJob) -> range:

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 import viser
 
+from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
@@ -121,8 +122,9 @@ class KeypointsPanel:
         switches = state.keyframes, state.hand_along
         if tab.sent.differs("keypoint buttons", where, bad, key, switches, not state.selection, tab.hits_unseen):
             self._draw_buttons(where, bad, key)
-        if tab.sent.differs("groups", where):
-            self._groups.show(heading("Whole groups", where), self._group_table())
+        detector = session.project.clip.detector
+        if tab.sent.differs("groups", where, detector):
+            self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(detector))
         if tab.sent.differs("history", session.edits, session.marked, session.edit_follower.after_edits, tab.author):
             self._draw_history()
 
@@ -285,6 +287,13 @@ def _when(time: datetime, now: datetime) -> str:
 
 _MOST = 5
 """Keypoints that are listed one by one."""
+
+
+def _detected_by(detector: str) -> list[Html]:
+    """Whose the keypoints are, where that is known."""
+    return [paragraph(f"Detected by {DETECTORS.get(detector, detector)}.", "dim")] if detector else []
+
+
 _STATES = ("bad", "corrected", "detected", "missing")
 """The style sheet knows these names."""
 

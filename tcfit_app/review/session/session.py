@@ -9,7 +9,7 @@ from typing import Literal
 
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.config.schema import FitConfig
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseStarted
 from fitting_core.fit.result import FitResult
@@ -411,6 +411,15 @@ class Session:
         elif ended.state == "finished" and (found := ended.result()) is not None:
             self.edits += 1
             self.tell(Notice(title="This project has its keypoints", text="\n".join(found.notes), kind="done"))
+            if self.source.then_fit:
+                self._fit_at_once()
+
+    def _fit_at_once(self) -> None:
+        """Fit everything with the default settings, as was asked for before there were keypoints."""
+        try:
+            self.fit_everything(PRESETS[DEFAULT_PRESET], kind="smplx", gender="neutral")
+        except InputError as error:
+            self.tell(Notice(title="Fit everything", text=str(error), kind="error"))
 
     def _take_whatever_comes(self, report: Report) -> None:
         """A report that cannot be taken up must not take those after it along: jobs would seem to run for ever."""
@@ -489,4 +498,4 @@ class Session:
     def refuse_without_keypoints(self) -> None:
         """Raises InputError where there is nothing yet to correct or fit."""
         if not self.project.has_detections:
-            raise InputError("This project has no keypoints yet: import or detect them first, in the panel Start.")
+            raise InputError("This project has no keypoints yet: have them found first, in the panel Start.")

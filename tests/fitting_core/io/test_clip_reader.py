@@ -158,7 +158,7 @@ def test_part_of_a_clip(video, walk):
 
 
 def neck_numbers_read(path: Path, clip: Clip) -> list[int | None]:
-    keypoints, _ = read_keypoints(path, clip)
+    keypoints, _, _ = read_keypoints(path, clip)
     return neck_numbers(replace(clip, keypoints=keypoints))
 
 

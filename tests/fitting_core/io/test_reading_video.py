@@ -60,7 +60,7 @@ def test_a_video_is_enough(video, walker: FakeDetector):
     assert np.allclose(clip.keypoints.xy[:, 1, 0], 100 + np.arange(10), atol=0.1)
     assert (clip.name, clip.source, clip.first_frame, clip.frame_rate) == ("walk", path, 0, 25.0)
     assert clip.notes == ("Keypoints were found by fake (version 1).",)
-    assert clip.found_by == "fake (version 1)"
+    assert clip.found_by == "fake (version 1)" and clip.detector == "mediapipe"
     assert told[0] == DetectionProgress(done=0, total=10, kept=0)
     assert told[-1] == DetectionProgress(done=10, total=10, kept=10)
     assert clip.silhouettes is not None and len(clip.silhouettes) == 10 and clip.silhouettes.known.all()

@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 
 from fitting_core.body.files import registry
+from fitting_core.detect.mediapipe import networks, packages
 from fitting_core.errors import InputError
 from fitting_core.priors.files import registry as priors
 from fitting_core.priors.files.network import write_network
+from tcfit_app.cli.doctor import check_detector
 from tcfit_app.cli.models_command import list_models, register_models
+from tests.fitting_core.detect.mediapipe.fake_packages import asked, fake_programs, know, make_packages
 from tests.fitting_core.priors.networks import random_network
 from tests.fitting_core.priors.test_vposer import folder_1, trained, version_1
 from tests.samples.body_files import body_arrays, write_npz
@@ -25,6 +28,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(priors, "user_file", lambda: tmp_path / "data" / "vposer.npz")
     monkeypatch.setattr(priors, "SHIPPED", tmp_path / "free" / "prior.npz")
     monkeypatch.delenv(registry.ENVIRONMENT, raising=False)
+    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path / "detectors"))
     return tmp_path
 
 
@@ -92,3 +96,55 @@ def test_pose_priors_are_added_and_shown(places: Path, capsys: pytest.CaptureFix
     list_models()
     out = capsys.readouterr().out
     assert "damaged" in out and f"Cannot be read: {own}" in out
+
+
+@pytest.fixture
+def packages_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Packages with tiny networks that are taken for MediaPipe's, and programs that fetch them."""
+    folder = make_packages(tmp_path / "packages")
+    know(folder, monkeypatch.setitem, lambda sha256: monkeypatch.setattr(packages, "WHEEL_SHA256", sha256))
+    monkeypatch.setattr(packages, "programs", lambda: fake_programs(folder))
+    return folder
+
+
+def test_networks_are_fetched_once_the_user_agrees(
+    places: Path, packages_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    with pytest.raises(InputError, match="give --yes"):
+        register_models([Path("mediapipe")])
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    answers = iter(["", "y"])
+    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    with pytest.raises(InputError, match=r"Nothing was fetched\."):
+        register_models([Path("mediapipe")])
+    assert asked(packages_folder) == []
+    capsys.readouterr()
+    register_models([Path("mediapipe")])
+    out = capsys.readouterr().out
+    assert "Apache-2.0" in out and "36 MB" in out and f"In {networks.folder()}: pose_detection, " in out
+    register_models([Path("mediapipe")], agreed=True)
+    assert "already" in capsys.readouterr().out and asked(packages_folder) == ["download", "pack"]
+
+
+def test_networks_are_taken_from_files_and_shown(
+    places: Path, packages_folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    list_models()
+    states = [line.split()[-2:] for line in capsys.readouterr().out.splitlines() if line.startswith("pose_")]
+    assert states == [["not", "here"], ["not", "here"], ["here", "(optional)"]]
+    assert [check.status for check in check_detector()] == ["warning"]
+    register_models([next(packages_folder.glob("*.whl"))])
+    assert "Note: pose_landmark_heavy: not there" in capsys.readouterr().out
+    (check,) = check_detector()
+    assert check.status == "ok" and "not the more exact one" in check.found and "tcfit models add" in check.advice
+    register_models([next(packages_folder.glob("*.tgz"))])
+    networks.onnx_path("pose_landmark_full", networks.folder()).write_bytes(b"x")
+    capsys.readouterr()
+    list_models()
+    states = [line.split()[-1] for line in capsys.readouterr().out.splitlines() if line.startswith("pose_")]
+    assert states == ["here", "damaged", "here"]
+    (check,) = check_detector()
+    assert check.status == "warning" and "damaged: pose_landmark_full" in check.found
+    register_models([Path("mediapipe")], agreed=True)
+    (check,) = check_detector()
+    assert check.status == "ok" and not check.advice

@@ -43,11 +43,11 @@ def project(folder: Path) -> Iterator[Project]:
 
 
 def _older(fit: FitResult) -> FitResult:
-    """As versions wrote it that knew neither lifter nor ground nor starts from other results, noted no provenance and
-    started each frame anew."""
+    """As versions wrote it that knew neither lifter nor ground nor starts from other results nor whose noise keypoints
+    have, noted no provenance and started each frame anew."""
     weights = replace(fit.config.weights, relative_position=(0,) * 5, held_position=(0,) * 5)
     settings = {"key_frames_every": 1, "widened_start": True, "start_deviation": None, "settings": SolverSettings()}
-    config = replace(fit.config, **settings, weights=weights)
+    config = replace(fit.config, **settings, weights=weights, keypoint_noise="equal")
     phases = tuple(replace(phase, provenance=None) for phase in fit.phases)
     return replace(fit, phases=phases, config=config, grounding=None)
 
@@ -56,6 +56,7 @@ def test_all_that_it_holds_is_there(project: Project):
     clip = project.clip
     assert (clip.name, clip.frame_rate, clip.first_frame, len(clip)) == ("walk", 29.97, 7, FRAMES)
     assert clip.notes == ("gap in 3", "größer") and not project.media.problem
+    assert clip.detector == ""  # OpenPose's, as all were then
     *edits, undo = [entry.action for entry in project.log]
     expected = [random_edit(seed) for seed in range(5)]
     # Arms were swapped with their shoulders then: what was done stays as it was done.

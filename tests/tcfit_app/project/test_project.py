@@ -488,11 +488,30 @@ MADE_UP: dict[str, tuple[bytes, str]] = {
     "sure": (_npz(xy=XY, confidence=CONFIDENCE + 7), "a confidence is not between 0 and 1"),
     "fewer": (_npz(xy=XY, confidence=CONFIDENCE[1:]), "6 frames of positions and 5 of confidences"),
     "no frames": (_npz(xy=XY[:0], confidence=CONFIDENCE[:0]), "0 frames of positions"),
+    "a number for a name": (_npz(xy=XY, confidence=CONFIDENCE, detector=XY), "detector is float64 .* expected a name"),
+    "a long name": (_npz(xy=XY, confidence=CONFIDENCE, detector=np.array("x" * 101)), "detector is <U101 .* a name"),
     "one array": (_npz(xy=XY), "'confidence'"),
     "197 TB": (_declared(10**11), "declares the shape"),
     "no archive": (b"PK" * 100, "no complete npz archive"),
     "cut off": (_npz(xy=XY, confidence=CONFIDENCE)[:3000], "no complete npz archive"),
 }
+
+
+def test_detections_of_earlier_versions_do_not_say_whose_they_are(folder: Path):
+    content = _npz(xy=XY, confidence=CONFIDENCE)
+    (folder / "detections.npz").write_bytes(content)
+    with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
+        connection.execute("UPDATE clip SET detections_sha256 = ?", (hashlib.sha256(content).hexdigest(),))
+    with Project.open(folder) as project:
+        assert project.clip.detector == "" and len(project.detections) == 6 and not project.damage
+
+
+@pytest.mark.parametrize("detector", ["mediapipe", "a detector of a plugin's, 检测", "x" * 200])
+def test_whose_keypoints_they_are_stays(tmp_path: Path, detector: str):
+    with Project.create(tmp_path / "walk", replace(sample_clip(), detector=detector)) as project:
+        assert project.clip.detector == detector[:100]
+    with Project.open(tmp_path / "walk", read_only=True) as project:
+        assert project.clip.detector == detector[:100]
 
 
 @pytest.mark.parametrize(("content", "words"), MADE_UP.values(), ids=MADE_UP)

@@ -57,7 +57,8 @@ def test_a_project_takes_its_keypoints_once(folder: Path):
     found = sample_keypoints(seed=3)
     with Project.open(folder) as project:
         assert not project.has_detections
-        project.take_detections(found, ("Person: found.",))
+        project.take_detections(found, ("Person: found.",), detector="mediapipe")
+        assert project.clip.detector == "mediapipe"
         assert project.has_detections and same_keypoints(project.detections, found)
         assert same_keypoints(project.clip.keypoints, found) and project.clip.notes[-1] == "Person: found."
         with pytest.raises(InputError, match="has its keypoints already"):
@@ -69,6 +70,7 @@ def test_a_project_takes_its_keypoints_once(folder: Path):
             *empty_clip().notes,
             "Person: found.",
         )
+        assert project.clip.detector == "mediapipe"
     assert sorted(p.name for p in folder.iterdir() if p.suffix == ".npz") == ["detections.npz"]
 
 

@@ -17,8 +17,15 @@ export const COLORS = {
   good: "#51cf66",
   wrong: "#ff8787", // in text: lighter than the marks, to be read on the panels' grey
 };
-export const FIT_COLORS = { fitting: "#f0c44a", phase1: "#35618a", phase2: "#2f86c9", done: "#46b37b" };
+export const FIT_COLORS = {
+  found: "#8fb4d8",
+  fitting: "#f0c44a",
+  phase1: "#35618a",
+  phase2: "#2f86c9",
+  done: "#46b37b",
+};
 export const FIT_NAMES = {
+  found: "keypoints found",
   fitting: "running",
   phase1: "phase 1 done",
   phase2: "phase 2 done",

@@ -48,7 +48,9 @@ export interface Space {
 export interface OtherPerson {
   number: number;
   name: string;
+  hint: string;
   at: [number, number] | null;
+  bones: [number, number, number, number][];
 }
 
 export interface OtherPeople {
@@ -225,7 +227,7 @@ export interface Provenance {
 export interface FitSpan {
   first: number;
   last: number;
-  state: "done" | "fitting" | "phase1" | "phase2";
+  state: "done" | "fitting" | "found" | "phase1" | "phase2";
 }
 
 export interface Fit {

@@ -54,6 +54,7 @@ class FitPanel:
             self._inputs.add_given()
         with gui.add_folder("Shape, solver, prior"):
             self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
+            self._inputs.add("keypoint_noise")
         begins = not tab.session.fits.runs and not tab.session.project.clip.camera.calibrated
         with gui.add_folder("How it was filmed", expand_by_default=begins):
             self._inputs.add_camera()

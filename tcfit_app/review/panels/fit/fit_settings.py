@@ -38,6 +38,7 @@ LABELS = {
     "shape_sample.seed": "Seed",
     "solver": "Solver",
     "pose_prior": "Pose prior",
+    "keypoint_noise": "Keypoint noise",
 }
 """Settings with an input of their own, in short words."""
 CHOICE_WORDS = {"sliding_window": "sliding window"}
@@ -52,6 +53,7 @@ _HINTS = {
     "shape_sample.seed": "Of the random choice of frames",
     "solver": "lm: Levenberg-Marquardt. lbfgs: L-BFGS, as in the paper",
     "pose_prior": "What counts as a likely pose",
+    "keypoint_noise": "By whose noise keypoints are weighed; auto: that of the detector that found them",
 }
 _MOST = {"temporal.weight": 1e5, "shape_sample.seed": 999_999_999}
 """Bounds where the settings themselves have none: beyond, nothing gets better."""

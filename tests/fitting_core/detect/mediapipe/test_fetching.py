@@ -314,9 +314,13 @@ def test_given_files_that_are_none(source: Path, place: Path, tmp_path: Path):
     assert not place.exists()
 
 
-def test_what_users_are_told_before(monkeypatch: pytest.MonkeyPatch):
-    said = announced()
-    for words in ("36 MB", "53 MB", "mediapipe 0.10.21", "@mediapipe/holistic", "Apache-2.0", str(networks.folder())):
+def test_what_users_are_told_before(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(packages, "programs", lambda: Programs(pip=["pip"], npm=["npm"]))
+    said = announced(place)
+    for words in ("36 MB", "53 MB", "mediapipe 0.10.21", "@mediapipe/holistic", "Apache-2.0", f"49 MB in {place}"):
         assert words in said
+    assert "for npm" not in said
     monkeypatch.setattr(packages, "programs", lambda: Programs(pip=["pip"], npm=None))
-    assert "for npm; deleted afterwards" in announced()
+    assert "for npm; then deleted" in announced(place)
+    finished(add(next(source.glob("*.whl")), place))
+    assert "36 MB" not in announced(place) and "53 MB" in announced(place), "only what is to be fetched"

@@ -18,6 +18,7 @@ class World:
     def __init__(self, where: Where) -> None:
         self.where = where
         self.looks: list[int] = []
+        self.hard_looks: list[int] = []
 
     def body(self, image: np.ndarray, square: Square) -> Body:
         here = self.where(int(image)).values()
@@ -26,8 +27,9 @@ class World:
             return body_at(square.x, square.y, square.side, score=0.0)
         return min(near, key=lambda b: np.hypot(b.square.x - square.x, b.square.y - square.y))
 
-    def people(self, image: np.ndarray) -> list[Square]:
+    def people(self, image: np.ndarray, harder: bool) -> list[Square]:
         self.looks.append(int(image))
+        self.hard_looks += [int(image)] * harder
         return [square_of(body.circle) for body in self.where(int(image)).values()]
 
 
@@ -103,4 +105,4 @@ def test_somebody_who_is_lost_for_long_is_another_person():
 
 def test_nobody_at_all():
     people, world = followed(lambda t: {}, [7, 7])
-    assert people == [] and world.looks == list(range(14))
+    assert people == [] and world.looks == list(range(14)) and world.hard_looks == [0, LOOK_EVERY]

@@ -140,6 +140,20 @@ def test_a_clip_of_one_frame(source: FrameSource, tmp_path: Path):
     assert [len(people) for people in found.people] == [1]
 
 
+def test_somebody_far_away_is_found(source: FrameSource, tmp_path: Path):
+    """A tenth of the image high."""
+    (tmp_path / "far").mkdir()
+    small = cv2.resize(source.frame(0), None, fx=0.14, fy=0.14, interpolation=cv2.INTER_AREA)
+    wide = np.full((720, 1280, 3), source.frame(0)[5, 5], np.uint8)
+    wide[300 : 300 + len(small), 800 : 800 + small.shape[1]] = small
+    for t in range(6):
+        cv2.imwrite(str(tmp_path / "far" / f"{t}.png"), wide[..., ::-1])
+    with FrameSource(tmp_path / "far") as frames:
+        found = run(frames, tmp_path / "kept")
+    assert [len(people) for people in found.people] == [1] * 6
+    assert (np.abs(found.people[0][0, INDEX["neck"], :2] - [838, 330]) < 25).all()
+
+
 def test_two_people_beside_each_other_are_two(source: FrameSource, tmp_path: Path):
     """The person twice in one picture, once mirrored as in a mirror: both are found, and stay who they are."""
     (tmp_path / "two").mkdir()

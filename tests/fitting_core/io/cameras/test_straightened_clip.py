@@ -66,7 +66,7 @@ def test_what_is_written_for_others_is_where_it_was_filmed(shot: tuple[Path, Pat
     clip, made = read_clip(images, keypoints, camera=camera), filmed_by_hand()
     back = filmed_keypoints(clip.keypoints, clip.camera.lens)
     np.testing.assert_allclose(back.xy, made.xy, atol=1e-3)
-    again, _ = read_keypoints(keypoints, read_footage(images, camera=camera))
+    again, _, _ = read_keypoints(keypoints, read_footage(images, camera=camera))
     np.testing.assert_array_equal(again.xy, clip.keypoints.xy)
 
 

@@ -29,6 +29,11 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
         yield made
 
 
+def test_whose_noise_the_keypoints_have_can_be_said(tested: LonePage):
+    tested.enter("Keypoint noise", "mediapipe")
+    assert tested.page.tab.state.settings.config.keypoint_noise == "mediapipe"
+
+
 def test_what_is_entered_is_in_the_run(tested: LonePage):
     page = tested.page
     tested.enter("w_T", "42.5")

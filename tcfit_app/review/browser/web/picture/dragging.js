@@ -8,11 +8,12 @@ import { PATIENCE, emit, emitLast, emitSoon, invalidate, known, states, watch } 
 import { DRAG_THRESHOLD, leaveField } from "../elements.js";
 import { canvas, canvasSize, keepCameraFlat, moveWheel } from "../viser/bridge.js";
 import { beginDepthDrag, endDepthDrag, followInDepth } from "./depth.js";
+import { meanPersonAt } from "./people.js";
 import {
   REACH, TOUCH_REACH, borderAt, canvasPlace, inPicture, overPoster, overScene, pick, pointer, within,
 } from "./picking.js";
 import { drawn, inBox, toImage } from "./projection.js";
-import { badJoints, chosen, groupShown, isSide, position, select, skeletonReady } from "./skeleton.js";
+import { badJoints, chosen, groupShown, isPicture, isSide, position, select, skeletonReady } from "./skeleton.js";
 
 const [NARROWEST, WIDEST] = [0.01, 100]; // what the server takes; it has bounds of its own
 
@@ -132,11 +133,19 @@ function release(event) {
     endDepthDrag("end");
   }
   if (gesture.kind === "press" && gesture.found && chosen.joints.size > 1) select([gesture.found.joint], "replace");
-  if (gesture.kind === "empty" && chosen.joints.size) select([], "replace");
+  if (gesture.kind === "empty") pressBesides(gesture);
   if (gesture.kind === "marquee") selectWithin(gesture);
   if (gesture.kind === "widen") widenSide(gesture);
   endGesture();
   event.stopPropagation();
+}
+
+/** A press where there is no keypoint of this person. @param {Gesture} gesture */
+function pressBesides(gesture) {
+  if (chosen.joints.size) select([], "replace");
+  const map = drawn.maps.find((one) => isPicture(one) && inBox(one.seen, gesture));
+  const still = Math.hypot(gesture.x - gesture.x0, gesture.y - gesture.y0) < DRAG_THRESHOLD;
+  if (map && still) meanPersonAt(map, gesture);
 }
 
 /** @param {Gesture} gesture */

@@ -12,7 +12,7 @@ import { drawInWindow, leaveOut } from "../viser/windows.js";
 import { placeDivider } from "./divider.js";
 import { REACH, borderAt, inPicture, pick, pointer, within } from "./picking.js";
 import { peeking } from "./peeking.js";
-import { placePeople } from "./people.js";
+import { drawPeople, placePeople } from "./people.js";
 import { drawn, placeInWorld, posterMaps, toScreen, viewChanged } from "./projection.js";
 import { circle, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { wayOf } from "./depth.js";
@@ -98,6 +98,7 @@ function drawOnPoster(context, map, joints) {
   if (!isPicture(map)) return drawFits(context, map);
   if (peeking.now) return;
   if (known("style").ghosts) drawGhosts(context, map);
+  drawPeople(context, map);
   if (known("style").bones) drawBones(context, map);
   drawTrail(context, map);
   for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top

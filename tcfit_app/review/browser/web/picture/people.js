@@ -1,4 +1,5 @@
-// The names of the clip's other people, above their heads in each picture: a press on one goes to that person.
+// The clip's other people in each picture: a name above the head and, where nothing else shows them, their bones. A
+// press on either says that this person is meant.
 
 /** @import { OtherPerson } from "../wire" */
 /** @import { PosterMap } from "./projection.js" */
@@ -6,18 +7,24 @@
 import { emit, invalidate, states, watch } from "../connection.js";
 import { element, layer } from "../elements.js";
 import { peeking } from "./peeking.js";
-import { inBox, toScreen } from "./projection.js";
+import { inBox, toImage, toScreen } from "./projection.js";
+import { stroke } from "./shapes.js";
 
 const ABOVE = 10; // CSS pixels between a head and its name
+const BONES = { color: "#aab4c0", alpha: 0.7, width: 2 };
 
 /** @type {HTMLButtonElement[]} */
 let names = [];
+/** @type {typeof states.other_people} */
+let told; // what the names were made for
+
+const others = () => states.other_people?.people ?? [];
 
 /** @param {OtherPerson} person */
-function nameOf({ name, number }) {
+function nameOf({ name, hint, number }) {
   const made = element("button", "tcfit-person", layer, name);
   made.type = "button";
-  made.title = `Show and correct ${name}`;
+  made.title = hint;
   made.addEventListener("click", () => emit({ type: "go_to_person", person: number }));
   return made;
 }
@@ -33,17 +40,44 @@ function place(name, map, at) {
 
 /** Puts them where the heads are. @param {PosterMap[]} maps */
 export function placePeople(maps) {
-  const people = (states.other_people?.people ?? []).filter(({ at }) => at);
+  const people = others().filter(({ at }) => at);
   const pictures = maps.filter(({ poster }) => poster.kind === "picture");
   const wanted = pictures.flatMap((map) => people.map((person) => ({ map, person })));
-  const same = wanted.length === names.length && wanted.every(({ person }, i) => names[i].textContent === person.name);
+  const same = wanted.length === names.length && told === states.other_people;
   if (!same) {
     names.forEach((name) => name.remove());
     names = wanted.map(({ person }) => nameOf(person));
+    told = states.other_people;
   }
   wanted.forEach(({ map, person }, i) => {
     if (person.at) place(names[i], map, person.at);
   });
+}
+
+/** Draws the bones of those who have some. @param {CanvasRenderingContext2D} context @param {PosterMap} map */
+export function drawPeople(context, map) {
+  const lines = new Path2D();
+  for (const [x0, y0, x1, y1] of others().flatMap(({ bones }) => bones)) {
+    lines.moveTo(...toScreen(map, [x0, y0]));
+    lines.lineTo(...toScreen(map, [x1, y1]));
+  }
+  context.globalAlpha = BONES.alpha;
+  stroke(context, lines, "rgba(8, 10, 14, 0.5)", BONES.width + 1.6);
+  stroke(context, lines, BONES.color, BONES.width);
+  context.globalAlpha = 1;
+}
+
+/** Says that the person at a place of a picture is meant, if somebody else's bones are around it.
+ * @param {PosterMap} map @param {{ x: number, y: number }} at */
+export function meanPersonAt(map, at) {
+  const [x, y] = toImage(map, at.x, at.y);
+  /** @param {OtherPerson} person */
+  const around = ({ bones }) => {
+    const [xs, ys] = [bones.flatMap((b) => [b[0], b[2]]), bones.flatMap((b) => [b[1], b[3]])];
+    return Math.min(...xs) <= x && x <= Math.max(...xs) && Math.min(...ys) <= y && y <= Math.max(...ys);
+  };
+  const person = others().find(around);
+  if (person) emit({ type: "go_to_person", person: person.number });
 }
 
 watch("other_people", () => invalidate("overlay"));

@@ -1,0 +1,55 @@
+"""Keypoints that are being found: whoever is meant, and the others, one of whom can be clicked on instead."""
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.keypoints import BODY, BONES, COUNT
+from tcfit_app.review.browser.page_states import Keypoints, OtherPeople, OtherPerson, pixel_pairs, shares
+from tcfit_app.review.tab.tab import Tab
+
+_BODY_BONES = [pair for pair in BONES if max(pair) < BODY.stop]
+
+
+class FoundPart:
+    """Draws them in a project that has no keypoints yet; asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+
+    def draw(self) -> None:
+        """Send what changed."""
+        tab = self._tab
+        people, frame = tab.session.source.people, tab.state.frame
+        there = people is not None and not tab.session.project.has_detections
+        if not tab.sent.differs("found", frame, people.version if there and people else None):
+            return
+        found = people.at(frame) if there and people else None
+        if found is None:
+            points, others = np.zeros((COUNT, 3)), ()
+        else:
+            points = np.zeros((COUNT, 3)) if found.chosen is None else found.points[found.chosen]
+            others = tuple(
+                _other(place, found.points[place]) for place in range(len(found.points)) if place != found.chosen
+            )
+        if there:
+            shown = Keypoints(frame=frame, xy=pixel_pairs(points[:, :2]), confidence=shares(points[:, 2]))
+            tab.channel.send("keypoints", shown)
+        if not tab.someone.others:
+            tab.channel.send("other_people", OtherPeople(people=others))
+
+
+def _other(place: int, points: Float[np.ndarray, "137 3"]) -> OtherPerson:
+    """Somebody who is not meant."""
+    sure = points[BODY][points[BODY, 2] > 0, :2]
+    bones = [
+        (*points[a, :2].round(1).tolist(), *points[b, :2].round(1).tolist())
+        for a, b in _BODY_BONES
+        if points[a, 2] > 0 and points[b, 2] > 0
+    ]
+    return OtherPerson(
+        number=place,
+        name="This one?",
+        hint="Take this person instead",
+        at=pixel_pairs(sure[[sure[:, 1].argmin()]])[0] if len(sure) else None,
+        bones=tuple(bones),
+    )

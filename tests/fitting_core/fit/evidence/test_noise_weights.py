@@ -1,0 +1,96 @@
+"""Keypoints weigh by their detector's noise in what the terms see, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.config.schema import PRESETS, FitConfig
+from fitting_core.fit.evidence.observations import Observations
+from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.objective_values import evaluate_objective
+from fitting_core.keypoint_noise import keypoint_weights
+from fitting_core.keypoints import Keypoints
+from tests.samples.posed_clips import clip_of, motion, shipped_body
+from tests.samples.scenes import CAMERA
+from tests.samples.standing import by_hand, standing
+
+TCFIT = PRESETS["tcfit"]
+
+
+def observed(detector: str, config: FitConfig = TCFIT, keypoints: Keypoints | None = None) -> Observations:
+    return Observations.of(
+        keypoints or standing(), CAMERA, config, detector=detector, dtype=torch.float64, device=torch.device("cpu")
+    )
+
+
+@pytest.mark.parametrize("detector", ["", "openpose", "somebody"])
+def test_openposes_keypoints_count_as_they_were_detected(detector: str):
+    assert np.array_equal(observed(detector).confidence.numpy(), standing().confidence)
+
+
+def test_mediapipes_count_by_their_weights():
+    found = observed("mediapipe")
+    expected = standing().confidence * keypoint_weights("mediapipe", "")
+    np.testing.assert_allclose(found.confidence.numpy(), expected, rtol=1e-15)
+    assert not np.array_equal(found.confidence.numpy(), standing().confidence)
+
+
+def test_the_setting_says_whose_noise_it_is():
+    equal = observed("mediapipe", replace(TCFIT, keypoint_noise="equal"))
+    assert np.array_equal(equal.confidence.numpy(), standing().confidence)
+    told = observed("openpose", replace(TCFIT, keypoint_noise="mediapipe"))
+    assert torch.equal(told.confidence, observed("mediapipe").confidence)
+
+
+@pytest.mark.parametrize("confidence", [0.02, 0.11, 0.24, 0.3, 0.8])
+def test_what_is_seen_does_not_depend_on_it(confidence: float):
+    """Nor what is swapped back or cut off, nor how many keypoints a frame needs."""
+    keypoints = replace(standing(), confidence=np.where(standing().confidence > 0, confidence, 0.0))
+    one, other = observed("openpose", keypoints=keypoints), observed("mediapipe", keypoints=keypoints)
+    for name in ("seen", "hips_seen", "leg_seen", "side", "shown", "usable"):
+        assert torch.equal(getattr(one, name), getattr(other, name)), name
+    assert np.array_equal(one.swapped, other.swapped)
+    assert np.array_equal(one.keypoints.confidence, other.keypoints.confidence)
+
+
+def test_what_a_person_has_placed_has_no_detectors_noise():
+    weights = keypoint_weights("mediapipe", "")
+    name = next(n for n in kp.BODY_25 if weights[kp.INDEX[n]] != 1)
+    placed = by_hand(standing(), (name,), [3])
+    found = observed("mediapipe", keypoints=placed).confidence[:, kp.INDEX[name]].numpy()
+    assert found[3] == placed.confidence[3, kp.INDEX[name]] and (np.delete(found, 3) != found[3]).all()
+
+
+def test_the_data_term_has_the_square_of_the_weight():
+    """Of one keypoint that alone is detected, whose noise is another detector's."""
+    weights = keypoint_weights("mediapipe", "")
+    name = next(n for n in kp.BODY_25 if weights[kp.INDEX[n]] != 1 and n.startswith("left_"))
+    params = motion(2, amplitude=0.2)
+    clip = clip_of(params)
+    confidence = np.zeros_like(clip.keypoints.confidence)
+    confidence[:, kp.INDEX[name]] = 0.7
+    keypoints = Keypoints(xy=clip.keypoints.xy + 8.0, confidence=confidence)
+    config = replace(TCFIT, pose_prior="axis_angle")
+
+    def cost(detector: str) -> np.ndarray:
+        values = evaluate_objective(
+            shipped_body(), params, clip.camera, keypoints, config, frame_rate=25.0, detector=detector
+        )
+        return values.frames["data"].numpy()
+
+    assert (cost("openpose") > 0).all()
+    np.testing.assert_allclose(cost("mediapipe"), weights[kp.INDEX[name]] ** 2 * cost("openpose"), rtol=1e-9)
+
+
+def test_fits_from_openposes_keypoints_are_the_same_to_the_last_bit():
+    clip = clip_of(motion(4, amplitude=0.2))
+    quick = replace(TCFIT, relay_rounds=0, limb_flips=False, yaws="side_view", pose_prior="axis_angle")
+    before = fit_clip(clip, shipped_body(), replace(quick, keypoint_noise="equal"))
+    after = fit_clip(replace(clip, detector="openpose"), shipped_body(), quick)
+    for name, value in vars(before.last.params).items():
+        assert torch.equal(value, getattr(after.last.params, name)), name
+    mediapipe = fit_clip(replace(clip, detector="mediapipe"), shipped_body(), quick)
+    assert not torch.equal(before.last.params.body_pose, mediapipe.last.params.body_pose)

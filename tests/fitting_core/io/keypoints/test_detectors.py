@@ -1,0 +1,94 @@
+"""Who detected keypoints: what each format says of it, and that it stays through writing and reading."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.io import read_detections
+from fitting_core.io.clip_reader import read_clip, read_keypoints
+from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
+from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.io.keypoints.pose_file import write_pose
+from fitting_core.io.people_reader import read_people
+from fitting_core.keypoint_noise import DETECTORS
+from fitting_core.keypoints import COUNT, Keypoints
+from tests.fitting_core.io.keypoints.test_pose_file import holistic
+
+SIZE = (640, 480)
+FRAMES = 12
+SEEN = Keypoints(
+    xy=np.tile(np.random.default_rng(1).uniform(50, 400, (COUNT, 2)), (FRAMES, 1, 1)),
+    confidence=np.full((FRAMES, COUNT), 0.8),
+)
+
+
+def openpose(folder: Path, said: object = None) -> Path:
+    """Files that say something beside the people, if it is anything."""
+    write_openpose(folder, SEEN, name="walk")
+    for file in folder.iterdir():
+        content = json.loads(file.read_text())
+        file.write_text(json.dumps(content if said is None else {**content, "detector": said}))
+    return folder
+
+
+def coco(file: Path, detector: str = "") -> Path:
+    write_coco_wholebody(file, SEEN, name="walk", size=SIZE, frame_rate=25.0, detector=detector)
+    return file
+
+
+def test_files_that_say_nothing_are_of_those_whose_format_it_is(tmp_path: Path):
+    write_pose(tmp_path / "walk.pose", SEEN, size=SIZE, frame_rate=25.0)
+    assert read_detections(openpose(tmp_path / "walk")).detector == "openpose"
+    assert read_detections(coco(tmp_path / "walk.json")).detector == "coco-wholebody"
+    assert read_detections(tmp_path / "walk.pose").detector == "openpose"
+    assert read_detections(holistic(tmp_path)[0]).detector == "mediapipe"
+
+
+def test_results_of_mmpose_are_of_coco_wholebody(tmp_path: Path):
+    file = tmp_path / "results.json"
+    file.write_text(json.dumps([{"image_id": 0, "category_id": 1, "keypoints": [100.0, 90.0, 0.9] * 133}]))
+    assert read_detections(file).detector == "coco-wholebody"
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_what_was_written_says_who_it_was(tmp_path: Path, detector: str):
+    write_openpose(tmp_path / "walk", SEEN, name="walk", detector=detector)
+    found = read_detections(tmp_path / "walk")
+    assert found.detector == detector and not found.notes
+    found = read_detections(coco(tmp_path / "walk.json", detector))
+    assert found.detector == detector and not found.notes
+
+
+def test_a_name_is_read_in_any_case(tmp_path: Path):
+    assert read_detections(openpose(tmp_path / "walk", " MediaPipe")).detector == "mediapipe"
+
+
+@pytest.mark.parametrize("said", ["alphapose", "", 5, ["mediapipe"], {"name": "mediapipe"}])
+def test_of_a_detector_that_nobody_measured_a_note_says_so(tmp_path: Path, said: object):
+    found = read_detections(openpose(tmp_path / "walk", said))
+    assert found.detector == "" and "weighed as if they were OpenPose's" in found.notes[0]
+    assert repr(said) in found.notes[0] and "mediapipe" in found.notes[0]
+
+
+def test_files_of_two_detectors_are_no_clip(tmp_path: Path):
+    folder = openpose(tmp_path / "walk")
+    last = max(folder.iterdir())
+    last.write_text(json.dumps({**json.loads(last.read_text()), "detector": "mediapipe"}))
+    with pytest.raises(InputError, match=r"Different detectors in one clip: .* 'openpose', .* 'mediapipe'"):
+        read_detections(folder)
+
+
+def test_a_clip_and_its_people_know_it(tmp_path: Path):
+    folder = openpose(tmp_path / "walk", "mediapipe")
+    clip = read_clip(None, folder, image_size=SIZE)
+    assert clip.detector == "mediapipe" and clip.corrected(0, {"nose": (1.0, 2.0)}).detector == "mediapipe"
+    assert [one.clip.detector for one in read_people(None, folder, image_size=SIZE)] == ["mediapipe"]
+    assert read_keypoints(folder, clip)[2] == "mediapipe"
+
+
+def test_a_clip_of_nobody_in_particular():
+    assert Clip.__dataclass_fields__["detector"].default == ""

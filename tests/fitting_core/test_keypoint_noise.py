@@ -1,0 +1,67 @@
+"""The table of detectors' noise, and the weights that follow from it."""
+
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+
+from fitting_core.config.schema import PRESETS, FitConfig
+from fitting_core.keypoint_noise import DETECTORS, NOISE, deviations, keypoint_weights, part
+from fitting_core.keypoints import BODY, COUNT, HANDS, INDEX, NAMES
+
+
+def test_every_keypoint_of_every_detector_has_its_noise():
+    assert list(NOISE) == list(DETECTORS)
+    parts = {part(keypoint) for keypoint in range(COUNT)}
+    for detector, table in NOISE.items():
+        assert set(table) == parts, detector
+        assert ((deviations(detector) > 1) & (deviations(detector) < 100)).all()
+
+
+def test_keypoints_are_found_by_their_names():
+    names = ("nose", "left_ear", "mid_hip", "right_hip", "left_big_toe", "left_wrist")
+    assert [part(INDEX[name]) for name in names] == ["nose", "ear", "mid_hip", "hip", "big_toe", "wrist"]
+    assert {part(keypoint) for keypoint in range(COUNT)[HANDS]} == {"hand"}
+    assert part(NAMES.index("face_contour8")) == "face"
+
+
+def test_sides_are_alike():
+    for detector in DETECTORS:
+        found = deviations(detector)
+        for name in NAMES[BODY]:
+            if name.startswith("left_"):
+                assert found[INDEX[name]] == found[INDEX["right_" + name.removeprefix("left_")]]
+
+
+def test_the_setting_knows_the_detectors_and_two_more():
+    assert get_args(get_type_hints(FitConfig)["keypoint_noise"]) == ("auto", *DETECTORS, "equal")
+
+
+@pytest.mark.parametrize(
+    "noise, detector",
+    [("equal", "mediapipe"), ("openpose", "mediapipe"), ("auto", "openpose"), ("auto", ""), ("auto", "alphapose")],
+)
+def test_openposes_and_what_counts_as_such_weigh_exactly_the_same(noise: str, detector: str):
+    assert (keypoint_weights(noise, detector) == 1.0).all()
+
+
+def test_the_clip_says_whose_noise_it_is_unless_the_setting_does():
+    mediapipe = keypoint_weights("auto", "mediapipe")
+    np.testing.assert_array_equal(mediapipe, keypoint_weights("mediapipe", "openpose"))
+    assert (mediapipe != 1.0).any() and (mediapipe > 0).all()
+
+
+def test_what_is_noisier_than_openposes_weighs_less_beside_the_rest():
+    """Of two keypoints the one whose noise has grown more against OpenPose's has the smaller weight."""
+    for detector in DETECTORS:
+        grown, weights = deviations(detector) / deviations("openpose"), keypoint_weights(detector, "")
+        order = np.argsort(grown, kind="stable")
+        assert (np.diff(weights[order]) <= 1e-12).all()
+
+
+def test_published_presets_weigh_all_the_same():
+    assert {name: PRESETS[name].keypoint_noise for name in PRESETS} == {
+        "smplifyx": "equal",
+        "paper": "equal",
+        "tcfit": "auto",
+    }
