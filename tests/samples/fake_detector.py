@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.detect.detectors import Known
-from fitting_core.detect.part import Part, silhouette_size
+from fitting_core.detect.part import Part
 from fitting_core.keypoints import Keypoints
+from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 
 People = Callable[[int], Float[np.ndarray, "P 137 3"]]
