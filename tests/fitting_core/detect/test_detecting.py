@@ -13,10 +13,10 @@ from fitting_core.detect import stored
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress, FramesDetected
 from fitting_core.detect.detectors import find_detector
 from fitting_core.detect.mediapipe import networks
-from fitting_core.detect.part import silhouette_size
 from fitting_core.detect.stored import DetectionSettings, StoredDetection
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT
+from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 from tests.samples.fake_detector import FakeDetector
 
