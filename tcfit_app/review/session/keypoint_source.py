@@ -30,15 +30,16 @@ class KeypointSource:
         self.then_fit = False
         """Fit as soon as keypoints are there."""
 
-    def detect(self, detector: str, *, then_fit: bool = False) -> None:
+    def detect(self, detector: str, *, then_fit: bool = False, person: int | None = None) -> None:
         """Begin to find keypoints, or go on with it. Raises InputError as `begin`.
 
         Args:
             detector: A name in `DETECTORS`, or the path of a model.
             then_fit: Fit everything as soon as they are there.
+            person: As of `read_clip`, as long as nobody clicks on another one.
         """
         people = FoundPeople()
-        self.begin(Detect(detector=detector, people=people))
+        self.begin(Detect(detector=detector, person=person, people=people))
         self.people, self.then_fit = people, then_fit
 
     def cancel(self) -> None:
