@@ -170,7 +170,7 @@ def _review(
             if one.project.has_detections:
                 one.fit_everything(fit, kind="smplx", gender="neutral")
             elif find is not None:
-                one.source.detect(find.detector, then_fit=True, person=find.person)
+                one.find_and_fit(find.detector, fit, person=find.person)
             else:
                 tell("Nothing is fitted: the project has no keypoints yet, and --keypoints none was given.")
         app.run()

@@ -77,7 +77,10 @@ class StartPanel:
         if not (self._detector.name or self._file.value.strip()):
             raise InputError("No model is given; expected the path of an ONNX model on the computer that runs tcfit.")
         detector = self._detector.name or str(self._tab.files.path(self._file.value))
-        self._tab.session.source.detect(detector, then_fit=then_fit)
+        if then_fit:
+            self._tab.session.find_and_fit(detector)
+        else:
+            self._tab.session.source.detect(detector)
 
     def _fetch(self) -> None:
         """Fetch what the chosen detector needs."""

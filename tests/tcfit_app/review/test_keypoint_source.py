@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import viser
 
+from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.detect import known_models, stored
 from fitting_core.detect.detectors import DEFAULT, DETECTORS
@@ -20,6 +21,7 @@ from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.detect.mediapipe import networks
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
+from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
 from tcfit_app.project import project as project_module
 from tcfit_app.project.project import Project
@@ -27,6 +29,7 @@ from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
 from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.review_page import QUICK
 from tests.samples.fake_detector import FakeDetector, known
 from tests.samples.sessions import session_of, told, until
 from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_model, spot_video
@@ -129,10 +132,37 @@ def test_keypoints_are_found_and_then_a_fit_could_begin(session: Session, detect
         session.fit_everything(None, kind="smplx", gender="neutral")  # pyright: ignore[reportArgumentType]
 
 
-def test_a_fit_that_was_asked_for_begins_by_itself(session: Session, detector: FakeDetector):
-    session.source.detect(DEFAULT, then_fit=True)
-    ended(session)
-    assert "neutral smplx" in told(session)[-1].text, "there is no body here to fit"
+def test_what_is_found_is_fitted_as_it_is_found(
+    folder: Path, tiny_body: BodyModel, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    """Bodies of the first frames are there while the last ones are still looked at."""
+    gate, plain = threading.Event(), detector._people
+    monkeypatch.setattr(detector, "_people", lambda frame: plain(frame) if frame < 18 or gate.wait(60) else None)
+    with session_of(folder, tiny_body) as session:
+        session.find_and_fit(DEFAULT, QUICK)
+        until(session, lambda: session.fits.show(FitChoice()))
+        shown = session.fits.show(FitChoice())
+        assert (
+            shown and shown.has(3) and not shown.has(20) and session.source.busy and not session.project.has_detections
+        )
+        gate.set()
+        ended(session)
+        until(session, lambda: not session.jobs)
+        (run,) = session.fits.runs
+        shown = session.fits.show(FitChoice())
+        assert run.state == "finished" and shown and shown.has(20) and shown.phase == 3
+
+
+def test_a_fit_whose_keypoints_are_not_found_leaves_nothing(
+    folder: Path, tiny_body: BodyModel, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(detector, "_people", lambda frame: np.zeros((0, COUNT, 3)))
+    with session_of(folder, tiny_body) as session:
+        session.find_and_fit(DEFAULT, QUICK)
+        ended(session)
+        until(session, lambda: not session.jobs)
+        assert session.fits.runs == () and not session.project.has_detections
+        assert [notice.title for notice in told(session)] == ["Finding keypoints failed"]
 
 
 def test_whom_somebody_clicks_on_is_taken(session: Session, detector: FakeDetector):
