@@ -5,8 +5,8 @@ them they take back or bring back:
 
 - An edit or a remark is done; whatever was undone before it can no longer be redone.
 - Undo takes back the last one that is done. Redo brings back the one that was undone last.
-- The keypoints are the detections with all edits that are done, in order. What is taken over from another person, or was
-  found by a second look, counts as detected from then on.
+- The keypoints are the detections with all edits that are done, in order. What is taken over from another person,
+  or was found by a second look, counts as detected from then on.
 - A frame has the last mark that is done. There are the notes that are done, but for those that others replace.
 
 The log belongs to the project and not to a browser: two people at one project undo each other's edits.
