@@ -80,6 +80,7 @@ def test_keypoints_of_this_computer(session: Session, files: Path):
     ended(session)
     assert session.project.has_detections and session.edits > edits
     assert np.array_equal(session.project.detections.xy, imported_xy())
+    assert session.project.clip.detector == "openpose"
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="has its keypoints already"):
         session.source.begin(ImportFiles(path=files))
@@ -103,6 +104,7 @@ def test_detection_and_then_a_fit_could_begin(session: Session, model: Path):
     found = session.project.detections.xy[:, INDEX["nose"]]
     assert np.abs(found - [nose(t) for t in range(FRAMES)]).max() < 1
     assert "detected by pose.onnx" in told(session)[-1].text
+    assert session.project.clip.detector == "coco-wholebody"
     assert not (session.project.folder / PARTS).exists()
     with pytest.raises(InputError, match="neutral smplx"):
         session.fit_everything(None, kind="smplx", gender="neutral")  # pyright: ignore[reportArgumentType]
