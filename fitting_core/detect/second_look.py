@@ -65,7 +65,8 @@ def look_again(
 
 class _SecondLook:
     def __init__(self, part: PartOfPerson, room: Square | None, size: tuple[int, int]) -> None:
-        self._part, self._room, self._size = part, room, size
+        self._part: PartOfPerson = part
+        self._room, self._size = room, size
         self._detector = MediaPipe("mediapipe", Effort(body="heavy", mirrored=True))
         self._finder = self._detector.parts_finder
 

@@ -60,11 +60,10 @@ class SecondLook:
         return self._edit(_straightened(found, lens))
 
     def _edit(self, points: Float[np.ndarray, "n 137 3"]) -> DetectAgain | None:
-        anywhere = (points[:, PARTS[self.part], 2] > 0).any(1)
-        if not anywhere.any():
+        there = np.flatnonzero(points[:, PARTS[self.part], 2].max(1, initial=0) > 0)
+        if not len(there):
             return None
-        frames = [frame for frame, there in zip(self.frames, anywhere, strict=True) if there]
-        return DetectAgain.found(frames, self.part, points[anywhere])
+        return DetectAgain.found([self.frames[k] for k in there], self.part, points[there])
 
 
 def filmed_region(region: Region, lens: Lens | None) -> Region:

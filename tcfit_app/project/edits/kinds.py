@@ -355,8 +355,8 @@ class DetectAgain(_Edit, frozen=True, tag="detect_again"):
         points = unpacked(self.packed, len(self.frames), len(self.joints), 3)
         new = Corrected.as_detected(points[..., :2], points[..., 2])
         for group in GROUPS.values():
-            inside = np.isin(self.joints, range(COUNT)[group])
-            found = (new.confidence[:, inside] > 0).any(1)
+            inside = np.array([joint in range(COUNT)[group] for joint in self.joints])
+            found = np.any(new.confidence[:, inside] > 0, axis=1)
             np.copyto(here.records, new.records, where=inside & found[:, None])
         return here
 

@@ -54,6 +54,7 @@ def test_its_result_is_read_as_a_clip(video: Path, model: Path, tmp_path: Path, 
     assert "somebody in 70 of 70 frames" in capsys.readouterr().out
     assert len(names(out)) == FRAMES and names(out)[0] == "walk_000000000000_keypoints.json"
     clip = read_clip(video, out)
+    assert clip.detector == "coco-wholebody" and not any("detector" in note for note in clip.notes)
     nose = clip.keypoints.xy[:, INDEX["nose"]]
     # The video is stored lossily: its brightest pixel moves.
     assert np.abs(nose - [(place(t)[0], place(t)[1] - 20) for t in range(FRAMES)]).max() < 1.5
