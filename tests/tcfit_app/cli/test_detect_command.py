@@ -190,7 +190,7 @@ def test_the_list_of_detectors(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (tmp_path / f"{name}.onnx").write_text("")
     assert main(["detect", "--list"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[lines.index("dwpose-m DWPose-m with RTMDet-nano".split()) + 1] == ["here"]
+    assert lines[lines.index(["dwpose-m", "DWPose-m", "with", "RTMDet-nano"]) + 1] == ["here"]
     assert ["here:", str(tmp_path / "rtmdet-nano.onnx")] in lines
 
 
