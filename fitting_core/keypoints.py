@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -37,6 +38,15 @@ FACE = slice(67, 137)
 CONTOUR = slice(67, 84)
 COUNT = 137
 GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
+
+PartOfPerson = Literal["person", "left_hand", "right_hand", "face"]
+PARTS: dict[PartOfPerson, slice] = {
+    "person": slice(0, COUNT),
+    "left_hand": LEFT_HAND,
+    "right_hand": RIGHT_HAND,
+    "face": FACE,
+}
+"""What can be looked for by itself, and its keypoints."""
 
 NAMES = BODY_25 + [f"left_{n}" for n in HAND_21] + [f"right_{n}" for n in HAND_21] + [f"face_{n}" for n in FACE_70]
 INDEX = {name: i for i, name in enumerate(NAMES)}

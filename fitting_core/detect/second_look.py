@@ -1,7 +1,7 @@
 """A second look at some frames: for the person, a hand or the face, in a rectangle or where they should be."""
 
 from collections.abc import Callable, Sequence
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -15,11 +15,9 @@ from fitting_core.detect.mediapipe.hands_and_face import Seen, worth_of
 from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.squares import Square, of_box
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY, COUNT, FACE, LEFT_HAND, RIGHT_HAND
+from fitting_core.keypoints import BODY, COUNT, PARTS, PartOfPerson
 from fitting_core.video.frames import FrameSource
 
-PartOfPerson = Literal["person", "left_hand", "right_hand", "face"]
-_POINTS = {"person": slice(0, COUNT), "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
 _LEAST_PERSON, _LEAST_BODY, _LEAST_HAND = 0.2, 0.3, 0.05
 """Scores that are enough where a user says that somebody or something is there."""
 _AROUND = 1.3
@@ -84,7 +82,7 @@ class _SecondLook:
             side = self._part.removesuffix("_hand")
             seen = Seen(hands=dict.fromkeys(SIDES) | {side: self._hand(image, body, side)})
         points = points_of(body, seen.hands, seen.face, self._size)
-        points[: _POINTS[self._part].start] = points[_POINTS[self._part].stop :] = 0
+        points[: PARTS[self._part].start] = points[PARTS[self._part].stop :] = 0
         return points
 
     def _body(self, image: Image, near: Float[np.ndarray, "137 3"] | None) -> Body | None:

@@ -95,10 +95,9 @@ def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, A
         return read_clip(video, keypoints, tell=tell, **details)
     if video is None:
         raise InputError(f"--keypoints {NO_KEYPOINTS}, and no video: give one of which a project is to be made.")
-    detector = details.pop("detector")
-    unused = {"person": details.pop("person"), "keypoint_scale": details.pop("keypoint_scale")}
-    if isinstance(options, NewOptions):
-        unused["detector"] = detector
+    unused = {name: details.pop(name) for name in ("detector", "person", "keypoint_scale")}
+    if isinstance(options, ReviewOptions):  # its panel Start takes these
+        del unused["detector"], unused["person"]
     plain = ClipOptions()
     for name, value in unused.items():
         if value != getattr(plain, name):

@@ -166,7 +166,7 @@ class Project:
 
     @property
     def detected(self) -> Corrected:
-        """What is corrected: the detections, and what was taken over from another person in their place."""
+        """What is corrected: the detections, and what was taken over from another person or detected again."""
         with self._guard:
             return self._history.detected
 

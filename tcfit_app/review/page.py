@@ -14,13 +14,14 @@ from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
-from tcfit_app.review.browser.page_states import Beat, Cursor, Keys, Selection, Skeleton
+from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
 from tcfit_app.review.drawing.first_steps import HINTS
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures, bindings
+from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
@@ -71,6 +72,7 @@ class Page:
     def leave(self) -> None:
         """Make room for another person's page. What was begun goes on, and can be come back to."""
         self.gestures.correcting.abandon()
+        self.gestures.again.give_up_framing()
         self.tab.pause()
         self.tab.set(keys=False)
         self._key_window.draw()
@@ -235,7 +237,9 @@ class Page:
             self.tab.channel.send("hints", HINTS)
 
     def _draw_selection(self) -> None:
-        tab = self.tab
+        tab, framing = self.tab, self.gestures.again.framing
+        if tab.sent.differs("framing", framing):
+            tab.channel.send("framing", None if framing is None else Framing(around=part_name(framing)))
         if tab.sent.differs("selection", tab.state.selection, tab.state.suggested):
             selection = Selection(joints=tab.state.selection, suggested=tab.state.suggested)
             tab.channel.send("selection", selection)
@@ -261,6 +265,7 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Select: Page._select,
     page_events.Drag: lambda page, event: page.gestures.correcting.take(event),
     page_events.DragDepth: lambda page, event: page.gestures.correcting.take(event),
+    page_events.Framed: lambda page, event: page.gestures.again.take(event),
     page_events.Widen: lambda page, event: page.tab.set_side_width(event.width),
     page_events.Press: lambda page, event: page.tab.buttons.take(event),
     page_events.TooLarge: Page._tell_too_large,

@@ -17,13 +17,14 @@ from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.plane import Ground
-from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.keypoints import COUNT, GROUPS, PARTS, Keypoints
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry
 from tcfit_app.project.edits.kinds import (
     MAX_DEPTH,
     SIDES,
     ClearDepth,
     CopyFrom,
+    DetectAgain,
     Edit,
     Interpolate,
     Lock,
@@ -42,7 +43,7 @@ from tcfit_app.project.edits.kinds import (
     TakeOver,
     Unlock,
 )
-from tcfit_app.project.edits.taken_over import packed
+from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.project.storage.run_record import BodyRecord
 
 FRAMES = 6
@@ -188,8 +189,20 @@ def _taken_over(draw: st.DrawFn) -> TakeOver:
     frames, joints = draw(_FRAMES), draw(_JOINTS)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
     xy, confidence = rng.uniform(-1e4, 1e4, (len(frames), len(joints), 2)), rng.random((len(frames), len(joints)))
-    content = packed(xy, confidence, rng.random(confidence.shape) < 0.5)
+    by_hand = rng.random(confidence.shape) < 0.5
+    content = packed(np.concatenate([xy, confidence[..., None], by_hand[..., None]], -1))
     return TakeOver(frames=frames, joints=joints, source="person 2", exchange="x", packed=content)
+
+
+@st.composite
+def _detected_again(draw: st.DrawFn) -> DetectAgain:
+    """Some of its groups may not have been found."""
+    frames, part = draw(_FRAMES), draw(st.sampled_from(list(PARTS)))
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    points = np.concatenate([rng.uniform(0, 480, (len(frames), COUNT, 2)), rng.random((len(frames), COUNT, 1))], -1)
+    for k, group in enumerate(GROUPS.values()):
+        points[rng.random(len(frames)) < 0.1 * (k + 1), group] = 0
+    return DetectAgain.found(frames, part, points)
 
 
 def _pinned(edit: SetDepth) -> Pin:
@@ -227,6 +240,7 @@ def edits() -> st.SearchStrategy[Edit]:
         _depths().map(_pinned),
         _locks(),
         _taken_over(),
+        _detected_again(),
         st.builds(Unlock, frames=_FRAMES, joints=_LOCKABLE),
         st.builds(ClearDepth, frames=_FRAMES, joints=_BODY_JOINTS),
         st.builds(Nudge, **where, by=st.tuples(_PIXELS, _PIXELS)),

@@ -34,8 +34,13 @@ class Corrected:
     @staticmethod
     def none(keypoints: Keypoints) -> "Corrected":
         """Detections without any correction, in an array of their own."""
-        made = Corrected(records=np.zeros(keypoints.confidence.shape, _RECORD))
-        made.xy[:], made.confidence[:] = keypoints.xy, keypoints.confidence
+        return Corrected.as_detected(keypoints.xy, keypoints.confidence)
+
+    @staticmethod
+    def as_detected(xy: Float[np.ndarray, "F K 2"], confidence: Float[np.ndarray, "F K"]) -> "Corrected":
+        """Some keypoints as a detector gives them, in an array of their own."""
+        made = Corrected(records=np.zeros(confidence.shape, _RECORD))
+        made.xy[:], made.confidence[:] = xy, confidence
         made.depth[:], made.turn[:] = np.nan, np.nan
         return made
 

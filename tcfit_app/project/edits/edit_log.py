@@ -5,8 +5,8 @@ them they take back or bring back:
 
 - An edit or a remark is done; whatever was undone before it can no longer be redone.
 - Undo takes back the last one that is done. Redo brings back the one that was undone last.
-- The keypoints are the detections with all edits that are done, in order. What is taken over from another person counts
-  as detected from then on.
+- The keypoints are the detections with all edits that are done, in order. What is taken over from another person,
+  or was found by a second look, counts as detected from then on.
 - A frame has the last mark that is done. There are the notes that are done, but for those that others replace.
 
 The log belongs to the project and not to a browser: two people at one project undo each other's edits.
@@ -23,7 +23,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.kinds import Edit, TakeOver, check
+from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check
 
 _MEMORY = 256 * 2**20
 """Bytes for what undo puts back; where that does not suffice, all edits are made again."""
@@ -207,6 +207,8 @@ class EditHistory:
         """
         self._original = detections
         self._detections = self._now = Corrected.none(detections)
+        self._detections_given = False
+        """Whether somebody else has them, for whom they must stay as they are."""
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
@@ -261,7 +263,8 @@ class EditHistory:
 
     @property
     def detected(self) -> Corrected:
-        """What is corrected: the detections, and what was taken over in their place."""
+        """What is corrected: the detections, and what was taken over or detected again in their place."""
+        self._detections_given = True
         return self._detections
 
     @property
@@ -348,7 +351,7 @@ class EditHistory:
 
     def _make(self, edit: Edit) -> None:
         before = self._now.at(edit.frames, edit.joints)
-        detected = self._detections.at(edit.frames, edit.joints) if isinstance(edit, TakeOver) else None
+        detected = self._detections.at(edit.frames, edit.joints) if isinstance(edit, NewDetections) else None
         self._put(edit)
         self._before.append((edit, before, detected))
         self._bytes += before.nbytes
@@ -356,19 +359,20 @@ class EditHistory:
             self._bytes -= self._before.popleft()[1].nbytes
 
     def _put(self, edit: Edit) -> None:
-        values = edit.values(self._now, self._detections)
-        self._now.put(edit.frames, edit.joints, values)
-        if isinstance(edit, TakeOver):
-            self._detect(edit, values)
+        self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
+        if isinstance(edit, NewDetections):
+            self._detect(edit, edit.values(self._detections, self._detections))
 
     def _detect(self, edit: Edit, values: Corrected) -> None:
-        """In a copy: what was given to others never changes."""
-        self._detections = Corrected(records=self._detections.records.copy())
+        """In a copy where others have them: what was given to them never changes."""
+        if self._detections_given:
+            self._detections, self._detections_given = Corrected(records=self._detections.records.copy()), False
         self._detections.put(edit.frames, edit.joints, values)
 
     def _make_all(self) -> None:
         """Everything that is done, on the keypoints as they were detected."""
         self._detections, self._now = Corrected.none(self._original), Corrected.none(self._original)
+        self._detections_given = False
         edits = [said for entry in self._done if not isinstance(said := _said(entry), Remark)]
         for edit in edits[:-_UNDOABLE]:
             self._put(edit)

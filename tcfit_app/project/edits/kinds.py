@@ -9,13 +9,26 @@ from typing import get_args
 
 import msgspec
 import numpy as np
+from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY_25, COUNT, FACE, HANDS, INDEX, LEFT_HAND, LOCKABLE, NAMES
+from fitting_core.keypoints import (
+    BODY_25,
+    COUNT,
+    FACE,
+    GROUPS,
+    HANDS,
+    INDEX,
+    LEFT_HAND,
+    LOCKABLE,
+    NAMES,
+    PARTS,
+    PartOfPerson,
+)
 from fitting_core.video.frame_names import spans
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.keyframes import carried, keyed
-from tcfit_app.project.edits.taken_over import unpacked
+from tcfit_app.project.edits.packed_points import packed, unpacked
 
 _MAX_POSITION = 1e6
 """Pixels, as for detections."""
@@ -302,11 +315,11 @@ class TakeOver(_Edit, frozen=True, tag="take_over"):
     exchange: str
     """The same in the edit of that one's project, who takes over the keypoints from here."""
     packed: bytes
-    """What `taken_over.packed` made, for each of `frames` and in it for each of `joints`."""
+    """What `packed_points.packed` made, for each of `frames` and in it for each of `joints`."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        taken = unpacked(self.packed, len(self.frames), len(self.joints))
+        taken = unpacked(self.packed, len(self.frames), len(self.joints), 4)
         _place(here, taken[..., :2], taken[..., 2])
         here.edited[:] = taken[..., 3] > 0
         here.depth[:], here.turn[:] = np.nan, np.nan
@@ -314,12 +327,46 @@ class TakeOver(_Edit, frozen=True, tag="take_over"):
 
     def problem(self, length: int) -> str:
         try:
-            taken = unpacked(self.packed, len(self.frames), len(self.joints))
+            taken = unpacked(self.packed, len(self.frames), len(self.joints), 4)
         except ValueError as error:
             return str(error)
-        if not (taken[..., 2] >= 0).all() or not (taken[..., 2] <= 1).all():
-            return "a confidence is not a number from 0 to 1"
-        return _position_problem([float(np.abs(taken[..., :2]).max())])
+        return _points_problem(taken)
+
+
+class DetectAgain(_Edit, frozen=True, tag="detect_again"):
+    """What a second look has found, in place of what was detected: nothing is told of depths and turns then.
+
+    Body, hands and face stay as they are in each frame in which nothing was found of them.
+    """
+
+    part: PartOfPerson
+    """What was looked for; `joints` are its keypoints."""
+    packed: bytes
+    """What `packed_points.packed` made of x, y and confidence, for each of `frames` and in it for each of `joints`."""
+
+    @staticmethod
+    def found(frames: Sequence[int], part: PartOfPerson, points: Float[np.ndarray, "f 137 3"]) -> "DetectAgain":
+        """What was found of a part: x, y in pixels and confidence, 0 for what was not."""
+        joints = range(COUNT)[PARTS[part]]
+        return DetectAgain(frames=tuple(frames), joints=tuple(joints), part=part, packed=packed(points[:, PARTS[part]]))
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = now.at(self.frames, self.joints)
+        points = unpacked(self.packed, len(self.frames), len(self.joints), 3)
+        new = Corrected.as_detected(points[..., :2], points[..., 2])
+        for group in GROUPS.values():
+            inside = np.isin(self.joints, range(COUNT)[group])
+            found = (new.confidence[:, inside] > 0).any(1)
+            np.copyto(here.records, new.records, where=inside & found[:, None])
+        return here
+
+    def problem(self, length: int) -> str:
+        if self.joints != tuple(range(COUNT)[PARTS[self.part]]):
+            return f"its keypoints are not those of the {self.part.replace('_', ' ')}"
+        try:
+            return _points_problem(unpacked(self.packed, len(self.frames), len(self.joints), 3))
+        except ValueError as error:
+            return str(error)
 
 
 class _KeyEdit(_Edit, frozen=True):
@@ -398,7 +445,10 @@ Edit = (
     | Lock
     | Unlock
     | TakeOver
+    | DetectAgain
 )
+NewDetections = TakeOver | DetectAgain
+"""What they bring counts as detected from then on."""
 KINDS: dict[str, type[Edit]] = {kind.__struct_config__.tag: kind for kind in get_args(Edit)}
 """Every kind of edit by its name in the log; a new one is a class above and its name in Edit."""
 
@@ -432,6 +482,13 @@ def _choice_problem(chosen: tuple[int, ...], count: int, existing: str, noun: st
 def _position_problem(values: Iterable[float]) -> str:
     near = all(abs(value) <= _MAX_POSITION for value in values)
     return "" if near else f"a position is not a number between -{_MAX_POSITION:g} and {_MAX_POSITION:g} pixels"
+
+
+def _points_problem(points: Float[np.ndarray, "F K n"]) -> str:
+    """Of x, y and confidence."""
+    if not (points[..., 2] >= 0).all() or not (points[..., 2] <= 1).all():
+        return "a confidence is not a number from 0 to 1"
+    return _position_problem([float(np.abs(points[..., :2]).max())])
 
 
 def _confidence_problem(confidence: float) -> str:

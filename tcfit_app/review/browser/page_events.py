@@ -146,6 +146,17 @@ class Widen(_Event, frozen=True, tag="widen"):
     """Of its plate, in image heights."""
 
 
+class Framed(_Event, frozen=True, tag="framed"):
+    """A rectangle was drawn in a picture, as `Framing` asks for."""
+
+    left: Pixels
+    top: Pixels
+    right: Pixels
+    bottom: Pixels
+    frame: Frame
+    """The one that was on the screen."""
+
+
 class Press(_Event, frozen=True, tag="press"):
     """A button in the HTML of a panel was pressed."""
 
@@ -206,6 +217,7 @@ PageEvent = (
     | Drag
     | DragDepth
     | Widen
+    | Framed
     | Press
     | TooLarge
     | Gesture

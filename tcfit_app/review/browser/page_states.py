@@ -212,6 +212,13 @@ class Focus(_State, frozen=True, kw_only=True):
     y: float
 
 
+class Framing(_State, frozen=True, kw_only=True):
+    """The next drag in a picture draws a rectangle, which comes back in `Framed`."""
+
+    around: str
+    """What is to be in it, as it stands beside it."""
+
+
 class Selection(_State, frozen=True, kw_only=True):
     """The selected keypoints."""
 
@@ -331,11 +338,13 @@ class Marks(_State, frozen=True, kw_only=True):
 
 
 class MenuItem(_State, frozen=True, kw_only=True):
-    """A line of a menu that does one of the app's actions."""
+    """A line of a menu that does one of the app's actions, or opens another menu."""
 
     label: str
-    action: str
+    action: str = ""
     """Comes back in `Key`."""
+    more: tuple["MenuItem", ...] = ()
+    """In place of an action: the lines of that menu."""
     keys: str = ""
     """That do the same, for the user."""
     disabled: bool = False
@@ -547,6 +556,7 @@ STATES: dict[str, type[_State]] = {
     "keypoints": Keypoints,
     "style": Style,
     "selection": Selection,
+    "framing": Framing,
     "trail": Trail,
     "focus": Focus,
     "timeline": Timeline,
@@ -574,7 +584,21 @@ STATES: dict[str, type[_State]] = {
 """By the name under which each is sent; None in place of one takes it away."""
 
 PageState = (
-    (Layout | Side | Skeleton | Keypoints | Style | Selection | Trail | Focus | Bodies | Space | Legend | OtherPeople)
+    (
+        Layout
+        | Side
+        | Skeleton
+        | Keypoints
+        | Style
+        | Selection
+        | Framing
+        | Trail
+        | Focus
+        | Bodies
+        | Space
+        | Legend
+        | OtherPeople
+    )
     | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
     | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Hints)
 )

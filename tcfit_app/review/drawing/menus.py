@@ -1,8 +1,11 @@
 """What the menus of timeline and picture offer."""
 
+from fitting_core.keypoints import PARTS
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import FrameMenus, MenuItem, PictureMenus
 from tcfit_app.review.gestures.actions import ACTIONS
+from tcfit_app.review.gestures.detecting_again import can_look
+from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -13,6 +16,7 @@ def frame_menus(tab: Tab) -> FrameMenus:
     elsewhere = (
         (item("range_start", "Select frames from here on"), item("range_end", "Select frames up to here")),
         *(() if frames is not None else (tuple(item(name, off=fixed) for name in ("fine", "flag", "note")),)),
+        *(() if frames is not None else ((_again(tab),),)),
         (item("copy_link"),),
         (item("rerun_edited", off=unfit), item("fit", off=fixed)),
     )
@@ -31,6 +35,7 @@ def frame_menus(tab: Tab) -> FrameMenus:
             item("swap_body", f"Swap left and right, {hit}", off=fixed),
             item("swap_hands", f"Swap hands, {hit}", off=fixed),
         ),
+        (_again(tab, f"Detect again, {hit}"),),
         (
             item("fine", f"Looks fine or not, {hit}", off=fixed),
             item("flag", f"Flag or not, {hit}", off=fixed),
@@ -62,11 +67,26 @@ def picture_menus(tab: Tab) -> PictureMenus:
         ),
         elsewhere=(
             group("all", "undo", "redo"),
+            (_again(tab), _in_rectangle(tab)),
             group("fine", "flag", "note"),
             group("bodies", "bones", "outline", "side"),
             group("fit_view", "save_picture", "copy_link"),
         ),
     )
+
+
+def _again(tab: Tab, label: str = "Detect again") -> MenuItem:
+    return _by_part(tab, label, "detect")
+
+
+def _in_rectangle(tab: Tab) -> MenuItem:
+    return _by_part(tab, "Detect in a rectangle", "frame")
+
+
+def _by_part(tab: Tab, label: str, verb: str) -> MenuItem:
+    """Opens the menu of what can be looked for."""
+    parts = tuple(MenuItem(label=part_name(part).capitalize(), action=f"{verb}_{part}") for part in PARTS)
+    return MenuItem(label=label, more=parts, disabled=not can_look(tab))
 
 
 def item(name: str, label: str = "", *, off: bool = False) -> MenuItem:

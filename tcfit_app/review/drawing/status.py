@@ -6,13 +6,14 @@ from tcfit_app.fitting.fits import TITLES
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.edit_words import part_name
 
 
 class Status:
     """Draws one tab's status line and notices; asked again and again, it sends what changed."""
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab, self._correcting = gestures.tab, gestures.correcting
+        self._tab, self._correcting, self._again = gestures.tab, gestures.correcting, gestures.again
 
     def draw(self, now: float, problem: str) -> None:
         """Send what changed; `problem` says what cannot be shown, and why."""
@@ -34,6 +35,7 @@ class Status:
         chips += [progress_chip(job) for job in running]
         if session.edit_follower.busy and not self._correcting.dragging:
             chips.append(Chip(text="The fit follows", kind="busy"))
+        chips += self._again_chips()
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
         if not session.project.has_detections:
@@ -49,6 +51,16 @@ class Status:
             chips.append(Chip(text=text, kind="good"))
         return chips
 
+    def _again_chips(self) -> list[Chip]:
+        """What is looked for again, or what a rectangle is to be drawn around."""
+        chips, going, framing = [], self._again.going, self._again.framing
+        if framing is not None:
+            chips.append(Chip(text=f"Draw a rectangle around the {part_name(framing)}; Esc cancels"))
+        if going is not None and going.state == "running":
+            progress = None if going.share is None else round(going.share, 2)
+            chips.append(Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress))
+        return chips
+
     def _notice(self) -> Notice | None:
         """A card where there is nothing else to see."""
         project = self._tab.session.project
@@ -61,7 +73,7 @@ class Status:
         """How far it is that the project gets its keypoints, or where they are to be had."""
         going = self._tab.session.source.going
         if going is None or going.state != "running":
-            return Chip(text="No keypoints yet: import or detect them in the panel Start", kind="warning")
+            return Chip(text="No keypoints yet: have them found in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
         return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 

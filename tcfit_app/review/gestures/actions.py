@@ -4,9 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from fitting_core.errors import InputError
+from fitting_core.keypoints import PARTS
 from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
+from tcfit_app.review.gestures.detecting_again import DetectingAgain
+from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.exchanging import Exchanging
 from tcfit_app.review.gestures.fitting import Fitting
 from tcfit_app.review.gestures.noting import Noting
@@ -25,6 +28,7 @@ class Gestures:
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
         self.depth = CorrectingDepth(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
+        self.again = DetectingAgain(tab, self.correcting)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +120,8 @@ def _go_to_next_person(gestures: Gestures) -> None:
 
 def _escape(gestures: Gestures) -> None:
     gestures.correcting.abandon()
+    if gestures.again.give_up_framing():
+        return
     tab = gestures.tab
     tab.set(selection=(), **({} if tab.state.selection else {"frames": None}))
 
@@ -247,6 +253,19 @@ _KEYPOINTS = {
             ("down", "ArrowDown", 0.0, 1.0),
         )
     },
+    **{
+        f"detect_{part}": Action(
+            title=f"Detect the {part_name(part)} again", run=lambda g, part=part: g.again.look(part)
+        )
+        for part in PARTS
+    },
+    **{
+        f"frame_{part}": Action(
+            title=f"Detect the {part_name(part)} in a rectangle", run=lambda g, part=part: g.again.frame(part)
+        )
+        for part in PARTS
+    },
+    "cancel_detecting": Action(title="Cancel detecting again", run=lambda g: g.again.cancel()),
     "all": Action(
         title="Select all keypoints on show", run=lambda g: g.correcting.select_all(), keys=_keys("KeyA", ctrl=True)
     ),

@@ -304,16 +304,19 @@ class Correcting:
     def make(self, edit: Edit) -> None:
         """Make an edit, say so, and let the fit follow. Raises InputError if it cannot be made."""
         self.refuse_while_dragging()
-        tab = self._tab
-        tab.refuse_read_only()
-        tab.pause()
-        shown = tab.look().b
-        tab.session.edit(edit, author=tab.author, shown=shown)
-        self._saved(edit, shown)
+        self._tab.refuse_read_only()
+        self._tab.pause()
+        self.keep(edit)
 
-    def _saved(self, edit: Edit, shown: Shown | None) -> None:
+    def keep(self, edit: Edit, remark: str = "") -> None:
+        """The same for what was begun earlier, whatever goes on meanwhile; `remark` is said after it."""
+        tab, shown = self._tab, self._tab.look().b
+        tab.session.edit(edit, author=tab.author, shown=shown)
+        self._saved(edit, shown, remark)
+
+    def _saved(self, edit: Edit, shown: Shown | None, remark: str = "") -> None:
         """An edit is on the disk, and the fit that was on show follows it."""
         obstacle = self._tab.session.edit_follower.obstacle(shown)
         unfollowed = f". The fit does not follow: {obstacle}" if obstacle else ""
-        self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}{unfollowed}")
+        self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}{remark}{unfollowed}")
         self._tab.corrected = None if shown is None else shown.run.id

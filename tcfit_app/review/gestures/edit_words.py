@@ -4,11 +4,13 @@ import textwrap
 
 import numpy as np
 
+from fitting_core.keypoints import PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
     ClearDepth,
     CopyFrom,
+    DetectAgain,
     Edit,
     Interpolate,
     Lock,
@@ -54,6 +56,7 @@ VERBS: dict[type[Edit], str] = {
     Lock: "locked as it is turned",
     Unlock: "unlocked",
     TakeOver: "exchanged with",
+    DetectAgain: "detected again",
 }
 
 
@@ -72,7 +75,7 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{_note_in_words(edit)}, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, WriteNotes):
         return f"{len(edit.notes)} notes imported, {in_words(edit.frames, first_frame)}"
-    what = _keypoints_in_words(edit.joints)
+    what = part_name(edit.part) if isinstance(edit, DetectAgain) else _keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, MoveKey):
         verb = f"{verb} to frame {edit.to + first_frame}"
@@ -84,6 +87,11 @@ def describe(edit: Said, first_frame: int = 0) -> str:
     if isinstance(edit, TakeOver):
         return f"{verb} {shortened(edit.source)}, {where}"
     return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"
+
+
+def part_name(part: PartOfPerson) -> str:
+    """What can be looked for, as users read it."""
+    return part.replace("_", " ")
 
 
 def _note_in_words(note: WriteNote) -> str:

@@ -9,7 +9,7 @@ from fitting_core.io.people_file import Span
 from fitting_core.keypoints import COUNT
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import TakeOver
-from tcfit_app.project.edits.taken_over import packed
+from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.session.group import Doubt
 from tcfit_app.review.tab.people import Someone
@@ -106,7 +106,8 @@ def _keypoints(someone: Someone, numbers: range) -> bytes:
     """As they count now: what is marked bad has confidence 0."""
     first = someone.session.project.clip.first_frame
     now: Corrected = someone.session.project.corrected.at(tuple(n - first for n in numbers), _ALL)
-    return packed(now.xy, np.where(now.bad, 0.0, now.confidence), now.edited & now.present)
+    confidence = np.where(now.bad, 0.0, now.confidence)
+    return packed(np.concatenate([now.xy, confidence[..., None], (now.edited & now.present)[..., None]], -1))
 
 
 def _words(span: Span) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from fitting_core.keypoint_noise import DETECTORS
-from fitting_core.keypoints import COUNT, GROUPS
+from fitting_core.keypoints import COUNT, GROUPS, PARTS, PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
@@ -19,7 +19,8 @@ from tcfit_app.project.edits.kinds import SIDES
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.gestures.edit_words import depth_words, describe
+from tcfit_app.review.gestures.detecting_again import can_look, missing_parts
+from tcfit_app.review.gestures.edit_words import depth_words, describe, part_name
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -32,6 +33,7 @@ from tcfit_app.review.panels.elements.html import (
     line,
     opener,
     paragraph,
+    progress_bar,
     row,
     table,
     tag,
@@ -61,7 +63,7 @@ class KeypointsPanel:
         self._gestures = gestures
         self._tab = tab = gestures.tab
         gui = tab.client.gui
-        self._selected = Board(tab)
+        self._selected, self._missing = Board(tab), Board(tab)
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
         self._name = Dropdown(tab, names, self._select)
         self._buttons = Board(tab)
@@ -69,7 +71,7 @@ class KeypointsPanel:
         self._by = by
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
         self._exactly = Board(tab)
-        self._groups = Board(tab)
+        self._groups, self._again = Board(tab), Board(tab)
         self._history = Board(tab)
         self._all_bad = False
         self._listen()
@@ -83,6 +85,7 @@ class KeypointsPanel:
         tab.buttons.on("keypoints.restore", correcting.restore_group, one_of(GROUPS))
         tab.buttons.on("keypoints.group", self._select_group, one_of(GROUPS))
         tab.buttons.on("keypoints.follow", lambda _: self._follow_or_not())
+        tab.buttons.on("keypoints.look", self._gestures.again.look, one_of(PARTS))
         tab.buttons.on("keypoints.visit", self._visit, self._edit_of)
         listen(tab)
 
@@ -118,6 +121,7 @@ class KeypointsPanel:
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         if tab.sent.differs("selected", state.selection, state.frame if state.selection else 0, session.edits):
             self._selected.show(*selection_table(tab))
+        self._draw_missing()
         where, bad, key = self._where(), self._bad(), self._key()
         switches = state.keyframes, state.hand_along
         if tab.sent.differs("keypoint buttons", where, bad, key, switches, not state.selection, tab.hits_unseen):
@@ -125,8 +129,53 @@ class KeypointsPanel:
         detector = session.project.clip.detector
         if tab.sent.differs("groups", where, detector):
             self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(detector))
+        self._draw_again(where)
         if tab.sent.differs("history", session.edits, session.marked, session.edit_follower.after_edits, tab.author):
             self._draw_history()
+
+    def _draw_missing(self) -> None:
+        """What was not found in the frame on show; nothing while the clip plays, and it would change at once."""
+        tab, state, looking = self._tab, self._tab.state, self._gestures.again.busy
+        shown = can_look(tab) and not state.playing
+        if not tab.sent.differs("missing", shown, looking, shown and (state.frame, tab.session.edits, state.frames)):
+            return
+        parts = missing_parts(tab.session.project.corrected, state.frame) if shown else ()
+        self._missing.show(
+            *([heading("Not found", f"frame {state.frame + tab.first_frame}")] if parts else []),
+            *([table([self._missing_line(part, off=looking) for part in parts])] if parts else []),
+        )
+
+    def _missing_line(self, part: PartOfPerson, *, off: bool) -> Html:
+        label = named("Look for it", self._tab)
+        look = button(label, "keypoints.look", part, kind="mini", disabled=off)
+        return line(f"{part_name(part).capitalize()}: not found", look, numbers=(1,))
+
+    def _draw_again(self, where: str) -> None:
+        """What can be looked for again, or how far that is."""
+        tab, again = self._tab, self._gestures.again
+        going = again.going if again.busy else None
+        progress = going and (going.text, going.share, going.stopping)
+        if not tab.sent.differs("again", can_look(tab), where, progress, again.framing):
+            return
+        if going is not None:
+            told = going.title if going.stopping else f"{going.title}: {going.text}"
+            stop = action("cancel_detecting", "Cancel", disabled=going.stopping, kind="danger")
+            self._again.show(heading("Detect again"), paragraph(told), progress_bar(going.share or 0.0), row(stop))
+        elif can_look(tab):
+            self._again.show(
+                heading("Detect again", where),
+                row(*(action(f"detect_{part}", part_name(part).capitalize()) for part in PARTS), wrap=True),
+                paragraph("In a rectangle that you draw in the picture:", "dim"),
+                row(
+                    *(
+                        action(f"frame_{part}", part_name(part).capitalize(), pressed=again.framing == part)
+                        for part in PARTS
+                    ),
+                    wrap=True,
+                ),
+            )
+        else:
+            self._again.show()
 
     def _where(self) -> str:
         tab = self._tab

@@ -1,7 +1,9 @@
 """Every kind of edit: what it makes of keypoints, worked out by hand, and which edits are refused."""
 
+import zlib
 from typing import Any, get_args
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from tcfit_app.project.edits.kinds import (
     SIDES,
     ClearDepth,
     CopyFrom,
+    DetectAgain,
     Edit,
     Interpolate,
     Lock,
@@ -252,7 +255,66 @@ def test_depths_are_reset_and_cleared(detected: Keypoints):
         assert history.corrected.edited[1, LEFT] == isinstance(edit, ClearDepth)
 
 
+def hand_at(*places: float, confidence: float = 0.5) -> np.ndarray:
+    """Points of a person whose left hand alone was found, all of it in one place; none of it where that is 0."""
+    points = np.zeros((len(places), 137, 3))
+    for row, place in zip(points, places, strict=True):
+        row[LEFT_HAND] = (place, place + 1, confidence if place else 0)
+    return points
+
+
+HAND = tuple(range(137)[LEFT_HAND])
+
+
+def test_what_is_detected_again_counts_as_detected(detected: Keypoints):
+    by_hand = MoveKeypoint(frames=(1,), joints=(30,), xy=(((9.0, 9.0),),))
+    told: list[Edit] = [
+        by_hand,
+        MarkBad(frames=(1,), joints=(31,)),
+        DetectAgain.found((1, 4), "left_hand", hand_at(7, 8)),
+    ]
+    history = after(detected, *told)
+    found = history.corrected
+    for frame, place in ((1, 7), (4, 8)):
+        assert (found.xy[frame, LEFT_HAND] == (place, place + 1)).all() and (
+            found.confidence[frame, LEFT_HAND] == 0.5
+        ).all()
+    assert not (found.edited | found.bad | found.key).any() and not history.keypoints.placed.any()
+    assert untouched(history, detected, [1, 4], list(HAND))
+    later = after(detected, *told, by_hand, Reset(frames=(1,), joints=HAND))
+    assert later.corrected.xy[1, 30].tolist() == [7, 8], "reset goes back to what was detected last"
+    assert after(detected, *told, by_hand).corrected.xy[1, 30].tolist() == [9, 9], "later corrections stay on top"
+
+
+def test_what_is_not_found_again_stays_with_its_corrections(detected: Keypoints):
+    where: Any = {"frames": (1,), "joints": (30,)}
+    moved, again = MoveKeypoint(**where, xy=(((9.0, 9.0),),)), DetectAgain.found((1, 2), "left_hand", hand_at(0, 8))
+    history = after(detected, moved, again)
+    assert history.corrected.edited[1, 30] and history.corrected.xy[1, 30].tolist() == [9, 9]
+    back = after(detected, moved, again, Reset(**where)).corrected
+    assert np.array_equal(back.xy[1, 30], detected.xy[1, 30]) and not back.edited[1, 30]
+
+
+def test_hands_stay_where_only_the_body_is_found_again(detected: Keypoints):
+    points = np.zeros((1, 137, 3))
+    points[0, :5] = (3, 4, 0.5)
+    found = after(detected, DetectAgain.found((2,), "person", points)).corrected
+    assert (found.confidence[2, :5] == 0.5).all() and (found.confidence[2, 5:25] == 0).all()
+    assert np.array_equal(found.xy[2, 25:], detected.xy[2, 25:])
+
+
+def test_undo_brings_the_earlier_detection_back(detected: Keypoints):
+    history = after(detected, DetectAgain.found((1,), "left_hand", hand_at(7)))
+    given = history.detected
+    history.add(LogEntry(id=2, time=NOW, author="", action=DetectAgain.found((1,), "left_hand", hand_at(9))))
+    assert given.xy[1, 30].tolist() == [7, 8], "what was handed out stays as it was"
+    for number, place in ((2, [7, 8]), (1, detected.xy[1, 30].tolist())):
+        history.add(LogEntry(id=9 - number, time=NOW, author="", action=edit_log.Undo(edit=number)))
+        assert history.detected.xy[1, 30].tolist() == history.corrected.xy[1, 30].tolist() == place
+
+
 ONE: Any = {"frames": (0,), "joints": (0,)}
+AGAIN = DetectAgain.found((0,), "left_hand", hand_at(7))
 REFUSED = {
     "no frame": (MarkBad(frames=(), joints=(0,)), "names no frame"),
     "no keypoint": (MarkBad(frames=(0,), joints=()), "names no keypoint"),
@@ -286,6 +348,13 @@ REFUSED = {
     "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "no joint that can be locked"),
     "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not one position for each of 1 keypoints"),
     "pinned too deep": (Pin(**ONE, xy=((0.0, 0.0),), depth=((9.0,),)), "a depth is not a number between -3 and 3 m"),
+    "another part": (msgspec.structs.replace(AGAIN, part="face"), "keypoints are not those of the face"),
+    "some of a part": (msgspec.structs.replace(AGAIN, joints=HAND[1:]), "keypoints are not those of the left hand"),
+    "packed nothing": (msgspec.structs.replace(AGAIN, packed=b"nothing"), "cannot be unpacked"),
+    "packed too much": (msgspec.structs.replace(AGAIN, packed=zlib.compress(bytes(10**7))), "has not one position"),
+    "found nowhere": (DetectAgain.found((0,), "left_hand", hand_at(np.nan)), "a position is not a number"),
+    "found too surely": (DetectAgain.found((0,), "left_hand", hand_at(7, confidence=1.5)), "a confidence is not"),
+    "found unsurely": (DetectAgain.found((0,), "left_hand", hand_at(7, confidence=np.nan)), "a confidence is not"),
     "face": (SwapSides(frames=(0,), joints=(100,)), "belongs to the face"),
 }
 
@@ -303,7 +372,7 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 
 def test_every_kind_is_drawn_in_these_tests():
-    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 18
+    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 19
     assert set(get_args(edit_log.Action)) == {
         *KINDS.values(),
         edit_log.MarkFrames,
@@ -327,6 +396,7 @@ def test_every_kind_is_drawn_in_these_tests():
         '{"kind": "mark_bad", "frames": [0.5], "joints": [0]}',
         '{"kind": "mark_bad", "frames": "0", "joints": [0]}',
         '{"kind": "undo", "edit": null}',
+        '{"kind": "detect_again", "frames": [0], "joints": [0], "part": "tail", "packed": ""}',
     ],
 )
 def test_other_texts_are_no_edits(text: str):

@@ -27,7 +27,7 @@ from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Reset, SetDepth, TakeOver, check
-from tcfit_app.project.edits.taken_over import packed
+from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.project.people import opened_people
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.lock import ProjectLocked
@@ -384,7 +384,7 @@ def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.Vi
 
 
 def taken(xy: np.ndarray, confidence: np.ndarray) -> bytes:
-    return packed(xy, confidence, np.zeros(confidence.shape, bool))
+    return packed(np.concatenate([xy, confidence[..., None], np.zeros((*confidence.shape, 1))], -1))
 
 
 @pytest.mark.parametrize(

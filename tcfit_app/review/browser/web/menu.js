@@ -5,9 +5,10 @@ import { element } from "./elements.js";
 
 /**
  * A line of a menu: what it says, the keys that do the same, and what it does: one of the app's actions, or `run`.
- * One that has `checked` switches something, and leaves the menu open.
+ * One that has `checked` switches something, and leaves the menu open. One that has `more` opens the menu of these in
+ * its place.
  * @typedef {{ label: string, keys?: string, disabled?: boolean, checked?: boolean, action?: string,
- *   run?: () => void }} MenuItem
+ *   more?: MenuItem[], run?: () => void }} MenuItem
  */
 
 const EDGE = 4; // least distance from the window's edges, in CSS pixels
@@ -61,7 +62,7 @@ export function closeMenu() {
 
 /** @param {MenuItem} item */
 function lineOf(item) {
-  const { label, keys = "", disabled = false, checked } = item;
+  const { label, keys = "", disabled = false, checked, more } = item;
   const line = element("button", "");
   line.type = "button";
   line.tabIndex = -1;
@@ -71,6 +72,10 @@ function lineOf(item) {
   if (disabled) line.setAttribute("aria-disabled", "true");
   element("span", "", line, label);
   if (keys) element("kbd", "", line, keys);
+  if (more?.length) {
+    line.setAttribute("aria-haspopup", "menu");
+    element("kbd", "", line, "▸").setAttribute("aria-hidden", "true");
+  }
   line.addEventListener("click", () => choose(line, item));
   line.addEventListener("pointermove", () => line.focus({ preventScroll: true }));
   return line;
@@ -83,11 +88,16 @@ function separator() {
 }
 
 /** @param {HTMLElement} line @param {MenuItem} item */
-function choose(line, { disabled, checked, action, run }) {
+function choose(line, { label, disabled, checked, action, more, run }) {
   if (disabled) return;
+  if (more?.length && open) {
+    const { left, top } = open.menu.getBoundingClientRect();
+    openMenu(label, more, left, top);
+    return;
+  }
   if (checked === undefined) closeMenu();
   else line.setAttribute("aria-checked", String(line.getAttribute("aria-checked") !== "true"));
-  if (action !== undefined) emit({ type: "key", action, repeat: false });
+  if (action) emit({ type: "key", action, repeat: false });
   run?.();
 }
 

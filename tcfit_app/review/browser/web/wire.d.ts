@@ -104,6 +104,10 @@ export interface Focus {
   y: number;
 }
 
+export interface Framing {
+  around: string;
+}
+
 export interface Selection {
   joints: number[];
   suggested: boolean;
@@ -182,6 +186,7 @@ export interface Marks {
 export interface MenuItem {
   label: string;
   action: string;
+  more: MenuItem[];
   keys: string;
   disabled: boolean;
 }
@@ -405,6 +410,15 @@ export interface Widen {
   width: number;
 }
 
+export interface Framed {
+  type: "framed";
+  left: number;
+  top: number;
+  right: number;
+  bottom: number;
+  frame: number;
+}
+
 export interface Press {
   type: "press";
   command: string;
@@ -439,7 +453,7 @@ export interface Stranger {
 
 export interface Envelope {
   number: number;
-  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
+  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Widen | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
 }
 
 export interface States {
@@ -452,6 +466,7 @@ export interface States {
   keypoints: Keypoints;
   style: Style;
   selection: Selection;
+  framing: Framing;
   trail: Trail;
   focus: Focus;
   timeline: Timeline;
@@ -478,4 +493,4 @@ export interface States {
 }
 
 export type PageEvent =
-  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
+  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

@@ -10,7 +10,7 @@ import { canvas, canvasSize, keepCameraFlat, moveWheel } from "../viser/bridge.j
 import { beginDepthDrag, endDepthDrag, followInDepth } from "./depth.js";
 import { meanPersonAt } from "./people.js";
 import {
-  REACH, TOUCH_REACH, borderAt, canvasPlace, inPicture, overPoster, overScene, pick, pointer, within,
+  REACH, TOUCH_REACH, borderAt, canvasPlace, inPicture, overPoster, overScene, pick, pictureAt, pointer, within,
 } from "./picking.js";
 import { drawn, inBox, toImage } from "./projection.js";
 import { badJoints, chosen, groupShown, isPicture, isSide, position, select, skeletonReady } from "./skeleton.js";
@@ -21,13 +21,23 @@ const [NARROWEST, WIDEST] = [0.01, 100]; // what the server takes; it has bounds
 function press(event) {
   if (pointer.gesture || event.button !== 0 || !overScene(event) || !skeletonReady()) return;
   const place = canvasPlace(event);
+  const framed = states.framing && pictureAt(place);
+  if (framed) {
+    begin(event, place, { found: null, anchor: toImage(framed, place.x, place.y), kind: "framing" });
+    return;
+  }
   const touch = event.pointerType === "touch";
   const found = pick(place, touch ? TOUCH_REACH : REACH);
   if (!found && (touch || !overPoster(event))) return; // that pans and zooms the picture, or turns 3D
   const anchor = found && toImage(drawn.maps[found.poster], place.x, place.y);
   const kind = found ? beginOnJoint(found.joint, event.shiftKey) : beginBesides(place, event.shiftKey);
-  pointer.gesture = { pointer: event.pointerId, x0: place.x, y0: place.y, ...place, found, anchor, kind };
-  pointer.hovered = found;
+  begin(event, place, { found, anchor, kind });
+}
+
+/** @param {PointerEvent} event @param {Place} place @param {Pick<Gesture, "found" | "anchor" | "kind">} what */
+function begin(event, place, what) {
+  pointer.gesture = { pointer: event.pointerId, x0: place.x, y0: place.y, ...place, ...what };
+  pointer.hovered = what.found;
   canvas().setPointerCapture(event.pointerId);
   invalidate("overlay");
   event.stopPropagation();
@@ -135,6 +145,7 @@ function release(event) {
   if (gesture.kind === "press" && gesture.found && chosen.joints.size > 1) select([gesture.found.joint], "replace");
   if (gesture.kind === "empty") pressBesides(gesture);
   if (gesture.kind === "marquee") selectWithin(gesture);
+  if (gesture.kind === "framing") frameWithin(gesture);
   if (gesture.kind === "widen") widenSide(gesture);
   endGesture();
   event.stopPropagation();
@@ -154,6 +165,14 @@ function selectWithin(gesture) {
   if (joints.length) select(joints, "add");
 }
 
+/** Tells the rectangle that was drawn; a press alone draws none. @param {Gesture} gesture */
+function frameWithin({ x0, y0, x, y, anchor }) {
+  const map = pictureAt({ x: x0, y: y0 });
+  if (!map || !anchor || Math.hypot(x - x0, y - y0) < DRAG_THRESHOLD) return;
+  const [u, v] = toImage(map, x, y);
+  emit({ type: "framed", left: anchor[0], top: anchor[1], right: u, bottom: v, frame: known("keypoints").frame });
+}
+
 /** Its left border is where the pointer let it go. @param {Gesture} gesture */
 function widenSide({ x, x0 }) {
   const side = drawn.maps.find(isSide);
@@ -168,13 +187,13 @@ function endGesture() {
   invalidate("overlay");
 }
 
-/** Whether there was something to give up. */
+/** Whether there was something to give up of which the server knows by that alone. */
 export function cancelGesture() {
   const { gesture } = pointer;
   if (gesture?.kind === "drag" && chosen.held) endDrag("cancel", chosen.held);
   if (gesture?.kind === "depth") endDepthDrag("cancel");
   if (gesture) endGesture();
-  return gesture !== null;
+  return gesture !== null && gesture.kind !== "framing"; // Esc ends the command, too
 }
 
 /** @param {PointerEvent} event */

@@ -10,7 +10,7 @@ import { COLORS, FONT } from "../style.js";
 import { beforeSceneDrawn, canvas, canvasSize, onSceneDrawn, redrawScene } from "../viser/bridge.js";
 import { drawInWindow, leaveOut } from "../viser/windows.js";
 import { placeDivider } from "./divider.js";
-import { REACH, borderAt, inPicture, pick, pointer, within } from "./picking.js";
+import { REACH, borderAt, inPicture, pick, pictureAt, pointer, within } from "./picking.js";
 import { peeking } from "./peeking.js";
 import { drawPeople, placePeople } from "./people.js";
 import { drawn, placeInWorld, posterMaps, toScreen, viewChanged } from "./projection.js";
@@ -89,6 +89,7 @@ function drawSkeleton(context) {
   for (const map of drawn.maps) inWindow(context, map, () => drawOnPoster(context, map, joints));
   drawHovered(context);
   if (pointer.gesture?.kind === "marquee") drawMarquee(context, pointer.gesture);
+  if (pointer.gesture?.kind === "framing") drawFrame(context, pointer.gesture);
   drawBorder(context);
 }
 
@@ -197,14 +198,28 @@ function jointLine(joint) {
   return parts.join("  ");
 }
 
-/** @param {Context} context @param {Gesture} gesture */
-function drawMarquee(context, gesture) {
+/** A rectangle around something, and what that is. @param {Context} context @param {Gesture} gesture */
+function drawFrame(context, gesture) {
+  drawBox(context, gesture);
+  context.font = `600 13px ${FONT}`;
+  context.textBaseline = "bottom";
+  context.fillStyle = COLORS.selected;
   const { x0, y0, x, y } = gesture;
+  context.fillText(states.framing?.around ?? "", Math.min(x0, x), Math.min(y0, y) - 4);
+}
+
+/** @param {Context} context @param {Gesture} gesture */
+function drawBox(context, { x0, y0, x, y }) {
   context.fillStyle = "rgba(255, 225, 77, 0.12)";
   context.strokeStyle = COLORS.selected;
   context.lineWidth = 1;
   context.fillRect(x0, y0, x - x0, y - y0);
   context.strokeRect(x0, y0, x - x0, y - y0);
+}
+
+/** @param {Context} context @param {Gesture} gesture */
+function drawMarquee(context, gesture) {
+  drawBox(context, gesture);
   for (const joint of within(gesture))
     for (const map of drawn.maps)
       inWindow(context, map, () => {
@@ -214,14 +229,17 @@ function drawMarquee(context, gesture) {
 }
 
 /** @type {{ [kind: string]: string }} */
-const GESTURE_SHAPES = { drag: "grabbing", depth: "grabbing", marquee: "crosshair", widen: "col-resize" };
+const GESTURE_SHAPES = {
+  drag: "grabbing", depth: "grabbing", marquee: "crosshair", framing: "crosshair", widen: "col-resize",
+};
 let pointerShape = "";
 
 /** Sets the pointer's shape, and leaves it alone while it is viser's to set. */
 function showPointerShape() {
   const { hovered, place } = pointer;
   const besides = borderAt(place) ? "col-resize" : "";
-  const usual = !hovered ? besides : inPicture(hovered) || wayOf(hovered) ? "grab" : "pointer";
+  const met = !hovered ? besides : inPicture(hovered) || wayOf(hovered) ? "grab" : "pointer";
+  const usual = states.framing && pictureAt(place) ? "crosshair" : met;
   const shape = skeletonReady() ? (GESTURE_SHAPES[pointer.gesture?.kind ?? ""] ?? usual) : "";
   if (shape !== pointerShape) canvas().style.cursor = shape;
   pointerShape = shape;
@@ -262,6 +280,7 @@ function drawFitName(context, { label, color, kind }, right, top, across) {
 }
 
 addPainter("overlay", drawOverlay);
+watch("framing", () => invalidate("overlay"));
 
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
 beforeSceneDrawn(() => {

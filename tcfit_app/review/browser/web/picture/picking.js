@@ -18,7 +18,7 @@ const RANK_HANDICAP = 1.5;
 /**
  * A press of the left button.
  * @typedef {Place & { x0: number, y0: number, pointer: number,
- *   kind: "press" | "drag" | "depth" | "marquee" | "empty" | "toggled" | "widen",
+ *   kind: "press" | "drag" | "depth" | "marquee" | "framing" | "empty" | "toggled" | "widen",
  *   found: Found | null, anchor: [u: number, v: number] | null }} Gesture
  */
 
@@ -51,6 +51,9 @@ export function pick(place, reach) {
 
 /** Whether what was met is in a picture, where keypoints are dragged. @param {Found | null} found */
 export const inPicture = (found) => found !== null && isPicture(drawn.maps[found.poster]);
+
+/** The picture's map at this place. @param {Place | null} place */
+export const pictureAt = (place) => drawn.maps.find((map) => place && isPicture(map) && inBox(map.seen, place));
 
 const BORDER = 5; // CSS pixels
 

@@ -1,0 +1,88 @@
+"""A second look at some frames of a clip's video, which becomes an edit of its keypoints."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.camera import Lens
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.keypoints import PARTS, Keypoints, PartOfPerson
+from tcfit_app.project.edits.kinds import DetectAgain
+
+Region = tuple[float, float, float, float]
+"""Left, top, right and bottom of a rectangle, pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondLook:
+    """What is looked for again, and where."""
+
+    frames: tuple[int, ...]
+    """Counted from the clip's first (0)."""
+    part: PartOfPerson
+    region: Region | None = None
+    """Of the straightened picture, in which it is; None: wherever the person is."""
+
+    def run(self, clip: Clip, report: Callable[[str, float | None], None]) -> DetectAgain | None:
+        """Look for it. Slow: for a thread of its own.
+
+        Args:
+            clip: With the keypoints as they stand, near which the person is.
+            report: Takes what is being done, and how far it is (0 to 1, or unknown). Raises to end the search.
+
+        Returns:
+            The edit of those frames in which anything was found; None if that is none of them.
+
+        Raises:
+            InputError: The video or the networks are not there.
+        """
+        from fitting_core.detect.second_look import look_again
+        from fitting_core.lens import filmed_keypoints
+        from fitting_core.video.frames import FrameSource
+
+        if clip.source is None:
+            raise InputError("The project's video is not there.")
+        report("opening the detector", None)
+        lens, count = clip.camera.lens, len(self.frames)
+        near = filmed_keypoints(clip.keypoints[np.array(self.frames)], lens)
+        with FrameSource(clip.source) as source:
+            found = look_again(
+                source,
+                [clip.first_frame + frame for frame in self.frames],
+                part=self.part,
+                region=None if self.region is None else filmed_region(self.region, lens),
+                near=np.concatenate([near.xy, near.confidence[..., None]], -1),
+                tell=lambda done: report(f"{done} of {count} frames", done / count),
+            )
+        return self._edit(_straightened(found, lens))
+
+    def _edit(self, points: Float[np.ndarray, "n 137 3"]) -> DetectAgain | None:
+        anywhere = (points[:, PARTS[self.part], 2] > 0).any(1)
+        if not anywhere.any():
+            return None
+        frames = [frame for frame, there in zip(self.frames, anywhere, strict=True) if there]
+        return DetectAgain.found(frames, self.part, points[anywhere])
+
+
+def filmed_region(region: Region, lens: Lens | None) -> Region:
+    """The rectangle around what a rectangle of the straightened picture shows, in the picture as it was filmed."""
+    from fitting_core.lens import filmed
+
+    if lens is None:
+        return region
+    left, top, right, bottom = region
+    across, down = np.linspace(left, right, 9), np.linspace(top, bottom, 9)
+    bent = filmed(lens, np.stack(np.meshgrid(across, down), -1).reshape(-1, 2))
+    (left, top), (right, bottom) = bent.min(0).tolist(), bent.max(0).tolist()
+    return left, top, right, bottom
+
+
+def _straightened(found: Float[np.ndarray, "n 137 3"], lens: Lens | None) -> Float[np.ndarray, "n 137 3"]:
+    from fitting_core.lens import straightened_keypoints
+
+    filmed = Keypoints(xy=found[..., :2], confidence=np.clip(found[..., 2], 0, 1))
+    straight, _ = straightened_keypoints(filmed, lens)
+    return np.concatenate([straight.xy, straight.confidence[..., None]], -1)

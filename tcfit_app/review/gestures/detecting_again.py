@@ -1,0 +1,132 @@
+"""Detecting again in one tab: a person, a hand or the face, in the selected frames or the one on show."""
+
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from fitting_core.keypoints import BODY, PARTS, PartOfPerson
+from tcfit_app.fitting.reports import Notice
+from tcfit_app.imports.second_looks import Region, SecondLook
+from tcfit_app.project.edits.corrected import Corrected
+from tcfit_app.project.edits.kinds import DetectAgain
+from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.browser.page_events import Framed
+from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.edit_words import part_name
+from tcfit_app.review.session.tasks import Task
+from tcfit_app.review.tab.tab import Tab
+
+_LEAST = 2.0
+"""Pixels that a rectangle is wide and high at least."""
+
+
+def missing_parts(corrected: Corrected, frame: int) -> tuple[PartOfPerson, ...]:
+    """What was not found in a frame: of somebody who is not there at all, nothing else is named."""
+    there = corrected.confidence[frame] > 0
+    if not there[BODY].any():
+        return ("person",)
+    return tuple(part for part, points in PARTS.items() if not there[points].any())
+
+
+def can_look(tab: Tab) -> bool:
+    """Whether there are keypoints that can be changed, and a video to look at."""
+    project = tab.session.project
+    return project.has_detections and not project.read_only and project.media.path is not None
+
+
+class DetectingAgain:
+    """Second looks of one tab, one at a time; its methods raise InputError for what cannot be done."""
+
+    def __init__(self, tab: Tab, correcting: Correcting) -> None:
+        self._tab, self._correcting = tab, correcting
+        self.going: Task[DetectAgain | None] | None = None
+        """The look that began last."""
+        self.framing: PartOfPerson | None = None
+        """What the next drag in the picture draws a rectangle around."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being looked for."""
+        return self.going is not None and self.going.state == "running"
+
+    def look(self, part: PartOfPerson, region: Region | None = None) -> None:
+        """Begin to look for a part.
+
+        Args:
+            part: What.
+            region: Of the picture as it is shown, in which it is; None: wherever the person is.
+        """
+        self._refuse()
+        tab, self.framing = self._tab, None
+        look, clip = SecondLook(frames=tab.frames_to_change, part=part, region=region), tab.session.project.clip
+        tab.pause()
+        self.going = tab.session.tasks.submit(
+            f"Detecting the {part_name(part)} again",
+            lambda report: look.run(clip, report),
+            owner=tab,
+            then=lambda task: tab.guarded(lambda: self._take_end(look, clip, task))(),
+        )
+
+    def frame(self, part: PartOfPerson) -> None:
+        """Have the next drag in the picture draw a rectangle in which a part is looked for."""
+        self._refuse()
+        if self._tab.state.mode == "space":
+            raise InputError("3D has no picture to draw a rectangle in: go to Edit (1) or A | B (2) first.")
+        self._tab.pause()
+        self.framing = part
+
+    def take(self, event: Framed) -> None:
+        """The rectangle has been drawn."""
+        tab, part = self._tab, self.framing
+        if part is None or event.frame >= tab.length:
+            return
+        self.framing = None
+        region = self._in_picture(event, part)
+        tab.seek(event.frame)
+        self.look(part, region)
+
+    def _in_picture(self, event: Framed, part: PartOfPerson) -> Region:
+        width, height = self._tab.session.project.clip.camera.size
+        left, right = (min(max(x, 0.0), width) for x in sorted((event.left, event.right)))
+        top, bottom = (min(max(y, 0.0), height) for y in sorted((event.top, event.bottom)))
+        if right - left < _LEAST or bottom - top < _LEAST:
+            raise InputError(f"The rectangle is too small. Draw it in the picture, around the {part_name(part)}.")
+        return left, top, right, bottom
+
+    def give_up_framing(self) -> bool:
+        """No rectangle after all; whether one was to be drawn."""
+        framing, self.framing = self.framing, None
+        return framing is not None
+
+    def cancel(self) -> None:
+        """Stop looking; the keypoints stay as they are."""
+        if self.going is not None:
+            self.going.cancel()
+
+    def _refuse(self) -> None:
+        session = self._tab.session
+        self._tab.refuse_read_only()
+        session.refuse_without_keypoints()
+        if session.project.media.path is None:
+            raise InputError("The project's video is not there, so there is nothing to look at.")
+        if self.busy:
+            assert self.going is not None
+            raise InputError(f"{self.going.title}: wait for it, or cancel it in the panel Keypoints.")
+
+    def _take_end(self, look: SecondLook, clip: Clip, task: Task[DetectAgain | None]) -> None:
+        tab, name = self._tab, part_name(look.part)
+        if task.state == "cancelled":
+            return tab.say(f"{task.title}: cancelled")
+        if task.state == "failed":
+            return tab.notify(Notice(title=f"{task.title} failed", text=task.reason, kind="error"))
+        if (edit := task.result()) is None:
+            where = in_words(look.frames, tab.first_frame)
+            return tab.notify(Notice(title=f"No {name} was found in {where}.", text=_advice(look)))
+        if tab.session.project.clip.camera.lens != clip.camera.lens:
+            raise InputError("The camera has another lens by now. Detect again.")
+        left = sorted({*look.frames} - {*edit.frames})
+        self._correcting.keep(edit, f"; not found in {in_words(left, tab.first_frame)}" if left else "")
+
+
+def _advice(look: SecondLook) -> str:
+    if look.region is None:
+        return f"If you see it there, detect the {part_name(look.part)} in a rectangle."
+    return "Try a rectangle that is a little larger, or place the keypoints by hand."
