@@ -115,6 +115,16 @@ def test_ctrl_c_keeps_what_was_found(
         assert project.has_detections and any("found by fake" in note for note in project.clip.notes)
 
 
+def test_a_folder_that_is_taken_is_told_at_once(
+    fit_video: list[str], fake: FakeDetector, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.tex").write_text("mine")
+    for command in (fit_video, ["new", fit_video[1], "--out", str(tmp_path / "out")]):
+        assert main(command) == 2
+    assert str(tmp_path / "out") in capsys.readouterr().err and not fake.asked
+
+
 def test_a_bar_on_a_terminal(
     fit_video: list[str],
     fake: FakeDetector,
