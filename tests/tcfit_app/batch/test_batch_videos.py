@@ -78,6 +78,16 @@ def test_a_video_is_enough(folder: Path, jobs: int, keypoint_store: Path):
     assert len(list(keypoint_store.iterdir())) == 2
 
 
+def test_clips_of_one_video_that_are_fitted_at_once(folder: Path, keypoint_store: Path):
+    """Both look for the same keypoints in the same place."""
+    write_list(folder, [{"video": "a.avi", "out": f"fits/{name}"} for name in "xyz"])
+    assert batch(folder, jobs=3) == 0 and len(fitted(folder)) == 3
+    one, other = (read_fit(folder / "fits" / name).params for name in "xz")
+    assert (one.body_pose == other.body_pose).all()
+    (found,) = keypoint_store.iterdir()
+    assert sorted(file.name for file in found.iterdir()) == ["part-000000.npz", "settings.json"]
+
+
 def test_it_is_fitted_again_when_the_detector_changes(folder: Path, monkeypatch: pytest.MonkeyPatch):
     """And only where it has found the keypoints."""
     assert batch(folder) == 0 and batch(folder) == 0 and len(fitted(folder)) == 3
