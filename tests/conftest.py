@@ -1,6 +1,7 @@
 """Fixtures for all tests."""
 
 import os
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from hypothesis import settings
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import BodyModel
+from fitting_core.detect import stored
 from fitting_core.fit.fused import ready
 from fitting_core.render import renderer
 from tests.samples.tiny_body import make_tiny_body
@@ -40,6 +42,14 @@ def shared_data() -> Path:
     folder = Path(os.environ.get("TCFIT_SHARED_DATA", default)).resolve()
     if not folder.is_dir():
         pytest.skip(f"the shared development data is not at {folder} (TCFIT_SHARED_DATA names another place)")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def keypoint_store(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where detections are kept: of each test's own, in place of the user's cache."""
+    folder = tmp_path_factory.getbasetemp() / "found keypoints" / uuid.uuid4().hex
+    monkeypatch.setattr(stored, "users_folder", lambda: folder)
     return folder
 
 

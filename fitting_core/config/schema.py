@@ -130,8 +130,8 @@ class FitConfig:
     robust_at_height: float | None = None
     """Image height to which both rho belong; they scale with the clip's own. None: pixels as they are."""
     keypoint_noise: Literal["auto", "openpose", "mediapipe", "coco-wholebody", "equal"] = "equal"
-    """Whose noise the keypoints have, by which the data term weighs them: the detector's that found them (auto), or the
-    one of this name; or all weigh the same (equal). OpenPose's weigh the same in any case (see keypoint_noise.py)."""
+    """By whose noise the data term weighs keypoints: that of the detector that found them (auto), or of the one named.
+    equal: all weigh the same, as OpenPose's do in any case; it measures best (see keypoint_noise.py)."""
     neck_weight: float = 0.0
     """Factor of the neck keypoint in the stages; the camera step always uses it."""
     hip_weight: float = 0.0
@@ -194,7 +194,6 @@ PRESETS: dict[str, FitConfig] = {
         robust_pixels_fine=15.0,
         start_deviation=0.03,
         robust_at_height=1000.0,
-        keypoint_noise="auto",
         one_sided_cut_off=True,
         unswap_sides=True,
         yaws="four",

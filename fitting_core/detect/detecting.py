@@ -103,19 +103,19 @@ class Detection:
             memory = part.memory
             found.append(replace(part, memory={}))
         missing = parts[len(found) :]
-        start = kept = sum(map(len, found))
-        yield self._progress(start, kept)
+        start = kept = done = sum(map(len, found))
+        yield self._progress(done, kept)
         if missing:
             with closing(self.detector.detect(self.source, missing, memory)) as events:
                 for event in events:
                     if isinstance(event, int):
-                        yield self._progress(start + event, kept)
-                        continue
-                    store.write(len(found), event)
-                    yield FramesDetected(frames=parts[len(found)], people=event.people, numbers=event.numbers)
-                    found.append(replace(event, memory={}))
-                    kept += len(event)
-            yield self._progress(kept, kept)
+                        done = start + event
+                    else:
+                        store.write(len(found), event)
+                        kept += len(event)
+                        yield FramesDetected(frames=parts[len(found)], people=event.people, numbers=event.numbers)
+                        found.append(replace(event, memory={}))
+                    yield self._progress(max(done, kept), kept)
         yield self.joined(found)
 
     def _progress(self, done: int, kept: int) -> DetectionProgress:

@@ -2,12 +2,13 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from fitting_core.video.frames import FrameSource
+if TYPE_CHECKING:  # OpenCV would take a tenth of a second of every start of tcfit
+    from fitting_core.video.frames import FrameSource
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +53,7 @@ class Detector(Protocol):
         ...
 
     def detect(
-        self, source: FrameSource, parts: Sequence[range], memory: Mapping[str, np.ndarray]
+        self, source: "FrameSource", parts: Sequence[range], memory: Mapping[str, np.ndarray]
     ) -> Generator[int | Part, None, None]:
         """Go through consecutive frames.
 

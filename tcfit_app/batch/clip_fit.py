@@ -23,6 +23,9 @@ import torch
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
+from fitting_core.detect.detecting import DetectionProgress
+from fitting_core.detect.detectors import Running, find_detector
+from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
 from fitting_core.fit.events import FitEvent, drained, mapped
@@ -34,7 +37,15 @@ from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
-from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, fingerprint_of, missing_input, unchanged
+from tcfit_app.batch.fingerprint import (
+    FIRST_NAME,
+    SHAPE_NAME,
+    Fingerprint,
+    detector_of,
+    fingerprint_of,
+    missing_input,
+    unchanged,
+)
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.batch.pictures import suspects, write_picture
 from tcfit_app.batch.records import (
@@ -64,7 +75,7 @@ DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Of the hidden folders beside a result while it is made."""
 _PATIENCE = 30.0
 """Seconds to wait for another process that fits the same clip: one whose batch was killed ends in less."""
-Report = Callable[[FitEvent], None]
+Report = Callable[[FitEvent | DetectionProgress], None]
 
 
 def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
@@ -73,7 +84,7 @@ def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) 
     Args:
         task: The clip.
         folder: The batch's.
-        report: Takes the fit's events.
+        report: Takes the fit's events, and before them how far keypoints are found.
     """
     begin, fingerprint = time.time(), Fingerprint(settings="", stamp="", content="")
     try:
@@ -179,12 +190,19 @@ class Work:
     @cached_property
     def clip(self) -> Clip:
         """Read when it is needed."""
-        return _clip_of(self.task)
+        return _clip_of(self.task, self.report)
 
 
-def _clip_of(task: ClipTask) -> Clip:
+def _clip_of(task: ClipTask, report: Report) -> Clip:
     options = dataclasses.asdict(task.fit.camera) | dataclasses.asdict(task.fit.clip)
-    return read_clip(task.fit.video, task.fit.keypoints, **options)
+    if (name := detector_of(task)) is not None:
+        options["detector"] = _detector(name)
+    return read_clip(task.fit.video, task.fit.keypoints, tell=report, **options)
+
+
+@lru_cache(maxsize=1)  # Most clips of a list have the same, which takes a second to open.
+def _detector(name: str) -> Detector:
+    return find_detector(name, Running(threads=1))
 
 
 def write_first(work: Work) -> Figures:
@@ -219,7 +237,7 @@ def write_shape(work: Work) -> Figures:
     members = [member for member in work.task.members if not missing_input(member)]
     if not members:
         raise InputError(f"{work.task.subject}: the files of all its clips have gone; its shape cannot be found again.")
-    clips = [(_clip_of(member), read_run(member.out / FIRST_NAME, member.config)) for member in members]
+    clips = [(_clip_of(member, work.report), read_run(member.out / FIRST_NAME, member.config)) for member in members]
     found = subject_shape(clips, work.body, work.task.config)
     content = FoundShape(
         subject=work.task.subject,

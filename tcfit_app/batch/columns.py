@@ -47,7 +47,7 @@ _NUMBERS = {
     "focal_length_35mm": Range(open=True),
     "camera_unit": Range(open=True),
 }
-_NAME_OR_PATH = ("body_model", "pose_prior")
+_NAME_OR_PATH = ("body_model", "pose_prior", "detector")
 _SEPARATORS = re.compile(r"\s*[x×,;\s]\s*")
 
 

@@ -1,16 +1,18 @@
 """What a clip's result depends on, as hashes: the same ones mean that it need not be fitted again."""
 
-import dataclasses
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, replace
 from functools import cache, lru_cache
+from itertools import chain
 from pathlib import Path
 
 import msgspec
 
 from fitting_core.config.schema import POSE_PRIORS, FitConfig
 from fitting_core.config.toml import as_plain
+from fitting_core.detect.detectors import find_detector
 from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.cameras.reading import camera_files
@@ -23,7 +25,7 @@ from tcfit_app.options.preparing import body_file
 FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"
 """Of a first phase, and of a shape that several clips share, in their folders."""
 _ENDS = 1 << 20
-"""Bytes at both ends of a video that stand for all of it: a fit takes its length, size and frame rate from it."""
+"""Bytes at both ends of a video that stand for all of it: whoever cuts or encodes it anew changes them."""
 _BLOCK = 1 << 20
 
 
@@ -49,10 +51,10 @@ def fingerprint_of(task: ClipTask) -> Fingerprint:
 
 
 def unchanged(then: Fingerprint, task: ClipTask) -> bool:
-    """Whether a clip is still what it was. One whose input is gone is, if its settings are the same."""
+    """Whether a clip is still what it was. One whose input or detector is gone is, if its settings are the same."""
     if then.settings != settings_of(task):
         return False
-    if missing_input(task):
+    if missing_input(task) or _detector_is_gone(task):
         return True
     return then.stamp == stamp_of(task) or then.content == content_of(task)
 
@@ -64,11 +66,36 @@ def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
     return [(column, path) for column, path in named.items() if path is not None and not path.exists()]
 
 
+def detector_of(task: ClipTask) -> str | None:
+    """What is to find a clip's keypoints; None where they are given, or nothing is there in which to find them."""
+    try:
+        _, keypoints = locate(task.fit.video, task.fit.keypoints)
+    except InputError:
+        return None  # the fit will say so
+    return task.fit.clip.detector if keypoints is None and task.form != "shape" else None
+
+
+@cache
+def detector_version(name: str) -> str:
+    """What a detector finds depends on it. Raises InputError if it is not on this computer."""
+    return find_detector(name).version
+
+
+def _detector_is_gone(task: ClipTask) -> bool:
+    name = detector_of(task)
+    try:
+        return name is not None and not detector_version(name)
+    except InputError:
+        return True
+
+
 def settings_of(task: ClipTask) -> str:
     """Everything but the input files. What only says how fast or where is left out."""
     shape = [] if task.fit.shape is None else [msgspec.json.encode(_betas(task.fit.shape))]
     fit = task.fit
-    common = _common(fit.clip, fit.camera, fit.begin, body_file(fit.body), task.config, task.form, fit.overlay)
+    # Where keypoints are given, it does not matter which detector would have been taken.
+    clip = fit.clip if detector_of(task) else replace(fit.clip, detector="")
+    common = _common(clip, fit.camera, fit.begin, body_file(fit.body), task.config, task.form, fit.overlay)
     return _hashed([common, *shape])
 
 
@@ -84,10 +111,10 @@ def _common(
 ) -> bytes:
     """Settings without the shape."""
     plain = {
-        "clip": dataclasses.asdict(clip),
+        "clip": asdict(clip),
         # Files are input, and not settings.
-        "camera": dataclasses.asdict(camera) | {"camera": None},
-        "start": dataclasses.asdict(begin) | {"start": None},
+        "camera": asdict(camera) | {"camera": None},
+        "start": asdict(begin) | {"start": None},
         "body": _file_hash(body),
         "config": {name: value for name, value in as_plain(config).items() if name != "device"},
         "prior": "" if config.pose_prior in POSE_PRIORS else _file_hash(Path(config.pose_prior)),
@@ -109,7 +136,7 @@ def _betas(path: Path) -> list[float] | None:
 
 def stamp_of(task: ClipTask) -> str:
     """Of names, sizes and times of modification."""
-    lines = []
+    lines = _detector_line(task)
     for kind, file in _inputs(task):
         status = file.stat()
         lines.append(f"{kind} {file.name} {status.st_size} {status.st_mtime_ns}\n".encode())
@@ -118,11 +145,18 @@ def stamp_of(task: ClipTask) -> str:
 
 def content_of(task: ClipTask) -> str:
     """Of all keypoints, the camera and the start, and of what a video is recognised by."""
-    return _hashed(
+    files = (
         part
         for kind, file in _inputs(task)
         for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind != "video"))
     )
+    return _hashed(chain(_detector_line(task), files))
+
+
+def _detector_line(task: ClipTask) -> list[bytes]:
+    """What finds the keypoints is an input as files are: another version of it may find something else."""
+    name = detector_of(task)
+    return [] if name is None else [f"detector {detector_version(name)}\n".encode()]
 
 
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
@@ -158,7 +192,7 @@ def _parts(file: Path, *, whole: bool) -> Iterator[bytes]:
         yield stream.read(_ENDS)
 
 
-def _hashed(parts: Iterator[bytes] | list[bytes]) -> str:
+def _hashed(parts: Iterable[bytes]) -> str:
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part)

@@ -14,6 +14,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Protocol
 
+from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.fit.events import FitEvent, Iteration
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
 from tcfit_app.batch.fingerprint import fingerprint_of
@@ -29,9 +30,9 @@ class Underway:
     index: int
     """Which of the tasks."""
     phase: int = 0
-    """0: it has only begun."""
+    """0: its keypoints are found, or it has only begun."""
     share: float = 0.0
-    """Of the phase."""
+    """Of the phase, or of the frames whose keypoints are found."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,10 +174,11 @@ def _serve(pipe: Connection, folder: Path) -> None:
 def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Record:
     told = time.monotonic()
 
-    def report(event: FitEvent) -> None:
+    def report(event: FitEvent | DetectionProgress) -> None:
         nonlocal told
-        if isinstance(event, Iteration) and time.monotonic() > told + _BETWEEN:
+        if isinstance(event, Iteration | DetectionProgress) and time.monotonic() > told + _BETWEEN:
             told = time.monotonic()
-            pipe.send(Underway(index=index, phase=event.phase, share=event.share))
+            phase = event.phase if isinstance(event, Iteration) else 0
+            pipe.send(Underway(index=index, phase=phase, share=event.share))
 
     return fit_clip(task, folder, report)

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from fitting_core.errors import InputError
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
-from tcfit_app.batch.fingerprint import SHAPE_NAME, missing_input
+from tcfit_app.batch.fingerprint import SHAPE_NAME, detector_of, detector_version, missing_input
 from tcfit_app.batch.local import Crew, Ended, LocalProcesses, News
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster
@@ -189,9 +189,9 @@ class _Lines:
             sys.stdout.flush()
             self._bar.update(1)
         else:
-            step = f"phase {news.phase}" if news.phase else "reading"
+            step = f"phase {news.phase}" if news.phase else "keypoints" if news.share else "reading"
             emit(Progress(step=step, share=news.share, text="", clip=task.name))
-            self._running[news.index] = f"phase {news.phase} {news.share:.0%}" if news.phase else "reading"
+            self._running[news.index] = f"{step} {news.share:.0%}" if news.share or news.phase else step
         self._bar.set_postfix_str(", ".join(f"{self._tasks[i].name} {how}" for i, how in self._running.items()))
 
     def _line(self, task: ClipTask, record: Record) -> str:
@@ -228,6 +228,7 @@ def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
         _check_for(task, complaints, "out", partial(check_out, overwrite=may), task.out)
     if here:
         _check_devices(to_do, complaints)
+        _check_detectors(to_do, complaints)
 
 
 def _check_for(
@@ -256,3 +257,14 @@ def _check_devices(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
             prepare_solver(task.config, 1)
         except InputError as error:
             complaints.add(task.line, str(error))
+
+
+def _check_detectors(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
+    """Each detector once, in the first line whose keypoints it is to find."""
+    first = {detector_of(task): task for task in reversed(tasks)}
+    for name, task in first.items():
+        try:
+            if name is not None:
+                detector_version(name)
+        except InputError as error:
+            complaints.add(task.line, str(error), "detector")

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from fitting_core.clip import Clip
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import locate, read_clip
+from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.summary import versions
 from tcfit_app.bench.figures import (
     FORMAT,
@@ -32,6 +32,7 @@ from tcfit_app.bench.machine import machine
 from tcfit_app.bench.measuring import Setup
 from tcfit_app.bench.trials import FULL, PARTS, QUICK, Amount, Trial, compared_trials, run_trials
 from tcfit_app.cli.demo_command import demo_clip, read_demo
+from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.fit import fit_config
 from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
@@ -83,9 +84,9 @@ def _clip(options: BenchOptions) -> Clip:
     if options.video is None and options.keypoints is None:
         clip = read_demo(demo_clip())
     else:
-        locate(options.video, options.keypoints)
         details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
-        clip = read_clip(options.video, options.keypoints, **details)
+        with DetectionShown() as tell:
+            clip = read_clip(options.video, options.keypoints, tell=tell, **details)
     return replace(clip, source=None)
 
 

@@ -1,27 +1,24 @@
-"""`tcfit detect`: keypoints of a video by ONNX models, and the download of such models."""
+"""`tcfit detect`: keypoints of a video as OpenPose JSON, and the download of detectors."""
 
 import sys
-from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 
 from tqdm import tqdm
 
-from fitting_core.detect import BoxModel, load_box_model, load_pose_model
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
+from fitting_core.detect.detectors import DETECTORS, Known, Running, find_detector
 from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
-from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, model_path
-from fitting_core.detect.stored import StoredDetection
+from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, is_here, model_path
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.openpose import SUFFIX, write_openpose
-from fitting_core.keypoint_noise import COCO_WHOLEBODY
+from fitting_core.io.keypoints.found import found_by
+from fitting_core.io.keypoints.openpose import SUFFIX, write_everybody
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli.json_lines import Note, Progress, Step, emit, emit_wrote
+from tcfit_app.cli.detection_shown import DetectionShown
+from tcfit_app.cli.detector_networks import fetch_networks
+from tcfit_app.cli.json_lines import emit_wrote
 from tcfit_app.options.detect import DetectOptions
-
-_UNFINISHED = ".detection"
-"""In the output folder: what is stored of a detection until it is complete."""
-_STEPS = {"people": "People", "keypoints": "Keypoints"}
 
 
 def run_detect(options: DetectOptions) -> None:
@@ -29,10 +26,10 @@ def run_detect(options: DetectOptions) -> None:
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
-        KeyboardInterrupt: Cancelled; the frames that had been finished have been written.
+        KeyboardInterrupt: Cancelled; what was found is kept for the next time.
     """
     if options.list:
-        print(model_table())
+        print(detector_table())
     for name in options.download:
         fetch(name, agreed=options.yes)
     if options.video is not None or not (options.list or options.download):
@@ -42,91 +39,32 @@ def run_detect(options: DetectOptions) -> None:
 def detect(options: DetectOptions) -> None:
     """Detect, and write the keypoints. Raises as `run_detect`."""
     if options.video is None:
-        raise InputError("No video is given; expected `tcfit detect VIDEO --model POSE.onnx`.")
-    if options.model is None:
-        raise InputError(
-            "No --model is given; expected the path of a whole-body ONNX model, or the name of one that has been "
-            "downloaded: `tcfit detect --list` shows them."
-        )
-    pose = load_pose_model(find_model(options.model), provider=options.provider, threads=options.threads)
-    boxes = _box_model(options)
+        raise InputError("No video is given; expected `tcfit detect VIDEO`.")
     name = options.video.resolve().stem
     folder = options.out or Path(f"{name}_keypoints")
     with FrameSource(options.video) as source:
         frames = frames_of(source, options.first_frame, options.last_frame)
         check_folder(folder, name, frames)
-        detection = Detection(
-            source=source, frames=frames, pose=pose, boxes=boxes, person=options.person, batch=options.batch
-        )
-        store = StoredDetection(folder / _UNFINISHED)
-        if options.restart:
-            store.discard()
-        _detect(detection, store, folder, name)
-
-
-def _detect(detection: Detection, store: StoredDetection, folder: Path, name: str) -> None:
-    frames = detection.frames
-    known = store.begin(detection.settings())
-    if known:
-        done = len(detection.so_far(store).keypoints)
-        _tell([f"Going on after {done} of {len(frames)} frames, which an earlier run has left in {folder}."])
-    try:
-        found = shown(detection, store)
-    except BaseException:
-        part = detection.so_far(store)
-        if len(part.keypoints):
-            _write(folder, part, name, frames)
-        _tell([f"Stopped: {len(part.keypoints)} of {len(frames)} frames are in {folder}. The same command goes on."])
-        raise
-    _write(folder, found, name, frames)
-    store.discard()
+        running = Running(boxes=options.boxes, provider=options.provider, batch=options.batch, threads=options.threads)
+        detector = find_detector(options.detector, running)
+        found = _found(Detection(source=source, frames=frames, detector=detector), restart=options.restart)
+    write_everybody(folder, found.people, name=name, first_frame=frames[0], detector=found.points)
     emit_wrote(folder, kind="keypoints")
-    if found.note:
-        emit(Note(text=found.note))
-        _tell([f"Note: {found.note}"])
-    detected = (found.keypoints.confidence > 0).any(1).sum()
-    print(f"Wrote {len(frames)} files into {folder}: somebody in {detected} of {len(frames)} frames.")
+    seen = sum(len(people) > 0 for people in found.people)
+    print(f"Wrote {len(frames)} files into {folder}: somebody in {seen} of {len(frames)} frames, by {found_by(found)}.")
 
 
-def _write(folder: Path, found: Detected, name: str, frames: range) -> None:
-    write_openpose(folder, found.keypoints, name=name, first_frame=frames[0], detector=COCO_WHOLEBODY)
-
-
-def shown(detection: Detection, store: StoredDetection) -> Detected:
-    """Detect with a progress bar for each step, or on no terminal with a line."""
-    bar: tqdm | None = None
-    step, end = "", None
-    try:
-        for event in detection.events(store):
-            if isinstance(event, Detected):
-                end = event
-                continue
-            if event.step != step:
-                emit(Step(step=event.step, title=_STEPS[event.step]))
-                step, bar = event.step, _next_bar(bar, event)
-            if bar is not None:
-                bar.update(event.done - bar.n)
-            emit(Progress(step=event.step, share=event.share, text=f"{event.done} of {event.total} frames"))
-    finally:
-        if bar is not None:
-            bar.close()
-    assert end is not None
-    return end
-
-
-def _next_bar(bar: tqdm | None, event: DetectionProgress) -> tqdm | None:
-    if bar is not None:
-        bar.close()
-    if not sys.stderr.isatty():
-        _tell([f"{_STEPS[event.step]} in {event.total} frames ..."])
-        return None
-    return tqdm(desc=f"{_STEPS[event.step]:9}", total=event.total, unit="frames", dynamic_ncols=True)
-
-
-def _box_model(options: DetectOptions) -> BoxModel | None:
-    if options.boxes is None:
-        return None
-    return load_box_model(find_model(options.boxes), provider=options.provider, threads=options.threads)
+def _found(detection: Detection, *, restart: bool) -> Detected:
+    store = detection.store()
+    if restart:
+        store.discard()
+    with DetectionShown() as shown, closing(detection.events(store)) as events:
+        for event in events:
+            if isinstance(event, DetectionProgress):
+                shown(event)
+            elif isinstance(event, Detected):
+                return event
+    raise AssertionError("a detection ends with what it found")
 
 
 def frames_of(source: FrameSource, first: int | None, last: int | None) -> range:
@@ -157,26 +95,54 @@ def _is_own(file: str, name: str, frames: range) -> bool:
     return prefix == f"{name}_" and number in frames
 
 
-def model_table() -> str:
-    """The models that can be downloaded, and which are here."""
-    lines = []
-    for model in KNOWN_MODELS.values():
-        where = model_path(model.name)
-        state = f"here: {where}" if where.is_file() else f"to be fetched by --download {model.name} ({model.size})"
-        use = {"points": "--model", "boxes": "--boxes"}[model.finds]
-        lines.append(f"{model.name:12} {use}  {model.title}\n{'':12} {state}\n{'':12} licence: {model.licence}")
-    return "\n".join(lines)
+def detector_table() -> str:
+    """The detectors, and the models that can be downloaded, with what is here of them."""
+    return "\n".join(
+        [
+            "Detectors, for --detector:",
+            *(line for name, known in DETECTORS.items() for line in _detector_lines(name, known)),
+            "Models that find points, of the RTMPose family:",
+            *(line for model in KNOWN_MODELS.values() if model.finds == "points" for line in _model_lines(model)),
+            "Models that find people, for --boxes:",
+            *(line for model in KNOWN_MODELS.values() if model.finds == "boxes" for line in _model_lines(model)),
+        ]
+    )
+
+
+def _detector_lines(name: str, known: Known) -> list[str]:
+    state = "here" if known.is_here() else f"to be fetched by --download {name}"
+    return [f"  {name:15} {known.title}", f"  {'':15} {state}"]
+
+
+def _model_lines(model: KnownModel) -> list[str]:
+    path = model_path(model.name)
+    state = f"here: {path}" if is_here(model.name) else f"to be fetched by --download {model.name} ({model.size})"
+    return [
+        f"  {model.name:15} {model.title}",
+        f"  {'':15} {state}",
+        f"  {'':15} licence: {model.licence}",
+    ]
 
 
 def fetch(name: str, *, agreed: bool) -> None:
-    """Download a known model, after the user has seen what it is and agreed.
+    """Download what a detector needs, or a known model, after the user has seen what it is and agreed.
 
     Raises:
-        InputError: There is no such model, nobody agreed, or it cannot be fetched.
+        InputError: There is no such detector or model, nobody agreed, or it cannot be fetched.
     """
-    model = KNOWN_MODELS.get(name)
-    if model is None:
-        raise InputError(f"--download {name}: no such model is known; expected one of {', '.join(KNOWN_MODELS)}.")
+    known = DETECTORS.get(name)
+    if known is not None and not known.models:
+        fetch_networks(agreed=agreed)
+        return
+    models = known.models if known is not None else (name,)
+    if name not in (*DETECTORS, *KNOWN_MODELS):
+        names = ", ".join(dict.fromkeys((*DETECTORS, *KNOWN_MODELS)))
+        raise InputError(f"--download {name}: no such detector or model is known; expected one of {names}.")
+    for model in models:
+        _fetch_model(KNOWN_MODELS[model], agreed=agreed)
+
+
+def _fetch_model(model: KnownModel, *, agreed: bool) -> None:
     print(announced(model), flush=True)
     if not agreed and not _agrees():
         raise InputError("Nothing was downloaded.")
@@ -200,8 +166,3 @@ def _fetched(model: KnownModel) -> Downloaded:
             bar.total = event.total
             bar.update(event.done - bar.n)
     raise AssertionError("a download ends with what it got")
-
-
-def _tell(lines: Iterable[str]) -> None:
-    for line in lines:
-        print(line, file=sys.stderr, flush=True)

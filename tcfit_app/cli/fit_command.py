@@ -21,6 +21,7 @@ from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
+from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies
@@ -55,7 +56,8 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
     shape = None if options.shape is None else read_shape(options.shape, body)
-    clip = clip_of(options)
+    with DetectionShown() as tell_progress:
+        clip = clip_of(options, tell_progress)
     start = start_of(options.begin, clip, body, Bodies(options.body.models))
     compile_kernels(config)
     return fit_into(options.out, clip, body, config, options, start=start, shape=shape, command=command)

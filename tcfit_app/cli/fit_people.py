@@ -15,6 +15,7 @@ from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people, write_people
 from fitting_core.io.people_reader import PersonInClip, people_of
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result
+from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.fit_command import Outcome, fit_into, prepared_body, tell
 from tcfit_app.cli.json_lines import emit_wrote
 from tcfit_app.fitting.bodies import Bodies
@@ -44,7 +45,9 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     config = fit_config(options.method)
     old = _check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
-    people, starts = _started(options, everybody_of(options), body)
+    with DetectionShown() as tell_progress:
+        everybody = everybody_of(options, tell_progress)
+    people, starts = _started(options, everybody, body)
     compile_kernels(config)
     outcomes: list[Outcome] = []
     listed: list[PersonInClip] = []

@@ -11,6 +11,7 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.video.fingerprint import fingerprint
+from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
 from tcfit_app.project.new_people import create_people
@@ -39,7 +40,8 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         return _unpacked(options.video, options, reopen=reopen)
     if isinstance(options, NewOptions) and options.people is not None:
         return _made_of_everybody(options)
-    clip = clip_of(options)
+    with DetectionShown() as tell_progress:
+        clip = clip_of(options, tell_progress)
     folder = options.out or folder_of(clip)
     if reopen and is_project(folder):
         check_same_clip(folder, clip, clip_options(options))
@@ -65,7 +67,8 @@ def _made_of_everybody(options: NewOptions) -> Path:
             f"--people {options.people} makes projects of everybody, and --reference would be one person's: leave it "
             "out, and give it to the project that it is about."
         )
-    people = everybody_of(options)
+    with DetectionShown() as tell_progress:
+        people = everybody_of(options, tell_progress)
     folder = options.out or _folder_named(people[0].name)
     print("\n".join(described(people[0].clip)[1:]), file=sys.stderr)
     for one in people:

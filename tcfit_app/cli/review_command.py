@@ -19,7 +19,7 @@ from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people
-from tcfit_app.options.fit import ReferenceOptions, ReviewOptions, ServerOptions
+from tcfit_app.options.fit import NO_KEYPOINTS, ClipOptions, ReferenceOptions, ReviewOptions, ServerOptions
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.project.storage.run_record import newest_body
@@ -41,6 +41,7 @@ def run_review(options: ReviewOptions) -> None:
     check_folders(options.server, models=options.models)
     entry_of(options.server)  # told before a project is made
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
+    find = None if options.keypoints == NO_KEYPOINTS else options.clip
     if options.video is not None and holds_people(options.video):
         with _served(read_people(options.video).name, options.server) as server:
             load_app()
@@ -54,15 +55,20 @@ def run_review(options: ReviewOptions) -> None:
             load_app()
             with opened(options) as project:
                 _take_reference(project, options.truth)
-                _review(project, server, options.server, models=options.models, fit=fit, body=body)
+                _review(project, server, options.server, models=options.models, fit=fit, body=body, find=find)
         return
     with opened(options) as project:
         _take_reference(project, options.truth)
-        review(project, options.server, models=options.models, fit=fit)
+        review(project, options.server, models=options.models, fit=fit, find=find)
 
 
 def review(
-    project: "Project", options: ServerOptions, *, models: Path | None = None, fit: FitConfig | None = None
+    project: "Project",
+    options: ServerOptions,
+    *,
+    models: Path | None = None,
+    fit: FitConfig | None = None,
+    find: ClipOptions | None = None,
 ) -> None:
     """Serve the review of an open project until Ctrl-C.
 
@@ -71,9 +77,10 @@ def review(
         options: address and browser.
         models: folder with body models that alone is searched.
         fit: what to start with if the project has no fit; None: nothing.
+        find: how keypoints are found for that fit if the project has none; None: they are not.
     """
     with _served(project.clip.name, options) as server:
-        _review(project, server, options, models=models, fit=fit)
+        _review(project, server, options, models=models, fit=fit, find=find)
 
 
 def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
@@ -137,11 +144,11 @@ def _review(
     fit: FitConfig | None,
     body: Future[BodyModel | None] | None = None,
     people: "OpenPeople | None" = None,
+    find: ClipOptions | None = None,
 ) -> None:
     load_app()
     import torch
 
-    from fitting_core.detect.detectors import DEFAULT
     from fitting_core.fit.fused import ready
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
@@ -162,8 +169,10 @@ def _review(
                 continue
             if one.project.has_detections:
                 one.fit_everything(fit, kind="smplx", gender="neutral")
+            elif find is not None:
+                one.find_and_fit(find.detector, fit, person=find.person)
             else:
-                one.source.detect(DEFAULT, then_fit=True)
+                tell("Nothing is fitted: the project has no keypoints yet, and --keypoints none was given.")
         app.run()
     except KeyboardInterrupt:
         tell("Ending the review ...")

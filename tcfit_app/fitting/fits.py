@@ -344,11 +344,11 @@ class Fits:
     def _put_frames(self, job: RunJob, found: FramesFitted) -> None:
         with self._lock:
             version = self._versions.get(job.run_id) or self._put(job.run_id, None, job.clip.camera, None)
-            before = version.partial
-            if before is None or before.phase != found.phase:
+            before, camera = version.partial, version.camera if version.fit else job.clip.camera
+            if before is None or before.phase != found.phase or camera != version.camera:
                 before = _begun(version, found, len(job.clip))
             partial = before.with_frames(found.frames, found.params)
-            self._put(job.run_id, version.fit, version.camera, partial)
+            self._put(job.run_id, version.fit, camera, partial)
         if len(version.finished) == 0 and version.partial is None:
             self.changed()  # there is something to look at
 

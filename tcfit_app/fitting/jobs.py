@@ -1,18 +1,21 @@
 """What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
 
-from collections.abc import Callable, Generator, Iterable
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.events import FitEvent
+from fitting_core.errors import InputError
+from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished
 from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.refitting import refit_events
 from fitting_core.fit.result import FitResult
+from fitting_core.keypoints import Keypoints
 from tcfit_app.project.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
@@ -32,8 +35,8 @@ class Job(Protocol):
         """Phases that it runs, in order."""
         ...
 
-    def run(self) -> Generator[FitEvent, None, FitResult]:
-        """Does it and returns all phases; closing the generator cancels."""
+    def run(self) -> Generator[FitEvent | None, None, FitResult]:
+        """Does it and returns all phases; closing the generator cancels. None: it waits for something."""
         ...
 
 
@@ -120,12 +123,65 @@ class FitShape:
         return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape)
 
 
+Fresh = tuple[range, Keypoints] | Clip | None
+"""Keypoints of some frames, counted from the clip's first; at the end the whole clip; None: nothing new."""
+_NAP = 0.1
+"""Seconds between two looks for keypoints that are being found."""
+
+
+@dataclass(kw_only=True)
+class FitAsFound:
+    """A fit of a clip whose keypoints are being found: a first look at each stretch, and all phases at the end."""
+
+    clip: Clip
+    """Without keypoints until they are all there."""
+    body: BodyModel
+    config: FitConfig
+    fresh: Callable[[], Fresh]
+    """What there is since it was asked last. Raises InputError if there will not be any more."""
+
+    @property
+    def title(self) -> str:
+        """For the user."""
+        return f"Fit {self.clip.name}"
+
+    @property
+    def phases(self) -> tuple[int, ...]:
+        """Up to the configured last one."""
+        return tuple(range(1, self.config.last_phase + 1))
+
+    def run(self) -> Generator[FitEvent | None, None, FitResult]:
+        """Frames as they come, then the events of `fitting.fit_events`; None while it waits."""
+        while not isinstance(fresh := self.fresh(), Clip):
+            if fresh is None:
+                time.sleep(_NAP)
+                yield None
+            else:
+                yield from self._first_look(*fresh)
+        self.clip = fresh
+        return (yield from fit_events(self.clip, self.body, self.config))
+
+    def _first_look(self, frames: range, keypoints: Keypoints) -> Iterator[FitEvent]:
+        """Each frame by itself, in a tenth of the time that phase 1 takes."""
+        label = f"a first look at {in_words(frames, self.clip.first_frame)}"
+        quick = replace(self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view")
+        part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop])
+        try:
+            for event in fit_events(part, self.body, quick):
+                if isinstance(event, PhaseFinished):
+                    yield FramesFitted(phase=1, frames=frames, params=event.result.params)
+                elif isinstance(event, Iteration):
+                    yield replace(event, label=label, share=0.0)
+        except InputError:
+            return  # too little is seen there: the whole fit goes on with what is around
+
+
 @dataclass(kw_only=True)
 class RunJob:
     """A job that makes a run."""
 
     run_id: int
-    job: FitEverything | RerunFrames | FitShape
+    job: "FitEverything | FitAsFound | RerunFrames | FitShape"
     start: Callable[[], FitResult] | None = None
     """The fit that frames are fitted again in, where it is still to come: asked for when the job begins."""
 
@@ -144,7 +200,7 @@ class RunJob:
         """As the job's."""
         return self.job.clip
 
-    def run(self) -> Generator[FitEvent, None, FitResult]:
+    def run(self) -> Generator[FitEvent | None, None, FitResult]:
         """As the job's. Raises InputError if the fit to start from never came."""
         if self.start is not None:
             assert isinstance(self.job, RerunFrames)

@@ -186,7 +186,8 @@ class Worker:
                 except StopIteration as stop:
                     outcome = stop.value
                     break
-                self._pass_on(number, job, event, clock)
+                if event is not None:
+                    self._pass_on(number, job, event, clock)
             else:
                 return JobEnded(job=number, how="cancelled")
         # Not within the handler: if it failed, the log would show the whole result as the cause.

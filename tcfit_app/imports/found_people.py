@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fitting_core.detect.detecting import FramesDetected
-from fitting_core.keypoints import BODY
+from fitting_core.keypoints import BODY, COUNT, Keypoints
 
 _FEWEST = 5
 """Frames in which somebody is found before they count as one of the people."""
@@ -90,6 +90,15 @@ class FoundPeople:
         if len(places) > 1:  # a detector that follows nobody itself
             places = places[np.argsort([-_prominence(points[place]) for place in places], kind="stable")]
         return FoundInFrame(points=points, numbers=numbers, chosen=int(places[0]) if len(places) else None)
+
+    def keypoints(self, frames: range) -> Keypoints:
+        """Of whoever is meant, in frames that are complete."""
+        points = np.zeros((len(frames), COUNT, 3))
+        for k, frame in enumerate(frames):
+            found = self.at(frame)
+            if found is not None and found.chosen is not None:
+                points[k] = found.points[found.chosen]
+        return Keypoints(xy=points[..., :2], confidence=points[..., 2])
 
     def _meant(self) -> int | None:
         if self.seen is not None and (where := self._where.get(self.seen[0])) is not None:

@@ -106,6 +106,8 @@ class Detect:
 
     detector: str
     """A name in `DETECTORS`, or the path of a model."""
+    person: int | None = None
+    """As of `read_clip`; None: whom the user clicks on, or else the most prominent one."""
     people: FoundPeople = field(default_factory=FoundPeople)
     """Takes up what is found as it is found, and knows who is meant."""
 
@@ -146,7 +148,9 @@ class Detect:
 
         assert clip.source is not None
         detections = found_detections(with_somebody(found, clip.source), clip.source)
-        choice = choose_person(detections, seen=self._seen(found), first_frame=clip.first_frame)
+        seen = self._seen(found)
+        person = self.person if seen is None else None
+        choice = choose_person(detections, person=person, seen=seen, first_frame=clip.first_frame)
         keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
         return FoundKeypoints(
             keypoints=keypoints,

@@ -13,10 +13,10 @@ from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, Metho
 class BatchOptions:
     """Fit many clips, as a CSV file lists them; started again, it goes on where it was stopped.
 
-    Columns: out (a folder for the result of each clip), video and keypoints (at least one of them), and any option
-    below or setting of `tcfit settings` that is to differ between clips, by its name: focal_length, person,
-    first_frame, preset, temporal.weight, ...; and start, start_person and start_first_frame as of `tcfit fit`. Empty
-    cells take what the command line says. Paths are relative to the file.
+    Columns: out (a folder for the result of each clip), video and keypoints (at least one of them; keypoints that are
+    not given are found in the video), and any option below or setting of `tcfit settings` that is to differ between
+    clips, by its name: focal_length, person, first_frame, preset, temporal.weight, ...; and start, start_person and
+    start_first_frame as of `tcfit fit`. Empty cells take what the command line says. Paths are relative to the file.
 
     Each clip gives what `tcfit fit` gives. A clip that fails does not stop the others; it is fitted again with --retry,
     or when its files or settings change. What is done is left alone until then.

@@ -9,38 +9,58 @@ from fitting_core.camera import World
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip, read_footage
+from fitting_core.io.footage import locate
+from fitting_core.io.keypoints.found import Tell
 from fitting_core.io.people_reader import PersonInClip, read_people
-from tcfit_app.options.fit import CameraOptions, ClipOptions, FitOptions, NewOptions, ReviewOptions, camera_for
+from tcfit_app.options.fit import (
+    NO_KEYPOINTS,
+    CameraOptions,
+    ClipOptions,
+    FitOptions,
+    NewOptions,
+    ReviewOptions,
+    camera_for,
+)
 
 
-def clip_of(options: FitOptions | NewOptions | ReviewOptions) -> Clip:
+def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None = None) -> Clip:
     """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here.
 
-    A project can be made of a video alone: nothing is detected then.
+    A project can be made of a video alone, with --keypoints none: nothing is detected then. A review finds nothing
+    itself either: the app does, while it is looked at.
+
+    Args:
+        options: The command line.
+        tell: Is told how far keypoints are found, if none are given.
 
     Raises:
         InputError: Files or options cannot be used.
     """
     details, translated = _details(options)
     try:
-        clip = _read(options, details)
+        clip = _read(options, details, tell)
     except InputError as error:
         raise InputError(translated(str(error))) from error
     return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
 
 
-def everybody_of(options: FitOptions | NewOptions) -> list[PersonInClip]:
-    """Read everybody in the clip, each as a clip; words as of `clip_of`.
+def everybody_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
+    """Read everybody in the clip, each as a clip; words and arguments as of `clip_of`.
 
     Raises:
         InputError: Files or options cannot be used, or are of one person.
     """
     if options.clip.person is not None:
         raise InputError(f"--people {options.people} and --person {options.clip.person}: give one of them.")
+    if options.keypoints == NO_KEYPOINTS:
+        raise InputError(
+            f"--people {options.people} and --keypoints {NO_KEYPOINTS}: without keypoints nobody is known. Leave one "
+            "of them out."
+        )
     details, translated = _details(options)
     del details["person"]
     try:
-        people = read_people(options.video, options.keypoints, **details)
+        people = read_people(options.video, options.keypoints, tell=tell, **details)
     except InputError as error:
         raise InputError(translated(str(error))) from error
     return [
@@ -61,15 +81,26 @@ def _details(options: FitOptions | NewOptions | ReviewOptions) -> tuple[dict[str
     return details, translated
 
 
-def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, Any]) -> Clip:
-    video = options.video
-    if isinstance(options, FitOptions) or video is None or options.keypoints is not None or not video.exists():
-        return read_clip(video, options.keypoints, **details)
-    if (video / "images").is_dir() and (video / "keypoints").is_dir():
-        return read_clip(video, **details)
+def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, Any], tell: Tell | None) -> Clip:
+    video, keypoints = options.video, options.keypoints
+    alone = keypoints == NO_KEYPOINTS
+    if alone and isinstance(options, FitOptions):
+        raise InputError(
+            f"--keypoints {NO_KEYPOINTS}: a fit needs keypoints. Leave the option out to have them found in the video, "
+            "or give those that you have."
+        )
+    if isinstance(options, ReviewOptions) and video is not None and keypoints is None and video.exists():
+        alone = locate(video, None)[1] is None
+    if not alone:
+        return read_clip(video, keypoints, tell=tell, **details)
+    if video is None:
+        raise InputError(f"--keypoints {NO_KEYPOINTS}, and no video: give one of which a project is to be made.")
+    unused = {name: details.pop(name) for name in ("detector", "person", "keypoint_scale")}
+    if isinstance(options, ReviewOptions):  # its panel Start takes these
+        del unused["detector"], unused["person"]
     plain = ClipOptions()
-    for name in ("person", "keypoint_scale"):
-        if details.pop(name) != getattr(plain, name):
+    for name, value in unused.items():
+        if value != getattr(plain, name):
             named = f"--{name.replace('_', '-')}"
             raise InputError(f"{named} is of no use without keypoints: {video} has none yet. Leave it out.")
     return read_footage(video, **details)
@@ -96,18 +127,26 @@ def refusal(given: Sequence[str]) -> str:
 
 
 def described(clip: Clip) -> list[str]:
-    """Length and camera, as lines for the user."""
+    """Length, keypoints and camera, as lines for the user."""
     camera = clip.camera
     frames = f"{len(clip)} frames from {clip.first_frame} on at {clip.frame_rate:g} per second"
-    none = "No keypoints yet: the review (tcfit review) imports or detects them, in its panel Start"
     return [
         f"Clip {clip.name}: {frames}, {camera.size[0]} x {camera.size[1]} pixels",
+        *_keypoints(clip),
         f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
         *([] if camera.lens is None else ["Lens distortion is taken away from keypoints and pictures"]),
         *([] if camera.world is None else [_place(camera.world, moves=camera.path is not None)]),
-        *([] if clip.keypoints.confidence.any() else [none]),
         *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
     ]
+
+
+def _keypoints(clip: Clip) -> list[str]:
+    """Where they come from, if it was not a file."""
+    seen = (clip.keypoints.confidence > 0).any(1)
+    if not seen.any():
+        return ["No keypoints yet: the review (tcfit review) imports or detects them, in its panel Start"]
+    name = clip.found_by.rpartition(" (version ")[0]
+    return [f"Keypoints: found by {name} in {seen.sum()} of {len(clip)} frames"] if name else []
 
 
 def _place(world: World, *, moves: bool) -> str:

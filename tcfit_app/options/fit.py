@@ -11,6 +11,7 @@ from fitting_core.camera import FocalRule, Up
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import changed, check, settings, unknown
 from fitting_core.config.toml import preset, read_named
+from fitting_core.detect.detectors import DEFAULT, DETECTORS
 from fitting_core.errors import InputError
 
 
@@ -30,6 +31,10 @@ class ReferenceOptions:
     reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
     """Number in the video of the reference's first frame, where it was cut and does not say so."""
 
+
+NO_KEYPOINTS = Path("none")
+"""What --keypoints says for a project of the video alone."""
+DETECTOR_NAMES = f"{', '.join(DETECTORS)}, or an ONNX model of the RTMPose family; `tcfit detect --list` says more."
 
 SHORTCUTS = {
     "solver": "solver",
@@ -61,6 +66,14 @@ def _shortcut(option: str, text: str = "") -> Any:
 class ClipOptions:
     """Which part of the clip, and how its files are read."""
 
+    detector: Annotated[
+        str,
+        arg(
+            metavar="NAME",
+            help=f"What finds keypoints in the video where none are given: {DETECTOR_NAMES}",
+            help_behavior_hint=f"(default: {DEFAULT})",
+        ),
+    ] = DEFAULT
     person: Annotated[int | None, shown("N", "follow the most prominent")] = None
     """Whoever has this place, from 0, in the first frame whose list of people has it; followed from there."""
     first_frame: Annotated[int | None, shown("N", "the first")] = None
@@ -161,13 +174,13 @@ class MethodOptions:
 class FitOptions:
     """Fit the body to a clip: every frame on its own, one shape, then consistency over time.
 
-    The --out folder receives fit.npz (SMPL-X parameters of both fits), summary.json and, with a video, overlay.mp4.
-    Ctrl-C keeps the phases that have finished.
+    A video is enough: keypoints that are not given are found in it, once. The --out folder receives fit.npz (SMPL-X
+    parameters of both fits), summary.json and, with a video, overlay.mp4. Ctrl-C keeps the phases that have finished.
     """
 
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
-    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
+    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. A result that lies there is replaced."""
@@ -200,8 +213,9 @@ class NewOptions:
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
     `tcfit export --formats project` packed."""
-    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
+    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
+    """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project of the
+    video alone."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """The project's folder, which may not exist yet."""
     people: Annotated[Literal["all"] | None, shown("all", "one person")] = None
@@ -240,8 +254,9 @@ class ReviewOptions:
 
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
     """A project's folder, or that of a clip's people; or what `tcfit new` takes."""
-    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout")] = None
-    """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
+    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
+    """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project
+    of the video alone."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """For a new project: its folder."""
     copy_video: bool = False

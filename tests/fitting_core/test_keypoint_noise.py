@@ -20,7 +20,7 @@ def test_every_keypoint_of_every_detector_has_its_noise():
 
 def test_keypoints_are_found_by_their_names():
     names = ("nose", "left_ear", "mid_hip", "right_hip", "left_big_toe", "left_wrist")
-    assert [part(INDEX[name]) for name in names] == ["nose", "ear", "mid_hip", "hip", "big_toe", "wrist"]
+    assert [part(INDEX[name]) for name in names] == ["nose", "ear", "mid_hip", "hip", "toe", "wrist"]
     assert {part(keypoint) for keypoint in range(COUNT)[HANDS]} == {"hand"}
     assert part(NAMES.index("face_contour8")) == "face"
 
@@ -59,9 +59,10 @@ def test_what_is_noisier_than_openposes_weighs_less_beside_the_rest():
         assert (np.diff(weights[order]) <= 1e-12).all()
 
 
-def test_published_presets_weigh_all_the_same():
-    assert {name: PRESETS[name].keypoint_noise for name in PRESETS} == {
-        "smplifyx": "equal",
-        "paper": "equal",
-        "tcfit": "auto",
-    }
+def test_nothing_weighs_more_than_openposes():
+    for detector in DETECTORS:
+        assert (keypoint_weights(detector, "") <= 1).all()
+
+
+def test_presets_weigh_all_the_same():
+    assert {preset.keypoint_noise for preset in PRESETS.values()} == {"equal"}

@@ -61,6 +61,7 @@ def found_detections(found: Detected, video: Path) -> Detections:
         frames=found.people,
         stems=tuple(f"{video.stem}_{frame:012}" for frame in found.frames),
         source=video,
+        detector=found.points,
         notes=(f"Keypoints were found by {found_by(found)}.",),
     )
 

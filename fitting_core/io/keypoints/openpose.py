@@ -89,46 +89,62 @@ def write_openpose(
     image_stems: Sequence[str] = (),
     detector: str = "",
 ) -> list[Path]:
-    """Write one person's keypoints as BODY_25 JSON, ``<name>_<12 digits>_keypoints.json`` per frame; return the paths.
+    """Write one person's keypoints; as of `write_everybody`."""
+    points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1)[:, None]
+    return write_everybody(
+        folder, list(points), name=name, first_frame=first_frame, image_stems=image_stems, detector=detector
+    )
 
-    A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off; a
-    frame without any detection has no people. Reading gives exactly the same positions and confidences back.
+
+def write_everybody(
+    folder: Path,
+    people: Sequence[Float[np.ndarray, "P 137 3"]],
+    *,
+    name: str,
+    first_frame: int = 0,
+    image_stems: Sequence[str] = (),
+    detector: str = "",
+) -> list[Path]:
+    """Write everybody's keypoints as BODY_25 JSON, ``<name>_<12 digits>_keypoints.json`` per frame; return the paths.
+
+    A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off;
+    whoever has no detected keypoint in a frame is not in it. Reading gives exactly the same positions and confidences
+    back.
 
     Args:
         folder: Made if it does not exist. Files of the same names are replaced, each at once.
-        keypoints: Pixels and confidences.
+        people: Of each frame, its people: x, y in pixels and confidence; those of confidence 0 are not detected.
         name: What the files' names start with.
         first_frame: Number of the first file.
         image_stems: The images' own names without suffixes, if they are files: the keypoints' files are named after
             them, as OpenPose does.
-        detector: Who detected them, which the files then say.
+        detector: Whose points they are like, if it is known (`Detected.points`).
 
     Raises:
         InputError: The folder holds other keypoint files, which a reader would take for frames of this clip.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    stems = image_stems or [f"{name}_{first_frame + t:012d}" for t in range(len(keypoints))]
+    stems = image_stems or [f"{name}_{first_frame + t:012d}" for t in range(len(people))]
     paths = [folder / f"{stem}{SUFFIX}" for stem in stems]
-    assert len(paths) == len(keypoints)
+    assert len(paths) == len(people)
     others = sorted({file.name for file in folder.glob(f"*{SUFFIX}")} - {path.name for path in paths})
     if others:
         raise InputError(
             f"{folder} already holds {len(others)} other keypoint files, such as {others[0]}. Together with the "
             f"{len(paths)} new ones they would read as one clip; choose an empty folder."
         )
-    detected = keypoints.confidence > 0
-    points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1) * detected[..., None]
-    parts = {key: part for key, part in _WRITTEN.items() if detected[:, part].any()}
-    said = {DETECTOR: detector} if detector else {}
-    for path, frame in zip(paths, points, strict=True):
-        content = {"version": 1.3, **said, "people": [_entry(frame, parts)] if frame.any() else []}
+    parts = {key: part for key, part in _WRITTEN.items() if any((frame[:, part, 2] > 0).any() for frame in people)}
+    head = {"version": 1.3, **({DETECTOR: detector} if detector else {})}
+    for path, frame in zip(paths, people, strict=True):
+        entries = [_entry(points, parts) for points in frame if (points[:, 2] > 0).any()]
         with replacing(path) as draft:
-            draft.write_text(json.dumps(content), encoding="utf-8")
+            draft.write_text(json.dumps({**head, "people": entries}), encoding="utf-8")
     return paths
 
 
-def _entry(frame: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[str, list]:
-    lists = {f"{key}_2d": frame[parts[key]].ravel().tolist() if key in parts else [] for key in _WRITTEN}
+def _entry(points: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[str, list]:
+    points = np.where(points[:, 2:] > 0, points, 0.0)
+    lists = {f"{key}_2d": points[parts[key]].ravel().tolist() if key in parts else [] for key in _WRITTEN}
     return {"person_id": [-1], **lists}
 
 

@@ -73,7 +73,7 @@ class Status:
         """How far it is that the project gets its keypoints, or where they are to be had."""
         going = self._tab.session.source.going
         if going is None or going.state != "running":
-            return Chip(text="No keypoints yet: import or detect them in the panel Start", kind="warning")
+            return Chip(text="No keypoints yet: have them found in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
         return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 

@@ -42,7 +42,7 @@ class StartPanel:
         tab, gui = gestures.tab, gestures.tab.client.gui
         self._intro = Board(tab)
         self._said = Board(tab)
-        with gui.add_folder("Detector", expand_by_default=False) as self._detection:
+        with gui.add_folder("How keypoints are found", expand_by_default=False) as self._detection:
             self._detector = _DetectorChoice(tab)
             self._file = gui.add_text("Model file", "", hint="Path on the computer that runs tcfit")
         with gui.add_folder("How it was filmed", expand_by_default=False) as self._camera_folder:
@@ -74,8 +74,13 @@ class StartPanel:
         self._tab.session.source.begin(ImportFiles(path=self._tab.files.path(self._path.value)))
 
     def _find(self, *, then_fit: bool) -> None:
+        if not (self._detector.name or self._file.value.strip()):
+            raise InputError("No model is given; expected the path of an ONNX model on the computer that runs tcfit.")
         detector = self._detector.name or str(self._tab.files.path(self._file.value))
-        self._tab.session.source.detect(detector, then_fit=then_fit)
+        if then_fit:
+            self._tab.session.find_and_fit(detector)
+        else:
+            self._tab.session.source.detect(detector)
 
     def _fetch(self) -> None:
         """Fetch what the chosen detector needs."""

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 
 from fitting_core.errors import InputError
+from fitting_core.lens import straightened_keypoints
+from tcfit_app.fitting.jobs import Fresh
 from tcfit_app.imports.found_people import FoundPeople
 from tcfit_app.imports.keypoint_jobs import Detect, FoundKeypoints, KeypointJob
 from tcfit_app.project.project import Project
@@ -27,19 +29,42 @@ class KeypointSource:
         """The job that began last."""
         self.people: FoundPeople | None = None
         """Whom the detection that began last has found; None without one."""
-        self.then_fit = False
-        """Fit as soon as keypoints are there."""
 
-    def detect(self, detector: str, *, then_fit: bool = False) -> None:
+    def detect(self, detector: str, *, person: int | None = None) -> None:
         """Begin to find keypoints, or go on with it. Raises InputError as `begin`.
 
         Args:
             detector: A name in `DETECTORS`, or the path of a model.
-            then_fit: Fit everything as soon as they are there.
+            person: As of `read_clip`, as long as nobody clicks on another one.
         """
         people = FoundPeople()
-        self.begin(Detect(detector=detector, people=people))
-        self.people, self.then_fit = people, then_fit
+        self.begin(Detect(detector=detector, person=person, people=people))
+        self.people = people
+
+    def feed(self) -> Callable[[], Fresh]:
+        """What the detection that began last has found since it was asked last; see `FitAsFound.fresh`."""
+        going, people = self.going, self.people
+        assert going is not None and people is not None
+        taken: set[int] = set()
+        meant = people.seen
+
+        def fresh() -> Fresh:
+            nonlocal meant
+            if going.state in ("failed", "cancelled"):
+                raise InputError(f"{going.title}: {going.reason or 'cancelled'}.")
+            if going.state == "finished":
+                return self._project.clip
+            if people.seen != meant:
+                meant = people.seen
+                taken.clear()
+            for frames in people.done:
+                if frames.start not in taken:
+                    taken.add(frames.start)
+                    straight, _ = straightened_keypoints(people.keypoints(frames), self._project.clip.camera.lens)
+                    return frames, straight
+            return None
+
+        return fresh
 
     def cancel(self) -> None:
         """Stop what is going on; a detection goes on with what it has when it begins again."""
@@ -59,7 +84,7 @@ class KeypointSource:
         if self.busy:
             assert self.going is not None
             raise InputError(f"{self.going.title}: wait for it, or cancel it.")
-        self.people, self.then_fit = None, False
+        self.people = None
         self.going = self._tasks.submit(job.title, lambda report: self._found(job, report), then=self._ended)
 
     def _found(self, job: KeypointJob, report: Step) -> FoundKeypoints | None:

@@ -19,7 +19,7 @@ from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
-from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
+from tcfit_app.fitting.jobs import FitAsFound, FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
@@ -59,6 +59,8 @@ class Session:
         """The fits, for whoever draws."""
         self.source = KeypointSource(project, self.tasks, self._take_keypoints)
         """Gets keypoints for a project that has none."""
+        self._as_found: int | None = None
+        """The run that is fitted while its keypoints are found."""
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
         self._unended: list[RunningJob] = []
@@ -192,6 +194,32 @@ class Session:
         )
         return self._submit(job, kind="fit", start=None, given=known.given)
 
+    def find_and_fit(
+        self,
+        detector: str,
+        config: FitConfig = PRESETS[DEFAULT_PRESET],
+        *,
+        person: int | None = None,
+        kind: str = "smplx",
+        gender: str = "neutral",
+    ) -> None:
+        """Begin to find keypoints in the video, and to fit them as they are found.
+
+        Args:
+            detector: As of `KeypointSource.detect`.
+            config: All settings.
+            person: As of `KeypointSource.detect`.
+            kind: Of the body model.
+            gender: Of the body model.
+
+        Raises:
+            InputError: As `fit_everything` and `KeypointSource.begin`; nothing has begun then.
+        """
+        body = self.bodies.find(kind=kind, gender=gender)
+        self.source.detect(detector, person=person)
+        job = FitAsFound(clip=self.project.clip, body=body, config=config, fresh=self.source.feed())
+        self._as_found = self._submit(job, kind="fit", start=None).id
+
     def reading(self, given: Given, *, kind: str, gender: str, camera: Camera | None = None) -> Callable[[], Known]:
         """What reads a start and a shape for a whole fit of that body and camera, in a thread of its own.
 
@@ -288,7 +316,7 @@ class Session:
 
     def _submit(
         self,
-        job: FitEverything | RerunFrames | FitShape,
+        job: FitEverything | FitAsFound | RerunFrames | FitShape,
         *,
         kind: RunKind,
         start: Shown | None,
@@ -406,20 +434,13 @@ class Session:
     def _take_keypoints(self, ended: Going) -> None:
         """Take up what has ended of getting keypoints."""
         self.changes += 1
+        if ended.state != "finished" and self._as_found is not None:
+            self.cancel(self._as_found)
         if ended.state == "failed":
             self.tell(Notice(title=f"{ended.title} failed", text=ended.reason, kind="error"))
         elif ended.state == "finished" and (found := ended.result()) is not None:
             self.edits += 1
             self.tell(Notice(title="This project has its keypoints", text="\n".join(found.notes), kind="done"))
-            if self.source.then_fit:
-                self._fit_at_once()
-
-    def _fit_at_once(self) -> None:
-        """Fit everything with the default settings, as was asked for before there were keypoints."""
-        try:
-            self.fit_everything(PRESETS[DEFAULT_PRESET], kind="smplx", gender="neutral")
-        except InputError as error:
-            self.tell(Notice(title="Fit everything", text=str(error), kind="error"))
 
     def _take_whatever_comes(self, report: Report) -> None:
         """A report that cannot be taken up must not take those after it along: jobs would seem to run for ever."""
@@ -455,14 +476,27 @@ class Session:
         del self.jobs[job.number]
         job.outcome, job.reason = report.how, report.reason
         self.ended = self.ended if job.run is None else job
+        as_found = job.run is not None and job.run == self._as_found
+        if as_found:
+            self._as_found = None
         if report.how != "finished":
             self._end_run(job)
+            if as_found and self._drop_empty(job):
+                return
         elif job.run is not None:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
         if report.how == "failed":
             self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
         elif report.how == "cancelled" and job.follows is not None:
             self.edit_follower.forget(job.follows)
+
+    def _drop_empty(self, job: RunningJob) -> bool:
+        """Take a run away whose keypoints were not found, which is told already. Whether it was so."""
+        going = self.source.going
+        if job.run is None or going is None or going.state == "finished" or self.project.runs.get(job.run).stored:
+            return False
+        self.delete(job.run)
+        return True
 
     def _end_run(self, job: RunningJob) -> None:
         """Keep that a run was cancelled or has failed; what cannot be written now is tried again."""

@@ -345,15 +345,10 @@ def test_keypoints_partly_outside_are_noted(video, write_people, figure):
     assert any("of the keypoints lie outside the image of 320 x 240" in note for note in clip.notes)
 
 
-def test_a_folder_without_keypoints(tmp_path, video):
-    with pytest.raises(InputError, match=r"No keypoints given for .*walk.avi. Name the folder"):
-        read_clip(video(1))
-    (tmp_path / "a" / "images").mkdir(parents=True)
-    with pytest.raises(InputError, match=r"No keypoints given for .*SMPLify-X layout it lacks keypoints/"):
-        read_clip(tmp_path / "a")
-    (tmp_path / "b" / "keypoints").mkdir(parents=True)
-    with pytest.raises(InputError, match=r"No keypoints given for .*SMPLify-X layout it lacks images/"):
-        read_clip(tmp_path / "b")
+def test_keypoints_without_their_images(tmp_path):
+    (tmp_path / "keypoints").mkdir()
+    with pytest.raises(InputError, match=r"SMPLify-X layout it lacks images/"):
+        read_clip(tmp_path)
     with pytest.raises(InputError, match="Neither a video nor keypoints were given"):
         read_clip(None)
 

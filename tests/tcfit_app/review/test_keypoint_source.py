@@ -13,20 +13,24 @@ import numpy as np
 import pytest
 import viser
 
+from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
-from fitting_core.detect import known_models
+from fitting_core.detect import known_models, stored
+from fitting_core.detect.detectors import DEFAULT, DETECTORS
 from fitting_core.detect.known_models import KNOWN_MODELS
+from fitting_core.detect.mediapipe import networks
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
+from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
 from tcfit_app.project import project as project_module
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
-from tcfit_app.review.session.keypoint_source import PARTS
 from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
-from tests.fitting_core.detect.onnx_files import brightest_model
+from tests.drivers.review_page import QUICK
+from tests.samples.fake_detector import FakeDetector, known
 from tests.samples.sessions import session_of, told, until
 from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_model, spot_video
 
@@ -95,62 +99,117 @@ def test_an_uploaded_archive(session: Session, files: Path):
     assert np.array_equal(session.project.detections.xy, imported_xy())
 
 
-def test_detection_and_then_a_fit_could_begin(session: Session, model: Path):
+def two_people(frame: int) -> np.ndarray:
+    """A large one who walks, and a small one at the side."""
+    points = np.zeros((2, COUNT, 3))
+    x, y = nose(frame)
+    for place, (middle, size) in enumerate((((x, y), 30), ((20.0, 60.0), 12))):
+        around = np.random.default_rng(place).uniform(-1, 1, (25, 2))
+        points[place, :25] = np.column_stack([around * size + middle, np.full(25, 0.9)])
+    return points
+
+
+@pytest.fixture
+def detector(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeDetector:
+    """In place of the default."""
+    made = FakeDetector(two_people, length=8)
+    monkeypatch.setitem(DETECTORS, DEFAULT, known(made))
+    monkeypatch.setattr(stored, "users_folder", lambda: tmp_path / "cache")
+    return made
+
+
+def test_keypoints_are_found_and_then_a_fit_could_begin(session: Session, detector: FakeDetector):
     with pytest.raises(InputError, match="no keypoints yet"):
         session.fit_everything(None, kind="smplx", gender="neutral")  # pyright: ignore[reportArgumentType]
-    session.source.detect(str(model))
+    session.source.detect(DEFAULT)
     ended(session)
-    found = session.project.detections.xy[:, INDEX["nose"]]
-    assert np.abs(found - [nose(t) for t in range(FRAMES)]).max() < 1
-    assert "detected by pose.onnx" in told(session)[-1].text
-    assert not (session.project.folder / PARTS).exists()
+    project = session.project
+    large = two_people(7)[0, :25, :2]
+    assert np.abs(project.detections.xy[7, :25] - large).max() < 0.1
+    assert "found by fake" in told(session)[-1].text and project.clip.detector == "mediapipe"
+    assert project.clip.silhouettes is not None and len(project.clip.silhouettes) == FRAMES
     with pytest.raises(InputError, match="neutral smplx"):
         session.fit_everything(None, kind="smplx", gender="neutral")  # pyright: ignore[reportArgumentType]
 
 
-def slowly(monkeypatch: pytest.MonkeyPatch, seconds: float = 0.02) -> list[int]:
-    """Makes the model slow; how many frames it has seen."""
-    from fitting_core.detect.topdown.simcc import SimCC
+def test_what_is_found_is_fitted_as_it_is_found(
+    folder: Path, tiny_body: BodyModel, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    """Bodies of the first frames are there while the last ones are still looked at."""
+    gate, plain = threading.Event(), detector._people
+    monkeypatch.setattr(detector, "_people", lambda frame: plain(frame) if frame < 18 or gate.wait(60) else None)
+    with session_of(folder, tiny_body) as session:
+        session.find_and_fit(DEFAULT, QUICK)
+        until(session, lambda: session.fits.show(FitChoice()))
+        shown = session.fits.show(FitChoice())
+        assert (
+            shown and shown.has(3) and not shown.has(20) and session.source.busy and not session.project.has_detections
+        )
+        gate.set()
+        ended(session)
+        until(session, lambda: not session.jobs)
+        (run,) = session.fits.runs
+        shown = session.fits.show(FitChoice())
+        assert run.state == "finished" and shown and shown.has(20) and shown.phase == 3
 
-    seen: list[int] = []
-    plain = SimCC.points
 
-    def points(self: SimCC, images: Any, boxes: Any) -> Any:
-        time.sleep(seconds)
-        seen.append(1)
-        return plain(self, images, boxes)
+def test_a_fit_whose_keypoints_are_not_found_leaves_nothing(
+    folder: Path, tiny_body: BodyModel, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(detector, "_people", lambda frame: np.zeros((0, COUNT, 3)))
+    with session_of(folder, tiny_body) as session:
+        session.find_and_fit(DEFAULT, QUICK)
+        ended(session)
+        until(session, lambda: not session.jobs)
+        assert session.fits.runs == () and not session.project.has_detections
+        assert [notice.title for notice in told(session)] == ["Finding keypoints failed"]
 
-    monkeypatch.setattr(SimCC, "points", points)
-    return seen
+
+def test_whom_somebody_clicks_on_is_taken(session: Session, detector: FakeDetector):
+    session.source.detect(DEFAULT)
+    people = session.source.people
+    assert people is not None
+    until(session, lambda: people.at(3) is not None)
+    found = people.at(3)
+    assert found is not None and found.chosen == 0 and len(found.points) == 2
+    people.choose(3, 1)
+    ended(session)
+    small = two_people(9)[1, :25, :2]
+    assert np.abs(session.project.detections.xy[9, :25] - small).max() < 0.1
 
 
-def test_a_cancelled_detection_goes_on_in_the_next_session(folder: Path, model: Path, monkeypatch: pytest.MonkeyPatch):
-    seen = slowly(monkeypatch)
+def test_what_was_found_when_it_was_cancelled_is_not_looked_for_again(
+    folder: Path, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    gate, plain = threading.Event(), detector._people
+
+    def slowly(frame: int) -> np.ndarray:
+        assert frame < 18 or gate.wait(60)
+        return plain(frame)
+
+    monkeypatch.setattr(detector, "_people", slowly)
     with session_of(folder, None) as first:
-        first.source.detect(str(model))
-        until(first, lambda: len(seen) > 36)
+        first.source.detect(DEFAULT)
+        until(first, lambda: first.source.people and len(first.source.people.done) == 2)
+        assert [part[0] for part in first.source.people.done] == [0, 8] and first.source.people.count == 2
         first.source.cancel()
+        gate.set()
         ended(first)
-        assert first.source.going and first.source.going.state == "cancelled"
-        assert not first.project.has_detections and first.source.begun
-    seen.clear()
+        assert first.source.going and first.source.going.state == "cancelled" and not first.project.has_detections
+    detector.asked.clear()
     with session_of(folder, None) as second:
-        assert second.source.begun
-        second.source.detect(str(model))
+        second.source.detect(DEFAULT)
         ended(second)
-        assert second.project.has_detections and len(seen) < 12, "only the last part is done again"
+        assert second.project.has_detections and min(detector.asked) == 16
 
 
-def test_another_model_begins_anew(folder: Path, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    seen = slowly(monkeypatch, 0.005)
-    with session_of(folder, None) as session:
-        session.source.detect(str(model))
-        until(session, lambda: len(seen) > 36)
-        session.source.cancel()
-        ended(session)
-        session.source.detect(str(brightest_model(tmp_path / "other.onnx", size=(48, 64))))
-        ended(session)
-        assert session.project.has_detections
+def test_a_model_of_the_users_own(session: Session, model: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(stored, "users_folder", lambda: tmp_path / "cache")
+    session.source.detect(str(model))
+    ended(session)
+    found = session.project.detections.xy[:, INDEX["nose"]]
+    assert np.abs(found - [nose(t) for t in range(FRAMES)]).max() < 1
+    assert "found by pose.onnx" in told(session)[-1].text and session.project.clip.silhouettes is None
 
 
 def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
@@ -237,30 +296,46 @@ def test_the_panel_imports_a_path_and_offers_the_fit(page: LonePage, files: Path
     assert page.button("Fit everything").value == "fit"
 
 
-def test_a_model_that_is_not_here_is_shown_before_it_is_fetched(
+def test_one_button_finds_keypoints(page: LonePage, detector: FakeDetector):
+    page.draw()
+    assert "Find keypoints and fit" in page.html()
+    page.click("Find keypoints only")
+    finish(page)
+    assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()
+
+
+def test_a_detector_that_is_not_here_is_shown_before_it_is_fetched(
     page: LonePage, model: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    known = replace(KNOWN_MODELS["dwpose-m"], url=model.as_uri())
-    monkeypatch.setitem(KNOWN_MODELS, "dwpose-m", known)
-    page.enter("Model", f"{known.title} (download)")
-    html = page.html()
-    assert known.url in html and known.licence in html and "none is known" in html
-    page.click("Agree and download")
-    finish(page)
-    assert page.field("Model").value == known.title and "Agree" not in page.html()
-    page.click("Detect")
-    finish(page)
-    assert page.page.tab.session.project.has_detections
-
-
-def test_a_file_of_the_users_own(page: LonePage, model: Path):
-    page.enter("Model", "An ONNX file of yours")
+    for name in ("dwpose-m", "rtmdet-nano"):
+        monkeypatch.setitem(KNOWN_MODELS, name, replace(KNOWN_MODELS[name], url=model.as_uri()))
+    known = KNOWN_MODELS["dwpose-m"]
+    page.enter("Detector", DETECTORS["dwpose-m"].title)
     page.draw()
-    assert page.field("Model file").visible and not page.field("People file").visible
-    page.click("Detect")
+    html = page.html()
+    assert known.url in html and known.licence in html and "none is known" in html and "Find keypoints" not in html
+    page.click("Agree and fetch")
+    finish(page)
+    assert KNOWN_MODELS["rtmdet-nano"].title in page.html(), "the next that it needs"
+
+
+def test_networks_that_are_not_here_are_told(page: LonePage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(networks, "folder", lambda: tmp_path / "none")
+    page.enter("Detector", DETECTORS[DEFAULT].title)
+    page.draw()
+    html = page.html()
+    assert "networks are not on this computer" in html and "Apache-2.0" in html and "Agree and fetch" in html
+
+
+def test_a_file_of_the_users_own(page: LonePage, model: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(stored, "users_folder", lambda: tmp_path / "cache")
+    page.enter("Detector", "An ONNX file of yours")
+    page.draw()
+    assert page.field("Model file").visible
+    page.click("Find keypoints only")
     assert page.notices[-1].text.startswith("No model is given")
     page.enter("Model file", str(model))
-    page.click("Detect")
+    page.click("Find keypoints only")
     finish(page)
     assert page.page.tab.session.project.has_detections
 

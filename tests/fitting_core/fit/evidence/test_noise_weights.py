@@ -18,9 +18,10 @@ from tests.samples.scenes import CAMERA
 from tests.samples.standing import by_hand, standing
 
 TCFIT = PRESETS["tcfit"]
+WEIGHED = replace(TCFIT, keypoint_noise="auto")
 
 
-def observed(detector: str, config: FitConfig = TCFIT, keypoints: Keypoints | None = None) -> Observations:
+def observed(detector: str, config: FitConfig = WEIGHED, keypoints: Keypoints | None = None) -> Observations:
     return Observations.of(
         keypoints or standing(), CAMERA, config, detector=detector, dtype=torch.float64, device=torch.device("cpu")
     )
@@ -73,7 +74,7 @@ def test_the_data_term_has_the_square_of_the_weight():
     confidence = np.zeros_like(clip.keypoints.confidence)
     confidence[:, kp.INDEX[name]] = 0.7
     keypoints = Keypoints(xy=clip.keypoints.xy + 8.0, confidence=confidence)
-    config = replace(TCFIT, pose_prior="axis_angle")
+    config = replace(WEIGHED, pose_prior="axis_angle")
 
     def cost(detector: str) -> np.ndarray:
         values = evaluate_objective(
@@ -87,7 +88,7 @@ def test_the_data_term_has_the_square_of_the_weight():
 
 def test_fits_from_openposes_keypoints_are_the_same_to_the_last_bit():
     clip = clip_of(motion(4, amplitude=0.2))
-    quick = replace(TCFIT, relay_rounds=0, limb_flips=False, yaws="side_view", pose_prior="axis_angle")
+    quick = replace(WEIGHED, relay_rounds=0, limb_flips=False, yaws="side_view", pose_prior="axis_angle")
     before = fit_clip(clip, shipped_body(), replace(quick, keypoint_noise="equal"))
     after = fit_clip(replace(clip, detector="openpose"), shipped_body(), quick)
     for name, value in vars(before.last.params).items():
