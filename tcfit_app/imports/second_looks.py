@@ -60,10 +60,9 @@ class SecondLook:
         return self._edit(_straightened(found, lens))
 
     def _edit(self, points: Float[np.ndarray, "n 137 3"]) -> DetectAgain | None:
-        there = np.flatnonzero(points[:, PARTS[self.part], 2].max(1, initial=0) > 0)
-        if not len(there):
-            return None
-        return DetectAgain.found([self.frames[k] for k in there], self.part, points[there])
+        rows = np.flatnonzero(points[:, PARTS[self.part], 2].max(1) > 0)
+        frames = [self.frames[row] for row in rows.tolist()]
+        return DetectAgain.found(frames, self.part, points[rows]) if frames else None
 
 
 def filmed_region(region: Region, lens: Lens | None) -> Region:

@@ -355,9 +355,9 @@ class DetectAgain(_Edit, frozen=True, tag="detect_again"):
         points = unpacked(self.packed, len(self.frames), len(self.joints), 3)
         new = Corrected.as_detected(points[..., :2], points[..., 2])
         for group in GROUPS.values():
-            inside = np.array([joint in range(COUNT)[group] for joint in self.joints])
-            found = np.any(new.confidence[:, inside] > 0, axis=1)
-            np.copyto(here.records, new.records, where=inside & found[:, None])
+            inside = np.isin(self.joints, range(COUNT)[group])
+            found = new.confidence[:, inside].max(1, initial=0.0) > 0
+            np.copyto(here.records, new.records, where=found[:, None] & inside)
         return here
 
     def problem(self, length: int) -> str:
