@@ -51,6 +51,8 @@ class FoundPeople:
         """
         with self._guard:
             start = part.frames[0] - first_frame
+            if start in self.frames:
+                return  # somebody else is chosen of those who were found before
             self.frames[start] = part
             for k, (people, numbers) in enumerate(zip(part.people, part.numbers, strict=True)):
                 self._where[start + k] = (start, k)

@@ -204,6 +204,7 @@ class Project:
         detector: str = "",
         silhouettes: Silhouettes | None = None,
         camera: Camera | None = None,
+        before: Clip | None = None,
     ) -> None:
         """Give a project that was made without keypoints its detections; when this returns, they are on the disk.
 
@@ -213,27 +214,33 @@ class Project:
             detector: Who found them, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows.
             silhouettes: Of every frame, where they were found as well.
             camera: The clip's from now on, with a focal length that they tell; None: it stays.
+            before: The clip as it was before it got the detections whose place these take; None: it has none.
 
         Raises:
-            InputError: It has detections, the keypoints are of another number of frames or none, or the project cannot
-                be written; nothing has changed.
+            InputError: It has detections that stay, or on which edits or runs stand; the keypoints are of another
+                number of frames or none; or the project cannot be written. Nothing has changed.
         """
         with self._changing_files:
-            if self.has_detections:
+            if self.has_detections and before is None:
                 raise InputError(f"{self.folder}: has its keypoints already. Make a new project for others.")
+            if before is not None and (there := self._edits_and_runs()):
+                raise InputError(
+                    f"There are {there} of this person already. Make a new project for another one (--person, --out)."
+                )
             if len(keypoints) != len(self._stored):
                 raise InputError(
                     f"Found keypoints of {len(keypoints)} frames; expected {len(self._stored)}, the clip's."
                 )
             if not (keypoints.confidence > 0).any():
                 raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
+            plain = before or self._stored
             stored = replace(
                 self._stored,
                 keypoints=_fixed(keypoints),
                 detector=detector,
-                notes=(*self._stored.notes, *notes),
+                notes=(*plain.notes, *notes),
                 silhouettes=silhouettes,
-                camera=camera or self._stored.camera,
+                camera=camera or plain.camera,
             )
             EditHistory(stored.keypoints, self.log)  # what could not be opened again must not get onto the disk
             replace_detections(self.folder, self._database, stored)
@@ -272,11 +279,14 @@ class Project:
                 if stored.keypoints is not before.keypoints:
                     self._history = EditHistory(stored.keypoints, self._log)
 
-    def _refuse_another_lens(self) -> None:
+    def _edits_and_runs(self) -> str:
+        """What stands on the keypoints as they were detected, for the user; empty if there is nothing."""
         edits = [entry for entry in self.log if not isinstance(entry.action, Remark)]
         runs = [*self.runs.all(), *self.runs.all(deleted=True)]
-        if edits or runs:
-            there = " and ".join(["edits"] * bool(edits) + ["runs"] * bool(runs))
+        return " and ".join(["edits"] * bool(edits) + ["runs"] * bool(runs))
+
+    def _refuse_another_lens(self) -> None:
+        if there := self._edits_and_runs():
             raise InputError(
                 f"This camera has another lens than the project's, and {there} stand where that one has put them. Make "
                 "a new project with it (tcfit new --camera), or leave the distortion out of the file."

@@ -127,9 +127,9 @@ class Page:
         self.picture.resized(event.width, event.height)
 
     def _go_to(self, event: page_events.GoToPerson) -> None:
-        everybody, found = self.tab.someone.everybody, self.tab.session.source.people
-        if found is not None and not self.tab.session.project.has_detections:
-            found.choose(self.tab.state.frame, event.person)
+        everybody, session = self.tab.someone.everybody, self.tab.session
+        if session.can_choose_person:
+            session.source.choose(self.tab.state.frame, event.person)
         elif event.person < len(everybody):
             self.tab.browser.go_to(everybody[event.person])
 

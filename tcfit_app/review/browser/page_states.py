@@ -205,6 +205,13 @@ class Trail(_State, frozen=True, kw_only=True):
     """By picture: the fit's."""
 
 
+class Silhouette(_State, frozen=True, kw_only=True):
+    """What the person covers of the frame on show."""
+
+    lines: tuple[tuple[tuple[float, float], ...], ...]
+    """Closed outlines, of holes as well; image pixels."""
+
+
 class Focus(_State, frozen=True, kw_only=True):
     """The image's pixel that takes the place of its middle: what a close-up follows."""
 
@@ -575,6 +582,7 @@ STATES: dict[str, type[_State]] = {
     "notice": Notice,
     "chips": Chips,
     "legend": Legend,
+    "silhouette": Silhouette,
     "beat": Beat,
     "saving": Saving,
     "typing": Typing,
@@ -593,6 +601,7 @@ PageState = (
         | Selection
         | Framing
         | Trail
+        | Silhouette
         | Focus
         | Bodies
         | Space

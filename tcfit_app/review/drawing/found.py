@@ -1,4 +1,4 @@
-"""Keypoints that are being found: whoever is meant, and the others, one of whom can be clicked on instead."""
+"""People whom a detection finds: whoever is meant, and the others, one of whom can be clicked on instead."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,8 @@ _BODY_BONES = [pair for pair in BONES if max(pair) < BODY.stop]
 
 
 class FoundPart:
-    """Draws them in a project that has no keypoints yet; asked again and again, it sends what changed."""
+    """Draws the keypoints of whoever is meant until the project has them, and the others as long as one of them can be
+    chosen; asked again and again, it sends what changed."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -21,9 +22,10 @@ class FoundPart:
         tab = self._tab
         people, frame = tab.session.source.people, tab.state.frame
         there = people is not None and not tab.session.project.has_detections
-        if not tab.sent.differs("found", frame, people.version if there and people else None):
+        choosing = tab.session.can_choose_person
+        if not tab.sent.differs("found", frame, there, choosing, people.version if people else None):
             return
-        found = people.at(frame) if there and people else None
+        found = people.at(frame) if people and (there or choosing) else None
         if found is None:
             points, others = np.zeros((COUNT, 3)), ()
         else:

@@ -16,6 +16,7 @@ from tcfit_app.review.drawing.found import FoundPart
 from tcfit_app.review.drawing.joints import JointsPart
 from tcfit_app.review.drawing.others import OthersPart
 from tcfit_app.review.drawing.side import SidePart
+from tcfit_app.review.drawing.silhouette import SilhouettePart
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, PLATE, SIDE_NODE, Poster, Posters, body_nodes
@@ -46,7 +47,7 @@ class Picture:
         self._size = (0, 0)
         self._image: FrameImage | None = None
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
-        self._others, self._found = OthersPart(tab), FoundPart(tab)
+        self._others, self._found, self._silhouette = OthersPart(tab), FoundPart(tab), SilhouettePart(tab)
         self._room: Room | None = None
         self._placed: tuple[tuple[Room, Camera, int], Room] | None = None
         """A room, and how the camera of a frame is in it."""
@@ -235,6 +236,7 @@ class Picture:
         if tab.sent.differs("style", style):
             tab.channel.send("style", style)
         self._found.draw()
+        self._silhouette.draw()
         if not session.project.has_detections or not tab.sent.differs("keypoints", state.frame, session.edits):
             return
         corrected, found, frame = session.project.corrected, session.project.detected, state.frame

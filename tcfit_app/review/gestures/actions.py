@@ -187,6 +187,9 @@ _VIEW = {
     },
     "wireframe": Action(title="Wireframe on or off", run=_toggle("wireframe"), keys=_keys("KeyG")),
     "outline": Action(title="Outline on or off", run=_toggle("outline"), keys=_keys("KeyU")),
+    "silhouette": Action(
+        title="Silhouette on or off", run=lambda g: g.tab.switch_silhouette(), keys=_keys("KeyU", shift=True)
+    ),
     "difference": Action(title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("KeyD")),
     "side": Action(title="Side view on or off", run=_toggle("side"), keys=_keys("KeyV")),
     "turn_side": Action(title="Side view from the next side", run=_turn_side, keys=_keys("KeyV", shift=True)),

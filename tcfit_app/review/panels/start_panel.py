@@ -93,7 +93,9 @@ class StartPanel:
         self._camera.draw()
         going, done, people = session.source.going, session.project.has_detections, session.source.people
         self._detector.offer()
-        if tab.sent.differs("start", going, session.source.busy, done, self._detector.chosen, self._detector.is_here):
+        choosing = done and session.can_choose_person
+        chosen = self._detector.chosen, self._detector.is_here
+        if tab.sent.differs("start", going, session.source.busy, done, choosing, session.edits, *chosen):
             self._draw_choices(done)
         count = 0 if people is None else people.count
         said = (
@@ -198,9 +200,22 @@ def _finished(tab: Tab) -> list[Html]:
         heading("Keypoints", first=True),
         paragraph(words(f"Found in {found} of {tab.length} frames.", "good")),
         *(paragraph(note, "dim") for note in project.clip.notes),
+        *_others(tab),
         paragraph("Next: fit the body. Keypoints that are wrong can be corrected before or after."),
         row(action("fit", "Fit everything", kind="main")),
     ]
+
+
+def _others(tab: Tab) -> list[Html]:
+    """How many people there are, and what to do where another one is meant."""
+    people = tab.session.source.people
+    if people is None or people.count < 2:
+        return []
+    if tab.session.can_choose_person:
+        text = "If you mean another one, click on them in the picture, or on the name above."
+    else:
+        text = "There are fits or corrections of this one: make a new project for another (--person N, --out FOLDER)."
+    return [paragraph(f"{people.count} people were found. {text}")]
 
 
 def _said(going: Going, people: int) -> list[Html]:

@@ -33,7 +33,7 @@ from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SIDES
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tab.tab import NO_SILHOUETTE, Tab
 
 _SWITCHES = {"video", "bones", "detections", "others"}
 """What can be switched here and has no key."""
@@ -142,6 +142,8 @@ class ViewPanel:
                 state.detections,
                 state.groups,
                 state.color_by,
+                state.silhouette,
+                tab.session.edits,
             ),
         ):
             self._draw_keypoints()
@@ -257,10 +259,21 @@ class ViewPanel:
                     hint="Lines from corrected keypoints to where they were detected",
                 ),
                 action("trail", "Trail", pressed=state.trail),
+                self._silhouette(),
                 wrap=True,
             ),
             row(*groups),
             row(choice(*colors), label="Colour by"),
+        )
+
+    def _silhouette(self) -> Html:
+        known, state = self._tab.session.project.clip.silhouettes is not None, self._tab.state
+        return action(
+            "silhouette",
+            "Silhouette",
+            pressed=known and state.silhouette,
+            disabled=not known or state.mode == "space",
+            hint="What the person covers, as the detector has it" if known else NO_SILHOUETTE,
         )
 
 

@@ -2,11 +2,14 @@
 
 from collections.abc import Callable
 
+from fitting_core.camera import Camera
+from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.lens import straightened_keypoints
 from tcfit_app.fitting.jobs import Fresh
 from tcfit_app.imports.found_people import FoundPeople
 from tcfit_app.imports.keypoint_jobs import Detect, FoundKeypoints, KeypointJob
+from tcfit_app.project.edits.edit_log import Remark
 from tcfit_app.project.project import Project
 from tcfit_app.review.session.tasks import Step, Task, Tasks
 
@@ -29,6 +32,11 @@ class KeypointSource:
         """The job that began last."""
         self.people: FoundPeople | None = None
         """Whom the detection that began last has found; None without one."""
+        self._detector = ""
+        self._before: Clip | None = None
+        """The clip as the detection that began last found it."""
+        self._camera: Camera | None = None
+        """The clip's, as that detection left it."""
 
     def detect(self, detector: str, *, person: int | None = None) -> None:
         """Begin to find keypoints, or go on with it. Raises InputError as `begin`.
@@ -37,9 +45,37 @@ class KeypointSource:
             detector: A name in `DETECTORS`, or the path of a model.
             person: As of `read_clip`, as long as nobody clicks on another one.
         """
-        people = FoundPeople()
+        people, before = FoundPeople(), self._project.clip
         self.begin(Detect(detector=detector, person=person, people=people))
-        self.people = people
+        self.people, self._detector, self._before = people, detector, before
+
+    @property
+    def can_choose(self) -> bool:
+        """Whether another one of the people who were found can be taken, as far as fits do not forbid it."""
+        project, people = self._project, self.people
+        if people is None or project.read_only or people.count < 2:
+            return False
+        if not project.has_detections:
+            return True
+        edited = any(not isinstance(entry.action, Remark) for entry in project.log)
+        return not (edited or self.busy) and project.clip.camera == self._camera
+
+    def choose(self, frame: int, place: int) -> None:
+        """Say who is meant of those who were found; keypoints that the project has got already are replaced.
+
+        Args:
+            frame: Counted from the clip's first.
+            place: In the list of the frame's people.
+
+        Raises:
+            InputError: The project has edits or runs.
+        """
+        people, before = self.people, self._before
+        if people is None or before is None or not self.can_choose:
+            return
+        people.choose(frame, place)
+        if self._project.has_detections:
+            self._begin(Detect(detector=self._detector, people=people), before)
 
     def feed(self) -> Callable[[], Fresh]:
         """What the detection that began last has found since it was asked last; see `FitAsFound.fresh`."""
@@ -85,11 +121,14 @@ class KeypointSource:
             assert self.going is not None
             raise InputError(f"{self.going.title}: wait for it, or cancel it.")
         self.people = None
-        self.going = self._tasks.submit(job.title, lambda report: self._found(job, report), then=self._ended)
+        self._begin(job, None)
 
-    def _found(self, job: KeypointJob, report: Step) -> FoundKeypoints | None:
+    def _begin(self, job: KeypointJob, before: Clip | None) -> None:
+        self.going = self._tasks.submit(job.title, lambda report: self._found(job, before, report), then=self._ended)
+
+    def _found(self, job: KeypointJob, before: Clip | None, report: Step) -> FoundKeypoints | None:
         """What a job finds, which is in the project when this returns."""
-        found = job.run(self._project.clip, report)
+        found = job.run(before or self._project.clip, report)
         if found is not None:
             self._project.take_detections(
                 found.keypoints,
@@ -97,5 +136,7 @@ class KeypointSource:
                 detector=found.detector,
                 silhouettes=found.silhouettes,
                 camera=found.camera,
+                before=before,
             )
+            self._camera = self._project.clip.camera
         return found

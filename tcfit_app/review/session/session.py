@@ -220,6 +220,12 @@ class Session:
         job = FitAsFound(clip=self.project.clip, body=body, config=config, fresh=self.source.feed())
         self._as_found = self._submit(job, kind="fit", start=None).id
 
+    @property
+    def can_choose_person(self) -> bool:
+        """Whether another one of the people who were found can be taken: there are no keypoints, or nothing stands on
+        them yet."""
+        return self.source.can_choose and not (self.project.has_detections and self.fits.runs)
+
     def reading(self, given: Given, *, kind: str, gender: str, camera: Camera | None = None) -> Callable[[], Known]:
         """What reads a start and a shape for a whole fit of that body and camera, in a thread of its own.
 

@@ -91,6 +91,8 @@ class TabState:
     """Bodies are drawn as lines."""
     others: bool = True
     """The other people of the clip are drawn as well, if there are some."""
+    silhouette: bool = False
+    """What the detector says that the person covers of the picture is drawn, where it is known."""
     difference: bool = False
     """Bodies are coloured by the distance between A and B."""
     groups: frozenset[str] = frozenset(GROUPS)

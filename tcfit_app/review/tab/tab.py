@@ -24,6 +24,7 @@ from tcfit_app.review.tab.toasts import SHORT
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
+NO_SILHOUETTE = "No silhouette is known: only keypoints that tcfit has found itself come with one."
 REMEMBERED = 256
 """Tabs whose states are kept after they were closed."""
 _log = logging.getLogger(__name__)
@@ -297,6 +298,12 @@ class Tab:
         """Make the side view's plate as wide as that, as far as it can be."""
         least, most = SIDE_WIDTHS
         self.set(side_width=round(min(max(width, least), most), 2))
+
+    def switch_silhouette(self) -> None:
+        """Draw the silhouette, or not. Raises InputError where none is known."""
+        if self.session.project.clip.silhouettes is None:
+            raise InputError(NO_SILHOUETTE)
+        self.set(silhouette=not self.state.silhouette)
 
     # --- what is on show ---
 

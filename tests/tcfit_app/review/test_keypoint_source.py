@@ -24,6 +24,7 @@ from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
 from tcfit_app.project import project as project_module
+from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
@@ -179,6 +180,26 @@ def test_whom_somebody_clicks_on_is_taken(session: Session, detector: FakeDetect
     assert np.abs(session.project.detections.xy[9, :25] - small).max() < 0.1
 
 
+def test_somebody_else_is_taken_afterwards_as_long_as_nothing_stands_on_the_keypoints(
+    session: Session, detector: FakeDetector
+):
+    session.source.detect(DEFAULT)
+    ended(session)
+    project, seen = session.project, len(detector.asked)
+    notes = project.clip.notes
+    assert session.can_choose_person
+    session.source.choose(3, 1)
+    ended(session)
+    assert np.abs(project.detections.xy[9, :25] - two_people(9)[1, :25, :2]).max() < 0.1
+    assert len(detector.asked) == seen and len(project.clip.notes) == len(notes), "nothing is looked for again"
+    assert project.clip.silhouettes is not None and session.source.people and session.source.people.count == 2
+    session.edit(MarkBad(frames=(0,), joints=(0,)), author="me")
+    session.source.choose(3, 0)
+    assert not session.can_choose_person and not session.source.busy
+    with pytest.raises(InputError, match="There are edits of this person already"):
+        project.take_detections(project.detections, before=project.clip)
+
+
 def test_what_was_found_when_it_was_cancelled_is_not_looked_for_again(
     folder: Path, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
 ):
@@ -303,6 +324,9 @@ def test_one_button_finds_keypoints(page: LonePage, detector: FakeDetector):
     page.click("Find keypoints only")
     finish(page)
     assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()
+    assert "2 people were found. If you mean another one, click" in page.html()
+    page.page.tab.session.edit(MarkBad(frames=(0,), joints=(0,)), author="me")
+    assert "make a new project for another" in page.html()
 
 
 def test_a_detector_that_is_not_here_is_shown_before_it_is_fetched(

@@ -14,6 +14,7 @@ export const COLORS = {
   flagged: "#ffb02e",
   checked: "#55c26a",
   apart: "#c9a3ff",
+  silhouette: "#7ee0b8",
   good: "#51cf66",
   wrong: "#ff8787", // in text: lighter than the marks, to be read on the panels' grey
 };

@@ -99,6 +99,10 @@ export interface Trail {
   colors: string[];
 }
 
+export interface Silhouette {
+  lines: [number, number][][];
+}
+
 export interface Focus {
   x: number;
   y: number;
@@ -485,6 +489,7 @@ export interface States {
   notice: Notice;
   chips: Chips;
   legend: Legend;
+  silhouette: Silhouette;
   beat: Beat;
   saving: Saving;
   typing: Typing;

@@ -22,6 +22,7 @@ import {
   badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, jointRadius, located, placesOf, position,
   shown, shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
+import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
 
 const CONFIDENCE_COLORS = [
@@ -98,6 +99,7 @@ function drawOnPoster(context, map, joints) {
   if (isSide(map)) return drawSide(context, map);
   if (!isPicture(map)) return drawFits(context, map);
   if (peeking.now) return;
+  drawSilhouette(context, map);
   if (known("style").ghosts) drawGhosts(context, map);
   drawPeople(context, map);
   if (known("style").bones) drawBones(context, map);

@@ -1,0 +1,56 @@
+"""What the detector says that the person covers of the picture, as outlines over it."""
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core.camera import Lens
+from fitting_core.lens import straightened
+from tcfit_app.review.browser.page_states import Silhouette, pixel_pairs
+from tcfit_app.review.tab.tab import Tab
+
+_SMOOTHED = 0.8
+"""Pixels of the mask by which an outline may be off: its border goes in steps."""
+_SHORTEST = 3
+"""Corners of an outline."""
+
+
+class SilhouettePart:
+    """Draws it where it is wanted and known; asked again and again, it sends what changed."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+
+    def draw(self) -> None:
+        """Send what changed."""
+        tab, state, clip = self._tab, self._tab.state, self._tab.session.project.clip
+        known = clip.silhouettes if state.silhouette and state.mode != "space" else None
+        frame = state.frame if known is not None else None
+        if not tab.sent.differs("silhouette", frame, tab.session.edits if known is not None else None):
+            return
+        mask = None if known is None else known.mask(state.frame)
+        found = [] if mask is None else outlines(mask, clip.camera.size, clip.camera.lens)
+        lines = tuple(pixel_pairs(line) for line in found)
+        tab.channel.send("silhouette", Silhouette(lines=lines) if lines else None)
+
+
+def outlines(mask: Bool[np.ndarray, "h w"], size: tuple[int, int], lens: Lens | None) -> list[Float[np.ndarray, "n 2"]]:
+    """The borders of a mask and of its holes, in pixels of the straightened picture.
+
+    Args:
+        mask: Of the picture as it was filmed, see `Silhouettes`.
+        size: Width and height of the picture.
+        lens: Of its camera.
+    """
+    borders, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    scale = np.array(size) / mask.shape[::-1]
+    lines = []
+    for border in borders:
+        corners = cv2.approxPolyDP(border, _SMOOTHED, True)[:, 0].astype(float)
+        points = (corners + 0.5) * scale - 0.5
+        if lens is not None:
+            points, there = straightened(lens, points)
+            points = points[there]
+        if len(points) >= _SHORTEST:
+            lines.append(points)
+    return lines

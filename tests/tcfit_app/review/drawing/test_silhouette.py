@@ -1,0 +1,101 @@
+"""The silhouette over the picture: where its outline lies, and when it is sent."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.camera import Lens
+from fitting_core.errors import InputError
+from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.lens import filmed
+from fitting_core.silhouettes import Silhouettes, silhouette_size
+from tcfit_app.project.project import Project
+from tcfit_app.review.drawing.silhouette import SilhouettePart, outlines
+from tcfit_app.review.panels.view_panel import ViewPanel
+from tests.drivers.lone_page import LonePage, lone_page
+from tests.samples.spot_clips import FRAMES, SIZE, empty_project, spot_video
+
+WIDE = (1280, 960)
+
+
+def square_mask(size: tuple[int, int], hole: bool = False) -> np.ndarray:
+    """A square in the middle, half as high as the image, and a hole in it."""
+    width, height = silhouette_size(size)
+    mask = np.zeros((height, width), bool)
+    mask[height // 4 : -height // 4, width // 4 : -width // 4] = True
+    if hole:
+        mask[height // 2 - 10 : height // 2 + 10, width // 2 - 10 : width // 2 + 10] = False
+    return mask
+
+
+def test_an_outline_lies_around_what_is_covered():
+    (line,) = outlines(square_mask(WIDE), WIDE, None)
+    assert len(line) == 4
+    pixel = WIDE[0] / silhouette_size(WIDE)[0]
+    np.testing.assert_allclose(line.min(0), np.array(WIDE) / 4, atol=pixel)
+    np.testing.assert_allclose(line.max(0), 0.75 * np.array(WIDE), atol=pixel)
+
+
+def test_a_hole_has_its_own_outline_and_nothing_has_none():
+    assert len(outlines(square_mask(WIDE, hole=True), WIDE, None)) == 2
+    assert outlines(np.zeros_like(square_mask(WIDE)), WIDE, None) == []
+
+
+def test_steps_of_the_mask_are_smoothed():
+    width, height = silhouette_size(WIDE)
+    mask = cv2.circle(np.zeros((height, width), np.uint8), (width // 2, height // 2), 60, 1, -1).astype(bool)
+    (line,) = outlines(mask, WIDE, None)
+    radius = np.linalg.norm(line - np.array(WIDE) / 2, axis=1) * width / WIDE[0]
+    assert len(line) < 60 and np.abs(radius - 60).max() < 1.5
+
+
+def test_it_is_straightened_as_the_picture_is():
+    lens = Lens(focal=(900.0, 900.0), center=(640.0, 480.0), distortion=(-0.2, 0.03))
+    (plain,), (straight,) = (outlines(square_mask(WIDE), WIDE, one) for one in (None, lens))
+    np.testing.assert_allclose(filmed(lens, straight), plain, atol=0.05)
+
+
+@pytest.fixture
+def page(panel_server: viser.ViserServer, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[LonePage]:
+    """The silhouette is known in all frames but the first; with the parameter "unknown" in none."""
+    mask = np.packbits(square_mask(SIZE))
+    known = Silhouettes.of([None, *[mask] * (FRAMES - 1)], silhouette_size(SIZE))
+    points = Keypoints(xy=np.ones((FRAMES, COUNT, 2)), confidence=np.ones((FRAMES, COUNT)))
+    folder = empty_project(tmp_path / "walk.tcfit", spot_video(tmp_path / "walk"))
+    with Project.open(folder) as project:
+        project.take_detections(points, silhouettes=None if getattr(request, "param", "") == "unknown" else known)
+        with lone_page(panel_server, project) as made:
+            made.only(ViewPanel)
+            yield made
+
+
+def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage, monkeypatch: pytest.MonkeyPatch):
+    tab, sent = page.page.tab, []
+    monkeypatch.setattr(tab.channel, "send", lambda name, state: sent.append(state) if name == "silhouette" else None)
+    part = SilhouettePart(tab)
+    part.draw()
+    page.press("action", "silhouette")
+    part.draw()
+    part.draw()
+    assert sent == [None, None], "of the first frame there is none"
+    tab.seek(3)
+    part.draw()
+    assert len(sent[-1].lines) == 1
+    tab.set(mode="space")
+    part.draw()
+    assert sent[-1] is None and len(sent) == 4
+
+
+def test_the_button_is_off_where_none_is_known(page: LonePage):
+    assert not page.button("Silhouette").disabled
+
+
+@pytest.mark.parametrize("page", ["unknown"], indirect=True)
+def test_without_one_it_is_said_why(page: LonePage):
+    assert page.button("Silhouette").disabled and "No silhouette is known" in page.html()
+    with pytest.raises(InputError, match="No silhouette is known"):
+        page.press("action", "silhouette")
