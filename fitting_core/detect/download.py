@@ -7,7 +7,7 @@ import shutil
 import urllib.error
 import urllib.request
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def announced(model: KnownModel) -> str:
     )
 
 
-def download(model: KnownModel, folder: Path | None = None) -> Iterator[DownloadProgress | Downloaded]:
+def download(model: KnownModel, folder: Path | None = None) -> Generator[DownloadProgress | Downloaded, None, None]:
     """Fetch a model; the last event is the result. A download that is ended in between goes on the next time.
 
     Args:
