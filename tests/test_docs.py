@@ -18,11 +18,13 @@ import numpy as np
 import pytest
 
 from fitting_core.config.schema import PRESETS, SolverSettings
+from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import write_reference
 from tcfit_app.cli.main import parse
+from tests.samples.fake_detector import FakeDetector, known, one_person
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 
 ROOT = Path(__file__).parents[1]
@@ -215,12 +217,13 @@ def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     moving = motion(4)
     truth = reference_of("walk", "made", shipped_body(), moving, frame_rate=25.0, in_camera=True)
     write_reference(tmp_path / "truth.npz", truth)
-    filmed(tmp_path / "walk.mp4", clip_of(moving, noise=2.0).keypoints)
+    filmed(tmp_path / "walk.mp4", clip_of(moving, noise=2.0).keypoints, monkeypatch)
     monkeypatch.chdir(tmp_path)
 
 
-def filmed(path: Path, keypoints: Keypoints) -> None:
-    """A black video, and beside it its keypoints."""
+def filmed(path: Path, keypoints: Keypoints, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A black video, beside it its keypoints, and a detector that finds the same."""
+    monkeypatch.setitem(DETECTORS, "mediapipe", known(FakeDetector(one_person(keypoints))))
     write_openpose(path.with_name("keypoints"), keypoints, name=path.stem)
     video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
     for _ in range(len(keypoints)):
@@ -289,7 +292,7 @@ def test_the_page_of_several_people_runs(
 ):
     monkeypatch.setitem(PRESETS, "tcfit", QUICK)
     monkeypatch.chdir(tmp_path)
-    filmed(tmp_path / "talk.mp4", clip_of(motion(8), noise=2.0).keypoints)
+    filmed(tmp_path / "talk.mp4", clip_of(motion(8), noise=2.0).keypoints, monkeypatch)
     (example,) = examples(DOCS / "people.md")
     exec(example, {})
     assert "person 1 (0, 7) ()" in capsys.readouterr().out

@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from fitting_core.detect.part import Detector, Part
 from fitting_core.detect.stored import DetectionSettings, StoredDetection
@@ -138,8 +138,8 @@ class Detection:
         people = [people for part in parts for people in part.people]
         silhouettes = [silhouettes for part in parts for silhouettes in part.silhouettes]
         return Detected(
-            people=tuple(those[keep] for those, keep in zip(people, kept, strict=True)),
-            silhouettes=tuple(those[keep] for those, keep in zip(silhouettes, kept, strict=True)),
+            people=tuple(map(_of_those, people, kept)),
+            silhouettes=tuple(map(_of_those, silhouettes, kept)),
             silhouette_size=silhouette_size(self.source.size),
             detector=self.detector.name,
             points=self.detector.points,
@@ -150,3 +150,8 @@ class Detection:
     def _parts(self) -> list[range]:
         length = self.detector.part_length(self.source.size)
         return [self.frames[start : start + length] for start in range(0, len(self.frames), length)]
+
+
+def _of_those(values: np.ndarray, kept: Bool[np.ndarray, "P"]) -> np.ndarray:
+    """Without a copy where everybody is kept: a long clip has them by the hundred megabytes."""
+    return values if kept.all() else values[kept]

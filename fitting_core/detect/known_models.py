@@ -116,11 +116,6 @@ def is_here(name: str, folder: Path | None = None) -> bool:
     return model_path(name, folder).is_file()
 
 
-def installed(finds: str, folder: Path | None = None) -> list[KnownModel]:
-    """The known models for "points" or "boxes" that are on this computer."""
-    return [known for known in _TABLE if known.finds == finds and model_path(known.name, folder).is_file()]
-
-
 def find_model(given: str, folder: Path | None = None) -> Path:
     """The file that a user names: by its path, or by the name of a known model that has been downloaded.
 

@@ -66,6 +66,7 @@ def look_again(
 class _SecondLook:
     def __init__(self, part: PartOfPerson, room: Square | None, size: tuple[int, int]) -> None:
         self._part, self._room, self._size = part, room, size
+        self._points = PARTS[part]
         self._detector = MediaPipe("mediapipe", Effort(body="heavy", mirrored=True))
         self._finder = self._detector.parts_finder
 
@@ -82,7 +83,7 @@ class _SecondLook:
             side = self._part.removesuffix("_hand")
             seen = Seen(hands=dict.fromkeys(SIDES) | {side: self._hand(image, body, side)})
         points = points_of(body, seen.hands, seen.face, self._size)
-        points[: PARTS[self._part].start] = points[PARTS[self._part].stop :] = 0
+        points[: self._points.start] = points[self._points.stop :] = 0
         return points
 
     def _body(self, image: Image, near: Float[np.ndarray, "137 3"] | None) -> Body | None:

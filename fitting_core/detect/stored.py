@@ -72,7 +72,10 @@ class StoredDetection:
 
     def _unwritable(self, error: OSError) -> InputError:
         reason = error.strerror or error
-        return InputError(f"{self.folder}: cannot be written ({reason}). Found keypoints are kept there: free space.")
+        return InputError(
+            f"{self.folder}: cannot be written ({reason}). Found keypoints are kept there: free space, "
+            "or allow writing."
+        )
 
     def discard(self) -> None:
         """Delete everything."""

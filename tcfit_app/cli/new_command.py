@@ -16,7 +16,7 @@ from tcfit_app.options.clip_input import clip_of, clip_options, described, every
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
 from tcfit_app.project.new_people import create_people
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
-from tcfit_app.project.project import Project
+from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.names import name_of_file
@@ -40,6 +40,8 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         return _unpacked(options.video, options, reopen=reopen)
     if isinstance(options, NewOptions) and options.people is not None:
         return _made_of_everybody(options)
+    if options.out is not None and not reopen:
+        check_free(options.out)  # before minutes in which keypoints are found
     with DetectionShown() as tell_progress:
         clip = clip_of(options, tell_progress)
     folder = options.out or folder_of(clip)

@@ -60,11 +60,9 @@ class SecondLook:
         return self._edit(_straightened(found, lens))
 
     def _edit(self, points: Float[np.ndarray, "n 137 3"]) -> DetectAgain | None:
-        anywhere = (points[:, PARTS[self.part], 2] > 0).any(1)
-        if not anywhere.any():
-            return None
-        frames = [frame for frame, there in zip(self.frames, anywhere, strict=True) if there]
-        return DetectAgain.found(frames, self.part, points[anywhere])
+        rows = np.flatnonzero(points[:, PARTS[self.part], 2].max(1) > 0)
+        frames = [self.frames[row] for row in rows.tolist()]
+        return DetectAgain.found(frames, self.part, points[rows]) if frames else None
 
 
 def filmed_region(region: Region, lens: Lens | None) -> Region:

@@ -16,7 +16,8 @@ import pytest
 
 import fitting_core
 from fitting_core.config.schema import PRESETS, SolverSettings
-from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.detect.detectors import DETECTORS
+from tests.samples.fake_detector import FakeDetector, known, one_person
 from tests.samples.posed_clips import CAMERA, clip_of, motion
 
 ROOT = Path(__file__).parents[2]
@@ -83,9 +84,9 @@ def test_examples_import_what_is_there(page: Path):
 
 @pytest.fixture
 def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The files of the examples: walk.mp4, and its keypoints as OpenPose writes them."""
+    """The file of the examples, walk.mp4, and a detector that finds its keypoints."""
     keypoints = clip_of(motion(4), noise=2.0).keypoints
-    write_openpose(tmp_path / "keypoints", keypoints, name="walk")
+    monkeypatch.setitem(DETECTORS, "mediapipe", known(FakeDetector(one_person(keypoints))))
     video = cv2.VideoWriter(str(tmp_path / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, CAMERA.size)
     for _ in range(len(keypoints)):
         video.write(np.zeros((*CAMERA.size[::-1], 3), np.uint8))

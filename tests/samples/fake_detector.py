@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from fitting_core.detect.detectors import Known
 from fitting_core.detect.part import Part
-from fitting_core.keypoints import Keypoints
+from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.frames import FrameSource
 
@@ -87,3 +87,10 @@ def one_person(keypoints: Keypoints) -> People:
 def known(detector: FakeDetector) -> Known:
     """As a line of `DETECTORS`; `pytest.MonkeyPatch.setitem` puts it there."""
     return Known(title="a fake", make=lambda name, running: detector, is_here=lambda: True)
+
+
+def standing(*places: tuple[float, float], height: float) -> Float[np.ndarray, "P 137 3"]:
+    """People whose keypoints lie around these places, all alike."""
+    around = np.random.default_rng(0).uniform(-height / 2, height / 2, (COUNT, 2))
+    points = [np.column_stack([around + place, np.full(COUNT, 0.9)]) for place in places]
+    return np.array(points).reshape(-1, COUNT, 3)

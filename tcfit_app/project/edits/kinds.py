@@ -356,8 +356,8 @@ class DetectAgain(_Edit, frozen=True, tag="detect_again"):
         new = Corrected.as_detected(points[..., :2], points[..., 2])
         for group in GROUPS.values():
             inside = np.isin(self.joints, range(COUNT)[group])
-            found = (new.confidence[:, inside] > 0).any(1)
-            np.copyto(here.records, new.records, where=inside & found[:, None])
+            found = new.confidence[:, inside].max(1, initial=0.0) > 0
+            np.copyto(here.records, new.records, where=found[:, None] & inside)
         return here
 
     def problem(self, length: int) -> str:

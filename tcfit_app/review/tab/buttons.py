@@ -8,11 +8,12 @@ import re
 import time
 from collections.abc import Callable, Collection
 from html import unescape
-from typing import Any
+from typing import Any, TypeVar
 
 from tcfit_app.review.browser.page_events import Press
 from tcfit_app.server.screen import Dropped
 
+Name = TypeVar("Name", bound=str)
 LATE = 2.0
 """Seconds for which a value still counts that has just been replaced: the press was on its way."""
 _TAG = re.compile(r"<(?:button|tr)\b([^>]*)>")
@@ -82,12 +83,12 @@ def offered(html: str) -> frozenset[tuple[str, str]]:
     return frozenset(found)
 
 
-def one_of(names: Collection[str]) -> Callable[[str], str]:
+def one_of(names: Collection[Name]) -> Callable[[str], Name]:
     """Reads one of these names."""
 
-    def read(value: str) -> str:
-        if value not in names:
+    def read(value: str) -> Name:
+        if (found := next((name for name in names if name == value), None)) is None:
             raise ValueError(value)
-        return value
+        return found
 
     return read

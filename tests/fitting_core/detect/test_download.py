@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
-from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, installed, model_path
+from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here, model_path
 from fitting_core.errors import InputError
 from tests.fitting_core.detect.onnx_files import brightest_model
 
@@ -100,7 +100,7 @@ def test_the_model_comes_out_of_its_archive(known: KnownModel, tmp_path: Path, o
     assert got.path == tmp_path / "dwpose-l.onnx" and got.path.read_bytes() == onnx_bytes and got.checked
     assert sorted(path.name for path in tmp_path.iterdir()) == ["dwpose-l.json", "dwpose-l.onnx"]
     assert find_model("dwpose-l", tmp_path) == got.path
-    assert [model.name for model in installed("points", tmp_path)] == ["dwpose-l"]
+    assert [name for name in KNOWN_MODELS if is_here(name, tmp_path)] == ["dwpose-l"]
 
 
 def test_a_file_that_is_no_archive(known: KnownModel, served: Served, tmp_path: Path, onnx_bytes: bytes):

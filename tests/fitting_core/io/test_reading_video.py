@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -97,8 +98,15 @@ def test_a_part_of_the_clip_alone_is_looked_at(video, walker: FakeDetector):
 def test_options_are_checked_before_minutes_pass(video, walker: FakeDetector, tmp_path: Path):
     path = video(10)
     file = own(tmp_path / "c.npz", K=np.diag([500.0, 500, 1]), size=(999, 999))
-    wrong = ({"first_frame": 20}, {"frame_rate": -1.0}, {"image_size": (3, 3)}, {"camera": tmp_path / "none.npz"})
-    for options in (*wrong, {"camera": file}, {"fov": 500.0}):
+    wrong: list[dict[str, Any]] = [
+        {"first_frame": 20},
+        {"frame_rate": -1.0},
+        {"image_size": (3, 3)},
+        {"camera": tmp_path / "none.npz"},
+        {"camera": file},
+        {"fov": 500.0},
+    ]
+    for options in wrong:
         with pytest.raises(InputError):
             read_clip(path, **options)
     assert not walker.asked

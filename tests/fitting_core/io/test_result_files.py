@@ -73,6 +73,7 @@ def result(body: BodyModel) -> Callable[..., Result]:
             frame_rate=29.97,
             name="walk",
             first_frame=7,
+            detector="mediapipe",
         )
         observed = np.random.default_rng(0).random((FRAMES, 55)) < 0.5
         fit = FitResult(
@@ -128,6 +129,7 @@ def test_keys_of_smplx_tools(result: Callable[..., Result]):
     assert arrays["betas"].shape == (10,) and (arrays["betas"] == last.betas[0].numpy()).all()
     assert arrays["mocap_frame_rate"] == arrays["mocap_framerate"] == 29.97
     assert str(arrays["surface_model_type"]) == "smplx" and str(arrays["gender"]) == "female"
+    assert str(arrays["detector"]) == "mediapipe"
     left = body.hand_mean[0] + last.left_hand_pose.numpy() @ body.hand_components[0, :12]
     assert np.allclose(arrays["pose_hand"][:, :45], left)
     assert arrays["frames"].tolist() == [7, 8, 9, 10, 11]
@@ -180,7 +182,7 @@ def test_summary(tmp_path: Path, result: Callable[..., Result]):
     assert summary["body"] == {"kind": "smplx", "gender": "female", "source": "SMPLX_FEMALE.npz", "hash": body.hash}
     assert summary["config"]["temporal"]["window_size"] == 7 and summary["warnings"] == ["gap in 3"]
     assert {"tcfit", "torch", "numpy", "python"} == set(summary["versions"])
-    assert summary["command"] == "tcfit fit x"
+    assert summary["command"] == "tcfit fit x" and summary["detector"] == "mediapipe"
 
 
 def test_body_space_leaves_the_translation_out(tmp_path: Path, result: Callable[..., Result]):

@@ -40,7 +40,8 @@ def complaints_of(folder: Path, text: str, *options: str) -> str:
 
 def test_every_column_has_its_effect(tmp_path: Path):
     cells = {
-        "video": "a.mp4", "keypoints": "k", "out": "o", "person": "1", "first_frame": "3", "last_frame": "9",
+        "video": "a.mp4", "keypoints": "k", "out": "o", "detector": "dwpose-l",
+        "person": "1", "first_frame": "3", "last_frame": "9",
         "frame_rate": "25", "keypoint_scale": "0..1", "image_size": "640x480", "focal_length": "900",
         "center": "320 240.5", "body_model": "smplh", "models": "m", "gender": "male", "preset": "paper",
         "start": "s.pt", "start_person": "2", "start_first_frame": "7", "start_deviation": "0.2",
@@ -49,7 +50,13 @@ def test_every_column_has_its_effect(tmp_path: Path):
     (task,) = tasks_of(tmp_path, ",".join(cells) + "\n" + ",".join(cells.values()) + "\n")
     assert (task.fit.video, task.fit.keypoints, task.out) == tuple(tmp_path / name for name in ("a.mp4", "k", "o"))
     assert task.fit.clip == ClipOptions(
-        person=1, first_frame=3, last_frame=9, frame_rate=25.0, keypoint_scale="0..1", image_size=(640, 480)
+        detector="dwpose-l",
+        person=1,
+        first_frame=3,
+        last_frame=9,
+        frame_rate=25.0,
+        keypoint_scale="0..1",
+        image_size=(640, 480),
     )
     assert task.fit.camera == CameraOptions(focal_length=900.0, center=(320.0, 240.5))
     assert task.fit.body == BodyOptions(body_model="smplh", models=tmp_path / "m", gender="male")

@@ -26,8 +26,8 @@ from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
 EVERY_OPTION = """
     fit walk.mp4 --keypoints kp --out o --people all --shape s.npz --overwrite --no-overlay --threads 2 --json
-    --person 1 --first-frame 3 --last-frame 9 --frame-rate 25 --keypoint-scale 0..1 --image-size 640 480
-    --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
+    --detector dwpose-l --person 1 --first-frame 3 --last-frame 9 --frame-rate 25
+    --keypoint-scale 0..1 --image-size 640 480 --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --camera c.npz --camera-name left --camera-unit 0.001 --camera-up z
     --body-model smplh --models m --gender male --start wham_output.pkl --start-person 2 --start-first-frame 5
     --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300

@@ -1,5 +1,6 @@
 """`tcfit detect` from the command line: files, Ctrl-C, going on, and what it refuses."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -11,15 +12,18 @@ import cv2
 import numpy as np
 import pytest
 
-from fitting_core.detect import detecting, known_models
+from fitting_core.detect import known_models
+from fitting_core.detect.detectors import DETECTORS
 from fitting_core.detect.known_models import KNOWN_MODELS
+from fitting_core.detect.topdown.detector import PART
 from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.people_reader import read_people
 from fitting_core.keypoints import INDEX
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli import detect_command
 from tcfit_app.cli.main import main
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.detect.onnx_files import brightest_model, constant_model, spots
+from tests.samples.fake_detector import FakeDetector, known, standing
 
 FRAMES, SIZE = 70, (160, 120)
 
@@ -50,20 +54,40 @@ def names(folder: Path) -> list[str]:
 
 def test_its_result_is_read_as_a_clip(video: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "kp"
-    assert main(["detect", str(video), "--model", str(model), "--out", str(out), "--threads", "1"]) == 0
-    assert "somebody in 70 of 70 frames" in capsys.readouterr().out
+    assert main(["detect", str(video), "--detector", str(model), "--out", str(out), "--threads", "1"]) == 0
+    said = capsys.readouterr()
+    assert "somebody in 70 of 70 frames, by pose.onnx (version 1 " in said.out
+    assert "Finding keypoints in 70 frames ..." in said.err
     assert len(names(out)) == FRAMES and names(out)[0] == "walk_000000000000_keypoints.json"
+    assert json.loads((out / names(out)[0]).read_text())["detector"] == "coco-wholebody"
     clip = read_clip(video, out)
+    assert clip.detector == "coco-wholebody" and not any("detector" in note for note in clip.notes)
     nose = clip.keypoints.xy[:, INDEX["nose"]]
     # The video is stored lossily: its brightest pixel moves.
     assert np.abs(nose - [(place(t)[0], place(t)[1] - 20) for t in range(FRAMES)]).max() < 1.5
     assert clip.keypoints.confidence[:, INDEX["nose"]].min() > 0.7
+    found = read_clip(video, detector=str(model))
+    assert np.array_equal(found.keypoints.xy, clip.keypoints.xy) and found.detector == clip.detector
+
+
+def test_everybody_is_in_the_files(video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """As the detector has found them: nobody is chosen."""
+    people = standing((40, 60), (110, 60), height=50)
+    detector = FakeDetector(lambda frame: people[: 1 if frame < 5 else 2])
+    monkeypatch.setitem(DETECTORS, "mediapipe", known(detector))
+    assert main(["detect", str(video), "--out", str(tmp_path / "kp"), "--last-frame", "19"]) == 0
+    counts = [len(json.loads((tmp_path / "kp" / name).read_text())["people"]) for name in names(tmp_path / "kp")]
+    assert counts == [1] * 5 + [2] * 15
+    files = read_people(video, tmp_path / "kp", last_frame=19)
+    found = read_people(video, last_frame=19)
+    assert [one.about for one in files] == [one.about for one in found] and len(found) == 2
+    assert np.array_equal(files[1].clip.keypoints.xy, found[1].clip.keypoints.xy)
 
 
 def test_a_part_of_the_clip_lies_where_it_was_seen(video: Path, model: Path, tmp_path: Path):
     out = tmp_path / "kp"
     given = ["--first-frame", "20", "--last-frame", "29", "--out", str(out), "--threads", "1"]
-    assert main(["detect", str(video), "--model", str(model), *given]) == 0
+    assert main(["detect", str(video), "--detector", str(model), *given]) == 0
     assert names(out)[0] == "walk_000000000020_keypoints.json" and len(names(out)) == 10
     clip = read_clip(video, out, first_frame=20, last_frame=29)
     assert abs(clip.keypoints.xy[3, INDEX["nose"], 0] - place(23)[0]) < 1.5
@@ -75,13 +99,16 @@ def test_a_folder_of_images(video: Path, model: Path, tmp_path: Path):
     with FrameSource(video) as source:
         for t in range(6):
             cv2.imwrite(str(images / f"{t + 5}.png"), source.frame(t)[..., ::-1])
-    assert main(["detect", str(images), "--model", str(model), "--out", str(tmp_path / "kp"), "--threads", "1"]) == 0
+    out = str(tmp_path / "kp")
+    assert main(["detect", str(images), "--detector", str(model), "--out", out, "--threads", "1"]) == 0
     clip = read_clip(images, tmp_path / "kp")
     assert np.abs(clip.keypoints.xy[:, INDEX["nose"], 0] - [place(t)[0] for t in range(6)]).max() < 1.5
 
 
 SLOW = """
 import sys, time
+from pathlib import Path
+from fitting_core.detect import stored
 from fitting_core.detect.topdown.simcc import SimCC
 from tcfit_app.cli.main import main
 plain = SimCC.points
@@ -89,74 +116,63 @@ def points(self, images, boxes):
     time.sleep(0.02)
     return plain(self, images, boxes)
 SimCC.points = points
-sys.exit(main(sys.argv[1:]))
+stored.users_folder = lambda: Path(sys.argv[1])
+sys.exit(main(sys.argv[2:]))
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as a signal of POSIX")
-def test_ctrl_c_leaves_finished_frames_and_the_same_command_goes_on(
-    video: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
+    video: Path, model: Path, tmp_path: Path, keypoint_store: Path, capsys: pytest.CaptureFixture[str]
 ):
     out = tmp_path / "kp"
-    command = ["detect", str(video), "--model", str(model), "--out", str(out), "--threads", "1"]
+    command = ["detect", str(video), "--detector", str(model), "--out", str(out), "--threads", "1"]
     running = subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTIBLE + SLOW, *command], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", INTERRUPTIBLE + SLOW, str(keypoint_store), *command], stderr=subprocess.PIPE, text=True
     )
     end = time.monotonic() + 60
-    while not (out / ".detection" / "points-000000.npz").exists():
+    while not list(keypoint_store.rglob("part-000000.npz")):
         assert time.monotonic() < end and running.poll() is None
         time.sleep(0.01)
+    time.sleep(0.1)
     running.send_signal(signal.SIGINT)
-    assert "32 of 70 frames are in" in running.communicate(timeout=60)[1]
-    assert running.returncode == 130
-    assert [name for name in names(out) if name.endswith(".json")] == [
-        f"walk_{t:012}_keypoints.json" for t in range(detecting.PART)
-    ]
+    told = running.communicate(timeout=60)[1]
+    assert f"the keypoints of {PART} of {FRAMES} frames are kept. The same command goes on." in told
+    assert running.returncode == 130 and not out.exists(), "a part of the files would read as a shorter clip"
     assert main(command) == 0
-    assert "Going on after 32 of 70 frames" in capsys.readouterr().err
-    assert len(names(out)) == FRAMES, "nothing else is left"
+    assert f"Going on after {PART} of {FRAMES} frames" in capsys.readouterr().err
+    assert len(names(out)) == FRAMES
+    assert main(command) == 0
+    said = capsys.readouterr().err
+    assert "Going on" not in said and "Finding" not in said, "all of it was found before"
+    assert main([*command, "--restart"]) == 0
+    assert f"Finding keypoints in {FRAMES} frames ..." in capsys.readouterr().err
 
 
-def test_another_model_does_not_go_on_with_it(
+def test_what_it_refuses(
     video: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    out = tmp_path / "kp"
-    other = brightest_model(tmp_path / "other.onnx", size=(48, 64))
-    command = ["detect", str(video), "--out", str(out), "--threads", "1", "--model"]
-
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr(detect_command, "shown", stop)
-        assert main([*command, str(model)]) == 130
-    assert main([*command, str(other)]) == 2
-    assert "another pose model" in capsys.readouterr().err
-    assert main([*command, str(other), "--restart"]) == 0
-
-
-def test_what_it_refuses(video: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.setattr(known_models, "models_folder", lambda: tmp_path / "data")
     boxes = {"dets": np.zeros((1, 4, 5)), "labels": np.zeros((1, 4), dtype=int)}
     box_model = str(constant_model(tmp_path / "boxes.onnx", boxes))
     (tmp_path / "file").write_text("")
     other = tmp_path / "other"
     other.mkdir()
     (other / "run_000000000000_keypoints.json").write_text('{"people": []}')
-    base = ["detect", str(video), "--model", str(model), "--threads", "1"]
+    base = ["detect", str(video), "--detector", str(model), "--threads", "1"]
     cases = [
         (["detect"], "No video is given"),
-        (["detect", str(video)], "No --model is given"),
-        (["detect", str(video), "--model", box_model], "a detector of boxes"),
-        (["detect", str(video), "--model", "dwpose-s"], "there is no such model file"),
-        (["detect", str(tmp_path / "none.mp4"), "--model", str(model)], "does not exist"),
+        (["detect", str(video), "--detector", box_model], "a detector of boxes"),
+        (["detect", str(video), "--detector", "dwpose-s"], "is not known; expected one of mediapipe"),
+        (["detect", str(video), "--detector", "dwpose-l"], "tcfit detect --download dwpose-l"),
+        (["detect", str(tmp_path / "none.mp4"), "--detector", str(model)], "does not exist"),
         ([*base, "--boxes", str(model)], "Expected a detector of people"),
         ([*base, "--out", str(tmp_path / "file")], "is a file"),
         ([*base, "--out", str(other)], "holds keypoints of other frames or another video, such as run_"),
         ([*base, "--first-frame", "50", "--last-frame", "40"], "Frames 50 to 40 were asked for"),
         ([*base, "--last-frame", "70"], "has 0 to 69"),
         ([*base, "--provider", "tpu"], "expected one of cpu, cuda"),
-        ([*base, "--person", "1", "--out", str(tmp_path / "p")], "needs a box model"),
-        (["detect", "--download", "nothing"], "expected one of dwpose-m"),
+        (["detect", "--download", "nothing"], "expected one of mediapipe, mediapipe-fast, dwpose-m"),
         (["detect", "--download", "dwpose-m"], "--yes"),
     ]
     for command, words in cases:
@@ -165,21 +181,34 @@ def test_what_it_refuses(video: Path, model: Path, tmp_path: Path, capsys: pytes
     assert not list(tmp_path.glob("p*")) and names(other) == ["run_000000000000_keypoints.json"]
 
 
-def test_the_list_of_models(capsys: pytest.CaptureFixture[str]):
+def test_the_list_of_detectors(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
     assert main(["detect", "--list"]) == 0
     said = capsys.readouterr().out
-    assert all(name in said for name in KNOWN_MODELS) and "Apache-2.0" in said
+    assert all(name in said for name in (*DETECTORS, *KNOWN_MODELS)) and "Apache-2.0" in said
+    assert "to be fetched by --download mediapipe" in said and " here" not in said
+    for name in ("dwpose-m", "rtmdet-nano"):
+        (tmp_path / f"{name}.onnx").write_text("")
+    assert main(["detect", "--list"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[lines.index(["dwpose-m", "DWPose-m", "with", "RTMDet-nano"]) + 1] == ["here"]
+    assert ["here:", str(tmp_path / "rtmdet-nano.onnx")] in lines
 
 
-def test_a_download_shows_what_it_is_and_then_the_model_has_its_name(
+def test_a_download_shows_what_it_is_and_then_the_detector_is_here(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
+    """All that it needs comes at once."""
     monkeypatch.setattr(known_models, "models_folder", lambda: tmp_path / "data")
-    known = replace(KNOWN_MODELS["dwpose-m"], url=model.resolve().as_uri())
-    monkeypatch.setitem(KNOWN_MODELS, "dwpose-m", known)
+    for name in ("dwpose-m", "rtmdet-nano"):
+        monkeypatch.setitem(KNOWN_MODELS, name, replace(KNOWN_MODELS[name], url=model.resolve().as_uri()))
     assert main(["detect", "--download", "dwpose-m", "--yes"]) == 0
     said = capsys.readouterr().out
-    assert (tmp_path / "data" / "dwpose-m.onnx").is_file()
+    assert names(tmp_path / "data") == sorted(
+        ["checksums.json", *(f"{name}.{kind}" for name in ("dwpose-m", "rtmdet-nano") for kind in ("json", "onnx"))]
+    )
+    assert DETECTORS["dwpose-m"].is_here() and not DETECTORS["dwpose-l"].is_here()
+    known = KNOWN_MODELS["dwpose-m"]
     assert known.url in said and known.licence in said and "remembered for the next download" in said
-    assert main(["detect", "--download", "dwpose-m", "--yes"]) == 0
+    assert main(["detect", "--download", "rtmdet-nano", "--yes"]) == 0
     assert "(as expected)" in capsys.readouterr().out

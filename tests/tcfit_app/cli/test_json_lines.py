@@ -117,10 +117,12 @@ def test_a_batch(capsys: pytest.CaptureFixture[str]):
 def test_a_detection(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     video = film(tmp_path / "walk.avi")
     model = brightest_model(tmp_path / "pose.onnx", size=(96, 128))
-    given = ["--model", str(model), "--out", str(tmp_path / "kp"), "--threads", "1", "--json"]
+    given = ["--detector", str(model), "--out", str(tmp_path / "kp"), "--threads", "1", "--json"]
     assert main(["detect", str(video), *given]) == 0
     found = lines(capsys)
-    assert of(found, "progress")[-1]["share"] == 1 and of(found, "wrote")[0]["kind"] == "keypoints"
+    assert [line["step"] for line in of(found, "step")] == [line["step"] for line in of(found, "step_done")]
+    assert of(found, "step")[0]["title"] == "Keypoints" and of(found, "progress")[-1]["share"] == 1
+    assert of(found, "wrote")[0]["kind"] == "keypoints"
 
 
 @pytest.mark.parametrize("given", [["fit", "--out", "x", "--json"], ["export", "--formats", "odd", "--json"]])

@@ -85,6 +85,7 @@ def test_keypoints_of_this_computer(session: Session, files: Path):
     ended(session)
     assert session.project.has_detections and session.edits > edits
     assert np.array_equal(session.project.detections.xy, imported_xy())
+    assert session.project.clip.detector == "openpose"
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="has its keypoints already"):
         session.source.begin(ImportFiles(path=files))

@@ -1,0 +1,176 @@
+"""`tcfit fit` and `tcfit new` of a video without keypoints: they are found, and it is said by what."""
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fitting_core.detect.detectors import DETECTORS
+from fitting_core.io.clip_reader import read_clip
+from fitting_core.io.result_files import read_fit
+from tcfit_app.cli import fit_command
+from tcfit_app.cli.main import main, parse
+from tcfit_app.options.clip_input import clip_of
+from tcfit_app.project.people import opened_people
+from tcfit_app.project.project import Project
+from tests.samples.fake_detector import FakeDetector, known, one_person, standing
+from tests.tcfit_app.conftest import FRAMES, FinishedRun
+
+FOUND = f"Keypoints: found by fake in {FRAMES} of {FRAMES} frames"
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    path = tmp_path / "wave.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (640, 480))
+    for _ in range(FRAMES):
+        writer.write(np.zeros((480, 640, 3), np.uint8))
+    writer.release()
+    return path
+
+
+@pytest.fixture
+def fake(keypoint_folder: Path, monkeypatch: pytest.MonkeyPatch) -> FakeDetector:
+    """It finds the keypoints of the clip that all other tests fit."""
+    clip = read_clip(None, keypoint_folder, image_size=(640, 480))
+    detector = FakeDetector(one_person(clip.keypoints))
+    monkeypatch.setitem(DETECTORS, "mediapipe", known(detector))
+    return detector
+
+
+@pytest.fixture
+def fit_video(fit_arguments: list[str], video: Path) -> list[str]:
+    """`tcfit fit VIDEO` into tmp_path/out."""
+    rest = fit_arguments[fit_arguments.index("--focal-length") :]
+    return ["fit", str(video), *rest]
+
+
+def test_a_fit(
+    fit_video: list[str],
+    fake: FakeDetector,
+    finished: FinishedRun,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.setattr(fit_command, "fit_events", finished.replay)
+    assert main(fit_video) == 0
+    said = capsys.readouterr().err
+    assert f"Finding keypoints in {FRAMES} frames ..." in said and FOUND in said
+    assert "Note: Keypoints were found by fake (version 1)." in said
+    assert len(read_fit(tmp_path / "out").params) == FRAMES and len(fake.asked) == FRAMES
+    assert main(fit_video) == 0
+    assert "Finding" not in (said := capsys.readouterr().err) and FOUND in said
+    assert len(fake.asked) == FRAMES, "found before"
+
+
+def test_programs_are_told(
+    fit_video: list[str],
+    fake: FakeDetector,
+    finished: FinishedRun,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.setattr(fit_command, "fit_events", finished.replay)
+    assert main([*fit_video, "--json"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    of_step = [line for line in lines if line.get("step") == "keypoints"]
+    assert [line["event"] for line in of_step] == ["step", *["progress"] * (len(of_step) - 2), "step_done"]
+    assert of_step[-2]["share"] == 1
+    assert lines.index(of_step[-1]) < [line.get("step") for line in lines].index("phase 1")
+
+
+def test_everybody(fake: FakeDetector, fit_video: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Each in a project of their own."""
+    people = standing((200, 200), (450, 200), height=200)
+    monkeypatch.setitem(DETECTORS, "mediapipe", known(FakeDetector(lambda frame: people)))
+    given = ["--people", "all", "--frame-rate", "10", "--out", str(tmp_path / "all.tcfit")]
+    assert main(["new", fit_video[1], *given]) == 0
+    with opened_people(tmp_path / "all.tcfit", lambda one: Project.open(one), print) as opened:
+        assert [len(project.clip) for _, project in opened.projects] == [FRAMES, FRAMES]
+
+
+def test_ctrl_c_keeps_what_was_found(
+    fit_video: list[str], fake: FakeDetector, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    find = fake._people
+
+    def interrupted(frame: int) -> np.ndarray:
+        if frame == 5:
+            fake._people = find
+            raise KeyboardInterrupt
+        return find(frame)
+
+    fake._people = interrupted
+    command = ["new", fit_video[1], "--out", str(tmp_path / "a.tcfit")]
+    assert main(command) == 130
+    assert f"the keypoints of 4 of {FRAMES} frames are kept. The same command goes on." in capsys.readouterr().err
+    assert main(command) == 0
+    assert f"Going on after 4 of {FRAMES} frames" in capsys.readouterr().err
+    assert fake.asked == [0, 1, 2, 3, 4, 5, 4, 5]
+    with Project.open(tmp_path / "a.tcfit") as project:
+        assert project.has_detections and any("found by fake" in note for note in project.clip.notes)
+
+
+def test_a_folder_that_is_taken_is_told_at_once(
+    fit_video: list[str], fake: FakeDetector, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.tex").write_text("mine")
+    for command in (fit_video, ["new", fit_video[1], "--out", str(tmp_path / "out")]):
+        assert main(command) == 2
+    assert str(tmp_path / "out") in capsys.readouterr().err and not fake.asked
+
+
+def test_a_bar_on_a_terminal(
+    fit_video: list[str],
+    fake: FakeDetector,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main(["new", fit_video[1], "--out", str(tmp_path / "a.tcfit")]) == 0
+    assert "Keypoints:" in (said := capsys.readouterr().err) and f"{FRAMES}/{FRAMES}" in said and "Finding" not in said
+
+
+def test_without_keypoints_on_demand(
+    fit_video: list[str], fake: FakeDetector, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    video, alone = fit_video[1], ["--keypoints", "none"]
+    assert main(["new", video, *alone, "--out", str(tmp_path / "a.tcfit")]) == 0
+    assert "No keypoints yet" in capsys.readouterr().err
+    with Project.open(tmp_path / "a.tcfit") as project:
+        assert not project.has_detections and len(project.clip) == FRAMES
+    refused = {
+        "a fit needs keypoints": [*fit_video, *alone],
+        "without keypoints nobody is known": ["new", video, *alone, "--people", "all"],
+        "--person is of no use without keypoints": ["new", video, *alone, "--person", "1"],
+        "--detector is of no use without keypoints": ["new", video, *alone, "--detector", "dwpose-l"],
+        "and no video": ["new", *alone],
+    }
+    for words, command in refused.items():
+        assert main(command) == 2
+        assert words in capsys.readouterr().err
+    assert not fake.asked
+
+
+def test_a_review_finds_nothing_itself(video: Path, fake: FakeDetector):
+    """The app does, while it is looked at; by the detector that is named."""
+    for more in ([], ["--keypoints", "none"], ["--detector", "mediapipe-fast"]):
+        clip = clip_of(parse(["review", str(video), *more]))
+        assert len(clip) == FRAMES and not clip.keypoints.confidence.any()
+    assert not fake.asked
+
+
+def test_what_is_lacking_is_told_once_and_nothing_is_written(
+    fit_video: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path / "empty"))
+    assert main(fit_video) == 2
+    said = capsys.readouterr().err
+    assert said.count("tcfit models add mediapipe") == 1 and "Traceback" not in said
+    assert not (tmp_path / "out").exists()
