@@ -47,7 +47,7 @@ def images(tmp_path: Path) -> Path:
 def test_nothing_is_corrected_before_there_is_something(folder: Path):
     with Project.open(folder) as project:
         session = Session(project, Bodies())
-        with pytest.raises(InputError, match="no keypoints yet: import or detect them first"):
+        with pytest.raises(InputError, match="no keypoints yet: have them found first"):
             session.edit(SwapSides(frames=(0,), joints=SIDES["arms"]), author="test")
         session.close()
         assert not project.log

@@ -1,6 +1,7 @@
-"""A project without keypoints in Chromium: import, upload and detection, and what a reload and a second tab show."""
+"""A project without keypoints in Chromium: finding, import and upload, and what a reload and a second tab show."""
 
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,11 +10,13 @@ import numpy as np
 import pytest
 import viser
 
-from fitting_core.detect import known_models
-from fitting_core.keypoints import INDEX
+from fitting_core.detect import known_models, stored
+from fitting_core.detect.detectors import DEFAULT, DETECTORS
+from fitting_core.keypoints import COUNT
 from tcfit_app.server.uploads import UPLOAD_BYTES, Uploads
 from tests.drivers.review_page import Reviewing, opened, reviewing, until
-from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_model, spot_video
+from tests.samples.fake_detector import FakeDetector, known
+from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_video
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
@@ -24,18 +27,58 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return spot_video(tmp_path_factory.mktemp("spots") / "walk")
 
 
+def two_people(frame: int) -> np.ndarray:
+    """A large one who walks, and a small one at the side."""
+    points = np.zeros((2, COUNT, 3))
+    for place, (middle, size) in enumerate(((nose(frame), 30.0), ((20.0, 60.0), 12.0))):
+        around = np.random.default_rng(place).uniform(-1, 1, (25, 2))
+        points[place, :25] = np.column_stack([around * size + middle, np.full(25, 0.9)])
+    return points
+
+
+class Gated(FakeDetector):
+    """Finds two people, and waits before frame 16 until it is let go on."""
+
+    def __init__(self) -> None:
+        self.gate = threading.Event()
+        super().__init__(self._gated, length=8)
+
+    def _gated(self, frame: int) -> np.ndarray:
+        assert frame < 16 or self.gate.wait(60)
+        return two_people(frame)
+
+
 @pytest.fixture
-def review(tmp_path: Path, video: Path, browser: "Browser", monkeypatch: pytest.MonkeyPatch) -> Iterator[Reviewing]:
+def detector(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Gated]:
+    """In place of the default."""
+    made = Gated()
+    monkeypatch.setitem(DETECTORS, DEFAULT, known(made))
+    monkeypatch.setattr(stored, "users_folder", lambda: tmp_path / "cache")
+    yield made
+    made.gate.set()
+
+
+@pytest.fixture
+def review(
+    tmp_path: Path, video: Path, browser: "Browser", monkeypatch: pytest.MonkeyPatch, detector: Gated
+) -> Iterator[Reviewing]:
     monkeypatch.setattr(known_models, "models_folder", lambda: tmp_path / "models")
     with reviewing(empty_project(tmp_path / "walk.tcfit", video), browser) as found:
-        found.tab.get_by_text("Import from this path").wait_for(timeout=60_000)
+        found.tab.get_by_text("Find keypoints and fit").wait_for(timeout=60_000)
         yield found
+        detector.gate.set()
         assert not found.complaints
 
 
 def field(review: Reviewing, label: str) -> "Locator":
     """viser's input with a label, which is no label to the browser."""
     return review.tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]")
+
+
+def unfold(review: Reviewing, title: str, label: str) -> None:
+    """Open a folder of the panel, and wait for what is in it."""
+    review.tab.locator(f"text='{title}' >> visible=true").first.click()
+    review.tab.locator(f"text='{label}' >> visible=true").last.wait_for()
 
 
 def drawn(review: Reviewing) -> int:
@@ -51,6 +94,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
     until(lambda: "No keypoints yet" in chips(review), "the status line")
     assert drawn(review) == 0
     second = opened(review.app, review.server, browser)
+    unfold(review, "Import keypoints", "Import from this path")
     field(review, "Path").fill(str(keypoint_files(tmp_path / "kp")))
     review.tab.get_by_text("Import from this path").click()
     review.tab.get_by_text(f"Found in {FRAMES} of {FRAMES} frames").wait_for()
@@ -68,6 +112,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
 
 def test_an_archive_is_uploaded(review: Reviewing, tmp_path: Path):
     archive = shutil.make_archive(str(tmp_path / "kp"), "zip", keypoint_files(tmp_path / "kp"))
+    unfold(review, "Import keypoints", "Upload a file or ZIP")
     with review.tab.expect_file_chooser() as chooser:
         review.tab.get_by_text("Upload a file or ZIP").click()
     chooser.value.set_files(archive)
@@ -85,6 +130,7 @@ def test_a_file_that_is_too_large_stays_here_and_the_next_one_is_uploaded(
     begun: list[int] = []
     begin = Uploads.begin
     monkeypatch.setattr(Uploads, "begin", lambda self, file: begun.append(file.size_bytes) or begin(self, file))
+    unfold(review, "Import keypoints", "Upload a file or ZIP")
     for path in (large, archive):
         with review.tab.expect_file_chooser() as chooser:
             review.tab.get_by_text("Upload a file or ZIP").click()
@@ -99,28 +145,62 @@ def test_a_file_that_is_too_large_stays_here_and_the_next_one_is_uploaded(
     assert files and not any(files), "viser keeps none"
 
 
-def test_detection_runs_beside_the_video(review: Reviewing, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("fitting_core.detect.detecting.PART", 4)
-    model = spot_model(tmp_path / "pose.onnx")
-    field(review, "Model").click()
-    review.tab.get_by_role("option", name="An ONNX file of yours").click()
-    field(review, "Model file").fill(str(model))
-    review.tab.get_by_text("Detect", exact=True).click()
-    until(lambda: review.session.source.going is not None)
-    review.tab.mouse.move(300, 300)
-    frame = review.frame
-    review.press("ArrowRight", lambda: review.frame == frame + 1)
+def found_until(review: Reviewing) -> int:
+    """How many frames the timeline shows as found."""
+    spans = review.tab.evaluate("() => window.tcfit?.state('fit')?.spans ?? []")
+    return max((span["last"] + 1 for span in spans if span["state"] == "found"), default=0)
+
+
+def others(review: Reviewing) -> int:
+    """How many people the page draws who are not meant."""
+    return review.tab.evaluate("() => (window.tcfit?.state('other_people')?.people ?? []).length")
+
+
+def meant(review: Reviewing) -> int:
+    """Which of `two_people` the page draws as the one who is meant."""
+    xy = review.tab.evaluate("() => window.tcfit?.state('keypoints')?.xy ?? []")
+    away = [np.abs(np.array(xy)[:25] - one[:25, :2]).max() if xy else np.inf for one in two_people(review.frame)]
+    return int(np.argmin(away)) if min(away) < 1 else -1
+
+
+def test_keypoints_are_seen_while_they_are_found_in_all_tabs(review: Reviewing, detector: Gated, browser: "Browser"):
+    second = opened(review.app, review.server, browser)
+    review.tab.get_by_text("Find keypoints only").click()
+    for tab in (review, second):
+        until(lambda tab=tab: found_until(tab) == 16, "the frames that were found")
+        until(lambda tab=tab: meant(tab) == 0 and others(tab) == 1, "the people of the frame")
+        until(lambda tab=tab: "Finding keypoints" in chips(tab), "the status line")
+    assert review.tab.get_by_text("Find keypoints only").is_hidden()
+    second.tab.mouse.move(300, 300)
+    second.press("ArrowRight", lambda: second.frame == 1)
+    detector.gate.set()
     until(lambda: review.session.project.has_detections)
-    until(lambda: drawn(review) > 100)
-    found = review.session.project.detections.xy[:, INDEX["nose"]]
-    assert np.abs(found - [nose(t) for t in range(FRAMES)]).max() < 1
+    review.tab.get_by_text(f"Found in {FRAMES} of {FRAMES} frames.", exact=True).wait_for()
+    until(lambda: "No fit yet" in chips(review) and found_until(review) == 0, "the status line")
 
 
-def test_a_model_of_another_kind_is_named(review: Reviewing, tmp_path: Path):
+def test_a_click_says_who_is_meant_while_people_are_found_and_afterwards(review: Reviewing, detector: Gated):
+    review.tab.get_by_text("Find keypoints only").click()
+    until(lambda: meant(review) == 0 and others(review) == 1, "both people")
+    review.tab.get_by_text("2 people found").wait_for()
+    review.rest()
+    x, y = review.tab.evaluate("() => tcfit.place(20, 60)")
+    review.tab.mouse.click(x, y)
+    until(lambda: meant(review) == 1, "the other one, in colour")
+    detector.gate.set()
+    until(lambda: review.session.project.has_detections and not review.session.source.busy)
+    review.tab.get_by_text("2 people were found").wait_for()
+    assert np.abs(review.session.project.detections.xy[9, :25] - two_people(9)[1, :25, :2]).max() < 1
+    review.tab.get_by_text("This one?").click()
+    until(lambda: meant(review) == 0, "the first one again")
+
+
+def test_what_fails_is_told_in_the_panel(review: Reviewing, tmp_path: Path):
     (tmp_path / "text.onnx").write_text("hello")
-    field(review, "Model").click()
+    review.tab.locator("text='Detector' >> visible=true").first.click()
+    field(review, "Detector").click()
     review.tab.get_by_role("option", name="An ONNX file of yours").click()
     field(review, "Model file").fill(str(tmp_path / "text.onnx"))
-    review.tab.get_by_text("Detect", exact=True).click()
+    review.tab.get_by_text("Find keypoints only").click()
     review.tab.get_by_text("cannot be opened as an ONNX model").first.wait_for()
     until(lambda: "No keypoints yet" in chips(review), "the status line")
