@@ -10,7 +10,7 @@ from tcfit_app.review.drawing.found import in_the_same_place
 
 def somebody(x: float, size: float) -> np.ndarray:
     points = np.zeros((COUNT, 3))
-    points[BODY, :2] = np.random.default_rng(0).uniform(-size, size, (BODY.stop, 2)) + (x, 100)
+    points[BODY, :2] = np.random.default_rng(0).uniform(-size, size, (BODY.stop, 2)) + np.array([x, 100])
     points[BODY, 2] = 0.9
     return points
 
