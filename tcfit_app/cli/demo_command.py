@@ -23,6 +23,7 @@ from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage.database import is_project
 
 _PROJECT, _RESULT = Path("tcfit-demo.tcfit"), Path("tcfit-demo")
+YOUR_OWN = "Now your own video, whose keypoints tcfit finds itself: tcfit review VIDEO --fit"
 _BODY = slice(0, JOINT["right_wrist"] + 1)
 _COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
 
@@ -47,6 +48,7 @@ def review_demo(options: DemoOptions) -> None:
     prepare_solver(config, options.threads)
     with open_project(folder) as project:
         review(project, options.server, fit=config)
+    print(YOUR_OWN, file=sys.stderr)
 
 
 def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
@@ -77,6 +79,7 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     )
     outcome = run_fit(fit_options, command=command)
     print("\n".join(truth_table(outcome, truth)))
+    print(YOUR_OWN, file=sys.stderr)
     return outcome
 
 

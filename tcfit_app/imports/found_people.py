@@ -23,6 +23,8 @@ class FoundInFrame:
     """Who they are."""
     chosen: int | None
     """The place of the one who is meant; None: that one is not here."""
+    others: tuple[int, ...] = ()
+    """The places of the others who count as people."""
 
 
 @dataclass(eq=False)
@@ -89,9 +91,12 @@ class FoundPeople:
             points, numbers = self.frames[start].people[k], self.frames[start].numbers[k]
             meant = self._meant()
             places = np.flatnonzero(numbers == meant)
+            known = [place for place, number in enumerate(numbers.tolist()) if self._counts[number] >= _FEWEST]
         if len(places) > 1:  # a detector that follows nobody itself
             places = places[np.argsort([-_prominence(points[place]) for place in places], kind="stable")]
-        return FoundInFrame(points=points, numbers=numbers, chosen=int(places[0]) if len(places) else None)
+        chosen = int(places[0]) if len(places) else None
+        others = tuple(place for place in known if place != chosen)
+        return FoundInFrame(points=points, numbers=numbers, chosen=chosen, others=others)
 
     def keypoints(self, frames: range) -> Keypoints:
         """Of whoever is meant, in frames that are complete."""

@@ -9,9 +9,11 @@ from jaxtyping import Float
 from fitting_core.camera import Lens
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.keypoints import PARTS, Keypoints, PartOfPerson
+from fitting_core.keypoints import BODY, PARTS, Keypoints, PartOfPerson
 from tcfit_app.project.edits.kinds import DetectAgain
 
+_NEAREST = 10
+"""Frames before and after, of which the nearest with somebody tells where to look for a person who was lost."""
 Region = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle, pixels."""
 
@@ -47,14 +49,14 @@ class SecondLook:
             raise InputError("The project's video is not there.")
         report("opening the detector", None)
         lens, count = clip.camera.lens, len(self.frames)
-        near = filmed_keypoints(clip.keypoints[np.array(self.frames)], lens)
+        near = known_near(filmed_keypoints(clip.keypoints, lens), self.frames)
         with FrameSource(clip.source) as source:
             found = look_again(
                 source,
                 [clip.first_frame + frame for frame in self.frames],
                 part=self.part,
                 region=None if self.region is None else filmed_region(self.region, lens),
-                near=np.concatenate([near.xy, near.confidence[..., None]], -1),
+                near=near,
                 tell=lambda done: report(f"{done} of {count} frames", done / count),
             )
         return self._edit(_straightened(found, lens))
@@ -63,6 +65,23 @@ class SecondLook:
         rows = np.flatnonzero(points[:, PARTS[self.part], 2].max(1) > 0)
         frames = [self.frames[row] for row in rows.tolist()]
         return DetectAgain.found(frames, self.part, points[rows]) if frames else None
+
+
+def known_near(keypoints: Keypoints, frames: tuple[int, ...]) -> Float[np.ndarray, "n 137 3"]:
+    """x, y and confidence of the person in each frame; where nobody was found, of the nearest frame with somebody.
+
+    Without that, a search for somebody who was lost could end with another person of the clip.
+
+    Args:
+        keypoints: Of the whole clip.
+        frames: Which.
+    """
+    seen = np.flatnonzero((keypoints.confidence[:, BODY] > 0).any(1))
+    there = np.array(frames)
+    if len(seen):
+        nearest = seen[np.abs(seen - there[:, None]).argmin(1)]
+        there = np.where(np.abs(nearest - there) <= _NEAREST, nearest, there)
+    return np.concatenate([keypoints.xy[there], keypoints.confidence[there, :, None]], -1)
 
 
 def filmed_region(region: Region, lens: Lens | None) -> Region:

@@ -10,6 +10,7 @@ _STEPS = (
     ("Drag a keypoint that is off: the fit follows, and the correction is saved. To take it back, undo.", "undo"),
     ("Drag in the timeline's ruler to select frames, and run phase 3 on them again.", "rerun"),
     ("Compare: A | B shows the fit before beside the new one, and the panel Compare has the figures.", "ab"),
+    ("Your own video: its keypoints are found by themselves. In the terminal: tcfit review VIDEO --fit", ""),
     ("All keys. The first steps are there too.", "help"),
 )
-HINTS = Hints(steps=tuple(Hint(text=text, keys=str(ACTIONS[name].keys[0])) for text, name in _STEPS))
+HINTS = Hints(steps=tuple(Hint(text=text, keys=str(ACTIONS[name].keys[0]) if name else "") for text, name in _STEPS))

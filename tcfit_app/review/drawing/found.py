@@ -7,6 +7,8 @@ from fitting_core.keypoints import BODY, BONES, COUNT
 from tcfit_app.review.browser.page_states import Keypoints, OtherPeople, OtherPerson, pixel_pairs, shares
 from tcfit_app.review.tab.tab import Tab
 
+_APART = 0.25
+"""Sizes of the person who is meant by which another's middle must be away to be offered."""
 _BODY_BONES = [pair for pair in BONES if max(pair) < BODY.stop]
 
 
@@ -31,13 +33,25 @@ class FoundPart:
         else:
             points = np.zeros((COUNT, 3)) if found.chosen is None else found.points[found.chosen]
             others = tuple(
-                _other(place, found.points[place]) for place in range(len(found.points)) if place != found.chosen
+                _other(place, found.points[place])
+                for place in found.others
+                if not in_the_same_place(found.points[place], points)
             )
         if there:
             shown = Keypoints(frame=frame, xy=pixel_pairs(points[:, :2]), confidence=shares(points[:, 2]))
             tab.channel.send("keypoints", shown)
         if not tab.someone.others:
             tab.channel.send("other_people", OtherPeople(people=others))
+
+
+def in_the_same_place(points: Float[np.ndarray, "137 3"], meant: Float[np.ndarray, "137 3"]) -> bool:
+    """Whether somebody is where the one is who is meant: then a press would not tell whom of both it means, and such a
+    one is often a part of that person, taken for another."""
+    one, other = (of[BODY][of[BODY, 2] > 0, :2] for of in (points, meant))
+    if not len(one) or not len(other):
+        return False
+    size = float(np.linalg.norm(np.ptp(other, axis=0)))
+    return float(np.linalg.norm(one.mean(0) - other.mean(0))) < _APART * size
 
 
 def _other(place: int, points: Float[np.ndarray, "137 3"]) -> OtherPerson:

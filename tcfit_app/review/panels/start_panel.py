@@ -95,7 +95,8 @@ class StartPanel:
         self._detector.offer()
         choosing = done and session.can_choose_person
         chosen = self._detector.chosen, self._detector.is_here
-        if tab.sent.differs("start", going, session.source.busy, done, choosing, session.edits, *chosen):
+        fitted = bool(session.jobs), bool(session.fits.showable())
+        if tab.sent.differs("start", going, session.source.busy, done, choosing, session.edits, *chosen, *fitted):
             self._draw_choices(done)
         count = 0 if people is None else people.count
         said = (
@@ -201,9 +202,18 @@ def _finished(tab: Tab) -> list[Html]:
         paragraph(words(f"Found in {found} of {tab.length} frames.", "good")),
         *(paragraph(note, "dim") for note in project.clip.notes),
         *_others(tab),
-        paragraph("Next: fit the body. Keypoints that are wrong can be corrected before or after."),
-        row(action("fit", "Fit everything", kind="main")),
+        *_what_next(tab),
     ]
+
+
+def _what_next(tab: Tab) -> list[Html]:
+    if tab.session.jobs:
+        return [paragraph("They are being fitted: the picture shows each body as soon as it is there.")]
+    if tab.session.fits.showable():
+        text = "They are fitted. Next: play the clip, and let the panel Review lead you to what is suspicious."
+        return [paragraph(text), row(action("next_suspect", "Next suspicious frame"))]
+    text = "Next: fit the body. Keypoints that are wrong can be corrected before or after."
+    return [paragraph(text), row(action("fit", "Fit everything", kind="main"))]
 
 
 def _others(tab: Tab) -> list[Html]:

@@ -50,6 +50,7 @@ def test_demo_fits_writes_and_compares(demo: Truth, tmp_path: Path, capsys: pyte
     assert main(["demo", "--no-review", "--out", str(out), "--no-overlay", *QUICK]) == 0
     told = capsys.readouterr()
     assert "Focal length 800.0 px" in told.err and f"into {out}" in told.out
+    assert told.err.splitlines()[-1].endswith("tcfit review VIDEO --fit")
     assert sorted(path.name for path in out.iterdir()) == ["fit.npz", "summary.json"]
     header, first, last, truth = told.out.splitlines()[-4:]
     assert "in the camera" in header and truth.split()[0] == "truth"

@@ -14,9 +14,9 @@ from fitting_core.camera import Lens
 from fitting_core.clip import Clip
 from fitting_core.detect import second_look
 from fitting_core.errors import InputError
-from fitting_core.keypoints import LEFT_HAND, PARTS, Keypoints
+from fitting_core.keypoints import COUNT, LEFT_HAND, PARTS, Keypoints
 from fitting_core.lens import filmed, filmed_keypoints
-from tcfit_app.imports.second_looks import filmed_region
+from tcfit_app.imports.second_looks import filmed_region, known_near
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import DetectAgain
 from tcfit_app.project.project import Project
@@ -280,3 +280,16 @@ def test_a_rectangle_covers_what_it_shows_through_the_lens():
     bent = filmed(LENS, inside)
     assert (bent >= (left - 1, top - 1)).all() and (bent <= (right + 1, bottom + 1)).all()
     assert left > 50 and right < 600 and filmed_region(region, None) == region
+
+
+def test_somebody_who_was_lost_is_looked_for_where_they_were():
+    confidence = np.full((40, COUNT), 0.75)
+    confidence[5:30] = 0
+    keypoints = Keypoints(xy=np.random.default_rng(0).uniform(0, 100, (40, COUNT, 2)), confidence=confidence)
+    near = known_near(keypoints, (4, 6, 17, 29))
+    for row, frame in ((0, 4), (1, 4), (3, 30)):
+        np.testing.assert_array_equal(near[row, :, :2], keypoints.xy[frame])
+        assert (near[row, :, 2] == 0.75).all()
+    assert not near[2, :, 2].any(), "too long ago"
+    keypoints.confidence[:] = 0
+    assert not known_near(keypoints, (4,))[..., 2].any()

@@ -197,7 +197,7 @@ def test_a_click_says_who_is_meant_while_people_are_found_and_afterwards(review:
 
 def test_what_fails_is_told_in_the_panel(review: Reviewing, tmp_path: Path):
     (tmp_path / "text.onnx").write_text("hello")
-    review.tab.locator("text='Detector' >> visible=true").first.click()
+    unfold(review, "How keypoints are found", "Detector")
     field(review, "Detector").click()
     review.tab.get_by_role("option", name="An ONNX file of yours").click()
     field(review, "Model file").fill(str(tmp_path / "text.onnx"))
