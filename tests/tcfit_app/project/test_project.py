@@ -660,7 +660,7 @@ def test_media_can_be_copied_into_the_project(tmp_path: Path, video: Path):
 
 
 def test_a_fingerprint_sees_another_start_middle_end_and_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(media, "_BLOCK", 10)
+    monkeypatch.setattr("fitting_core.video.fingerprint._BLOCK", 10)
     content = bytearray(1000)
     seen = set()
     for change in (None, 0, 500, 999):

@@ -179,7 +179,7 @@ def test_a_full_disk_leaves_the_project_as_it_was(folder: Path, monkeypatch: pyt
 
 def test_a_project_is_made_of_a_video_alone(images: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "p"
-    given = ["--first-frame", "1", "--last-frame", "4", "--frame-rate", "25", "--fov", "60"]
+    given = ["--keypoints", "none", "--first-frame", "1", "--last-frame", "4", "--frame-rate", "25", "--fov", "60"]
     assert main(["new", str(images), "--out", str(out), *given]) == 0
     assert "No keypoints yet: the review (tcfit review) imports or detects them" in capsys.readouterr().err
     with Project.open(out) as project:
@@ -190,9 +190,9 @@ def test_a_project_is_made_of_a_video_alone(images: Path, tmp_path: Path, capsys
 
 def test_options_of_keypoints_need_some(images: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     for option in (["--person", "1"], ["--keypoint-scale", "0..1"]):
-        assert main(["new", str(images), "--out", str(tmp_path / "p"), *option]) == 2
+        assert main(["new", str(images), "--keypoints", "none", "--out", str(tmp_path / "p"), *option]) == 2
         assert f"{option[0]} is of no use without keypoints" in capsys.readouterr().err
-    assert main(["fit", str(images), "--out", str(tmp_path / "o")]) == 2
-    assert "No keypoints given" in capsys.readouterr().err
+    assert main(["fit", str(images), "--keypoints", "none", "--out", str(tmp_path / "o")]) == 2
+    assert "a fit needs keypoints" in capsys.readouterr().err
     assert main(["new", str(tmp_path / "nothing.mp4"), "--out", str(tmp_path / "p")]) == 2
     assert not (tmp_path / "p").exists()
