@@ -222,7 +222,7 @@ def _others(tab: Tab) -> list[Html]:
     if people is None or people.count < 2:
         return []
     if tab.session.can_choose_person:
-        text = "If you mean another one, click on them in the picture, or on the name above."
+        text = "If you mean another one, click on that person in the picture."
     else:
         text = "There are fits or corrections of this one: make a new project for another (--person N, --out FOLDER)."
     return [paragraph(f"{people.count} people were found. {text}")]
@@ -238,7 +238,7 @@ def _said(going: Going, people: int) -> list[Html]:
     if going.state == "finished":
         return [title, paragraph("Done.", "good")]
     doing = "Stopping …" if going.stopping else f"{going.text} …"
-    several = f"{people} people found. Click on the one you mean: in the picture, or on the name above."
+    several = f"{people} people found. If you do not mean the one in colour, click on another one in the picture."
     return [
         title,
         paragraph(doing),
