@@ -144,7 +144,7 @@ def _keypoints(clip: Clip) -> list[str]:
     """Where they come from, if it was not a file."""
     seen = (clip.keypoints.confidence > 0).any(1)
     if not seen.any():
-        return ["No keypoints yet: the review (tcfit review) imports or detects them, in its panel Start"]
+        return ["No keypoints yet: the review (tcfit review) finds or imports them, in its panel Start"]
     name = clip.found_by.rpartition(" (version ")[0]
     return [f"Keypoints: found by {name} in {seen.sum()} of {len(clip)} frames"] if name else []
 

@@ -23,7 +23,7 @@ class FoundPart:
         """Send what changed."""
         tab = self._tab
         people, frame = tab.session.source.people, tab.state.frame
-        there = people is not None and not tab.session.project.has_detections
+        there = not tab.session.project.has_detections
         choosing = tab.session.can_choose_person
         if not tab.sent.differs("found", frame, there, choosing, people.version if people else None):
             return

@@ -22,11 +22,10 @@ PRESSED = {
     "reference": ("File", "compare.reference"),
     "camera": ("Camera file", "fit.camera"),
     "keypoints": ("Path", "start.import"),
-    "points model": ("Model file", "start.detect"),
-    "people model": ("People file", "start.detect"),
+    "model": ("Model file", "start.find"),
 }
 """By what is named: the field, and the button that takes it."""
-_WITHOUT_KEYPOINTS = ("keypoints", "points model", "people model")
+_WITHOUT_KEYPOINTS = ("keypoints", "model")
 
 
 @pytest.fixture(params=PRESSED)
@@ -50,14 +49,12 @@ def page(named: str, panel_server: viser.ViserServer, tmp_path: Path) -> Iterato
 def name(page: LonePage, named: str, path: str) -> list[str]:
     """Type it and press the button; what is told."""
     field, button = PRESSED[named]
-    if named.endswith("model"):
-        page.enter("Model", "An ONNX file of yours")
-    if named == "people model":
-        page.enter("People", "An ONNX file of yours")
+    if named == "model":
+        page.enter("Detector", "An ONNX file of yours")
     page.draw()
     page.field(field)._impl.value = path
     page.notices.clear()
-    page.page.tab.do(lambda: page.press(button))
+    page.page.tab.do(lambda: page.press(button, "keypoints" if named == "model" else ""))
     page.settle()
     return [notice.text for notice in page.notices]
 
