@@ -92,7 +92,8 @@ class StartPanel:
         tab, session = self._tab, self._tab.session
         self._camera.draw()
         going, done, people = session.source.going, session.project.has_detections, session.source.people
-        self._detector.offer()
+        if tab.sent.differs("start detector", going, session.source.busy):
+            self._detector.look()  # a job may have fetched what it needs
         choosing = done and session.can_choose_person
         chosen = self._detector.chosen, self._detector.is_here
         fitted = bool(session.jobs), bool(session.fits.showable())
@@ -125,27 +126,26 @@ class _DetectorChoice:
         from fitting_core.detect.detectors import DEFAULT, DETECTORS
 
         self._titles = {known.title: name for name, known in DETECTORS.items()} | {_FILE: ""}
-        self._asked: dict[str, bool] = {}
         self.chosen = DETECTORS[DEFAULT].title
         hint = "What finds people, bodies, hands and faces in the video"
         handle = tab.client.gui.add_dropdown("Detector", tuple(self._titles), initial_value=self.chosen, hint=hint)
-        self._dropdown = Dropdown(tab, handle, self._choose)
+        Dropdown(tab, handle, self._choose)
         self.is_here = True
-        """Whether everything that the chosen one needs is on this computer."""
+        """Whether everything that the chosen one needs is on this computer, when it was looked at last."""
 
     def _choose(self, title: str) -> None:
         self.chosen = title
+        self.look()
 
     @property
     def name(self) -> str:
         """In `DETECTORS`; empty for a file."""
         return self._titles[self.chosen]
 
-    def offer(self) -> None:
-        """Look again whether the chosen one is here."""
+    def look(self) -> None:
+        """Look whether the chosen one is here; it reads files, and is not for every draw."""
         from fitting_core.detect.detectors import DETECTORS
 
-        self._dropdown.offer(tuple(self._titles), self.chosen)
         self.is_here = not self.name or DETECTORS[self.name].is_here()
 
     def known_models(self) -> "list[KnownModel]":
