@@ -32,11 +32,12 @@ def rows(options: CrossingPeople) -> list[Row]:
     seeds = range(*options.seeds)
     for scene in options.scenes:
         progress(scene)
-        found.append(_row(scene, [told_apart(film(scene, seed, every=options.every)) for seed in seeds]))
+        found.append(row(scene, [told_apart(film(scene, seed, every=options.every)) for seed in seeds]))
     return found
 
 
-def _row(scene: str, results: list[Told]) -> Row:
+def row(scene: str, results: list[Told]) -> Row:
+    """How the people of a scene were told apart, over several chances."""
     return {
         "scene": scene,
         "right": f"{np.mean([one.right for one in results]):.1%}",

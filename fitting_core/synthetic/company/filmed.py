@@ -4,9 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter1d
 
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.io.keypoints.detections import Detections
@@ -64,12 +66,11 @@ def film(scene: str, seed: int, *, every: int = 1) -> Company:
         every: Keep every so many frames of 30 per second.
     """
     rng = np.random.default_rng([list(SCENES).index(scene), seed])
-    times = np.arange(round(SECONDS * FRAME_RATE)) / FRAME_RATE
-    ways = SCENES[scene](rng, times)
-    camera = View(azimuth=0.0, height=1.5, distance=rng.uniform(5.5, 8.0), looking_at=(0.0, 0.95, 0.0)).pose()
-    points = np.stack([camera(_acted(rng, way)) for way in ways])
-    people = [_found(rng, points, k) for k in range(len(ways))]
-    frames, owners = zip(*(_listed(rng, people, t) for t in range(0, len(times), every)), strict=True)
+    view, cast = rehearsed(rng, scene)
+    seen = [one.moved(keypoints_in_space(one.body, one.params)[0][one.which]) for one in cast]
+    points = np.stack([view.pose()(those) for those in seen])
+    people = [_found(rng, points, k) for k in range(len(cast))]
+    frames, owners = zip(*(_listed(rng, people, t) for t in range(0, points.shape[1], every)), strict=True)
     stems = tuple(f"frame_{t:06d}" for t in range(len(frames)))
     detections = Detections(frames=frames, stems=stems, source=Path(f"{scene} {seed}"), size=CAMERA.size)
     return Company(
@@ -81,23 +82,56 @@ def film(scene: str, seed: int, *, every: int = 1) -> Company:
     )
 
 
-def _acted(rng: np.random.Generator, way: Way) -> Float[np.ndarray, "T 137 3"]:
-    """One person's keypoints in the world, who goes a way and does whatever a window of motion has meanwhile."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Acting:
+    """One person of a scene: what is done, by whom, and where."""
+
+    body: BodyModel
+    params: BodyParams
+    """Of a window of motion, in the world."""
+    which: Int[np.ndarray, "T"]
+    """Of each frame of the scene, the window's: forwards and back again, as often as it takes."""
+    middle: Float[np.ndarray, "3"]
+    """Of the window's way, at height 0."""
+    turn: Float[np.ndarray, "T 3 3"]
+    place: Float[np.ndarray, "T 3"]
+    """A point p of the window goes to turn (p - middle) + place."""
+
+    def moved(self, points: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "T N 3"]:
+        """Points of the window's frames `which` as the scene has them."""
+        return (points - self.middle) @ self.turn.swapaxes(1, 2) + self.place[:, None]
+
+
+def rehearsed(rng: np.random.Generator, scene: str) -> tuple[View, list[Acting]]:
+    """Where a scene's camera stands, and what its people do."""
+    times = np.arange(round(SECONDS * FRAME_RATE)) / FRAME_RATE
+    ways = SCENES[scene](rng, times)
+    view = View(azimuth=0.0, height=1.5, distance=rng.uniform(5.5, 8.0), looking_at=(0.0, 0.95, 0.0))
+    return view, [_cast(rng, way) for way in ways]
+
+
+def _cast(rng: np.random.Generator, way: Way) -> Acting:
+    """Somebody who goes a way and does whatever a window of motion has meanwhile."""
     windows = [window for window in shipped_windows().values() if window.kind in _KINDS]
     window = windows[rng.integers(len(windows))]
     subject = SUBJECTS[rng.integers(len(SUBJECTS))]
     body = subject_body(subject)
-    points = keypoints_in_space(body, acted(window, body, subject.betas))[0]
-    points = points - points[:, [INDEX["mid_hip"]]].mean(0) * (1.0, 0.0, 1.0)
-    # Forwards and back again, as often as it takes.
-    loop = np.concatenate([np.arange(len(points)), np.arange(len(points) - 2, 0, -1)])
-    points = points[loop[(np.arange(len(way.x)) + rng.integers(len(loop))) % len(loop)]]
+    params = acted(window, body, subject.betas)
+    hips = keypoints_in_space(body, params)[0][:, INDEX["mid_hip"]]
+    loop = np.concatenate([np.arange(len(hips)), np.arange(len(hips) - 2, 0, -1)])
+    which = loop[(np.arange(len(way.x)) + rng.integers(len(loop))) % len(loop)]
     velocity = np.stack([np.gradient(way.x), np.gradient(way.z)]) * FRAME_RATE
     facing = np.where(np.linalg.norm(velocity, axis=0) > 0.2, np.arctan2(velocity[0], velocity[1] + 0.3), 0.0)
     yaw = gaussian_filter1d(facing, 6.0, mode="nearest") + rng.normal(0, 0.3)
     sine, cosine, zero = np.sin(yaw), np.cos(yaw), np.zeros_like(yaw)
-    turn = np.stack([cosine, zero, sine, zero, zero + 1, zero, -sine, zero, cosine], -1).reshape(-1, 3, 3)
-    return points @ turn.swapaxes(1, 2) + np.stack([way.x, zero, way.z], -1)[:, None]
+    return Acting(
+        body=body,
+        params=params,
+        which=which,
+        middle=hips.mean(0) * (1.0, 0.0, 1.0),
+        turn=np.stack([cosine, zero, sine, zero, zero + 1, zero, -sine, zero, cosine], -1).reshape(-1, 3, 3),
+        place=np.stack([way.x, zero, way.z], -1),
+    )
 
 
 def _pixels(points: np.ndarray) -> np.ndarray:
