@@ -337,7 +337,8 @@ class _Fit:
                 *doubts(self.clip, self.phases[-1].params),
             ),
         )
-        return grounded(result, self.clip, self.body)
+        result = grounded(result, self.clip, self.body)
+        return replace(result, warnings=(*result.warnings, *_let_go_notes(result, self.clip.first_frame)))
 
     def _start_notes(self) -> tuple[str, ...]:
         if self.start is None:
@@ -351,11 +352,7 @@ def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | No
     """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
     if not any(stages.config.weights.held_position):
         return None
-    # A start knows better how deep a foot lies than the floor of a short clip: on one window of somebody who dances in
-    # place this was off by so much that it took the limbs along (PA-MPJPE 17 -> 48 mm).
-    free = stages.start is not None and stages.config.start_deviation is not None
-    unswap = stages.config.unswap_sides
-    stances = stances_of_params(clip, stages.body, params, unswap=unswap, on_floor=not free)
+    stances = stances_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
     return None if stances is None else stages.holding(stances)
 
 
@@ -391,6 +388,12 @@ def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitE
         return Iteration(phase=phase, label=step.label, share=done, cost=step.cost, terms=sampling.terms(step))
 
     return (yield from mapped(steps, event))
+
+
+def _let_go_notes(result: FitResult, first_frame: int) -> list[str]:
+    """Of feet that are not held, for the user."""
+    where = "" if result.grounding is None else result.grounding.contacts.let_go_in_words(first_frame)
+    return [f"feet that seem to stand go on in the image, and are not held: {where}"] if where else []
 
 
 def _swap_notes(stages: Stages, first_frame: int) -> list[str]:

@@ -54,23 +54,12 @@ def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unsw
     )
 
 
-def stances_of_params(
-    clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool, on_floor: bool = True
-) -> Stances | None:
-    """Where feet are held that stand in a body's motion; None where none does.
-
-    The other arguments are those of `grounding_of_params`.
-
-    Args:
-        on_floor: whether they are moved onto the clip's floor; else each is held where it is.
-    """
+def stances_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool) -> Stances | None:
+    """Where feet are held that stand in a body's motion; None where none does. Arguments: as `grounding_of_params`."""
     grounding = grounding_of_params(clip, body, params, unswap=unswap)
     if grounding is None or not grounding.contacts.standing.any():
         return None
-    if not on_floor:
-        grounding = replace(grounding, ground=None)
-    feet = clip.camera.to_still(stance_of(body, params).feet)
-    return stances(grounding, feet, _soles(body, params), clip.camera)
+    return stances(grounding.contacts, clip.camera.to_still(stance_of(body, params).feet), clip.camera)
 
 
 def _soles(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "2 4"]:

@@ -11,6 +11,8 @@ the offset is the camera's height; NaN where nothing stands in view |
 | ground_text | () | why there is none, in English; else empty |
 | contacts | (N, 2) | whether the left and the right foot stand |
 | contact_probability | (N, 2) | that they do; 0 where the foot is not in the image |
+| contacts_let_go | (N, 2) | whether a foot seems to stand and goes on in the image, so that it does not; files of \
+earlier versions have none |
 """
 
 import numpy as np
@@ -22,7 +24,7 @@ from fitting_core.ground.plane import Ground
 
 NAMES = (
     *("gravity", "gravity_deviation", "ground", "ground_deviation", "ground_text"),
-    *("contacts", "contact_probability"),
+    *("contacts", "contact_probability", "contacts_let_go"),
 )
 
 
@@ -39,6 +41,7 @@ def grounding_arrays(grounding: Grounding | None) -> dict[str, np.ndarray]:
         grounding.missing,
         contacts.standing,
         contacts.probability,
+        contacts.let_go,
     )
     return {name: np.asarray(value) for name, value in zip(NAMES, values, strict=True)}
 
@@ -52,7 +55,8 @@ def grounding_from(arrays: dict[str, np.ndarray], frames: int) -> Grounding | No
     """
     if not any(name in arrays for name in NAMES):
         return None
-    shapes = dict(zip(NAMES, ((3,), (), (4,), (), (), (frames, 2), (frames, 2)), strict=True))
+    arrays = {"contacts_let_go": np.zeros((frames, 2), bool)} | arrays
+    shapes = dict(zip(NAMES, ((3,), (), (4,), (), (), *[(frames, 2)] * 3), strict=True))
     for name, shape in shapes.items():
         if arrays[name].shape != shape:
             raise ValueError(f"{name} has the shape {arrays[name].shape}, expected {shape}")
@@ -64,7 +68,9 @@ def grounding_from(arrays: dict[str, np.ndarray], frames: int) -> Grounding | No
     return Grounding(
         gravity=Gravity(up=up, deviation=float(arrays["gravity_deviation"])),
         contacts=Contacts(
-            probability=arrays["contact_probability"].astype(float), standing=arrays["contacts"].astype(bool)
+            probability=arrays["contact_probability"].astype(float),
+            standing=arrays["contacts"].astype(bool),
+            let_go=arrays["contacts_let_go"].astype(bool),
         ),
         ground=ground if known else None,
         missing=str(arrays["ground_text"]),

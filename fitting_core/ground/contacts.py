@@ -27,7 +27,9 @@ from fitting_core.camera import Camera
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.placing import SEEN, places, rays_of
+from fitting_core.ground.staying import going_on
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
+from fitting_core.video.frame_names import spans
 
 SIDES = ("left", "right")
 PARTS = ("ankle", "heel", "big_toe", "small_toe")
@@ -61,11 +63,15 @@ class Contacts:
     probability: Float[np.ndarray, "T 2"]
     """That it stands still on the ground; 0 where it is not in the image."""
     standing: Bool[np.ndarray, "T 2"]
-    """Whether it stands: the probability's decision, without short gaps and flicker."""
+    """Whether it stands: the probability's decision, without short gaps and flicker, and without `let_go`."""
+    let_go: Bool[np.ndarray, "T 2"]
+    """Where the probability would have it stand, and the image shows it go on: on a board, on a turntable, before a
+    camera that turns untold."""
 
     def __getitem__(self, frames: slice) -> Self:
         """The same for consecutive frames."""
-        return replace(self, probability=self.probability[frames], standing=self.standing[frames])
+        chosen = {name: getattr(self, name)[frames] for name in ("probability", "standing", "let_go")}
+        return replace(self, **chosen)
 
     @property
     def seen(self) -> Bool[np.ndarray, "T 2"]:
@@ -81,6 +87,15 @@ class Contacts:
     def share(self) -> float:
         """Share of frames in which a foot stands."""
         return float(self.standing.any(1).mean()) if len(self.standing) else 0.0
+
+    def let_go_in_words(self, first_frame: int) -> str:
+        """Which feet are let go in which frames of the video, for the user; empty where none is."""
+        found = (
+            f"{side} {spans((first_frame + np.flatnonzero(gone)).tolist())}"
+            for side, gone in zip(SIDES, self.let_go.T, strict=True)
+            if gone.any()
+        )
+        return ", ".join(found)
 
 
 def contacts_before_fit(
@@ -134,7 +149,9 @@ def contacts_of(
         - _OF_HEIGHT * np.clip(_heights(feet, gravity, seen) - _LOW, 0.0, _HIGH - _LOW)
     )
     probability = np.where(seen, 1 / (1 + np.exp(-odds)), 0.0)
-    return Contacts(probability=probability, standing=decided(probability, frame_rate))
+    standing = decided(probability, frame_rate)
+    let_go = going_on(standing, xy[:, FOOT_POINTS], certain, camera, feet, frame_rate)
+    return Contacts(probability=probability, standing=standing & ~let_go, let_go=let_go)
 
 
 def _contact(

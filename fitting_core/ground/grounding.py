@@ -42,9 +42,15 @@ class Grounding:
         tilt = round(self.gravity.tilt)
         way = f"tilted {abs(tilt)}° {'down' if tilt > 0 else 'up'}" if tilt else "level"
         camera = f"camera {way} (± {self.gravity.deviation:.0f}°)"
+        gone = self.contacts.let_go.any(1).mean() if self.contacts.let_go.any() else 0.0
+        let_go = f"; in {_percent(gone)} one seems to, and goes on in the image" if gone else ""
         if self.ground is None:
-            return f"Ground: none, {self.missing}; {camera}"
-        return f"Ground: seen (feet stand in {100 * self.contacts.share:.0f} % of frames), {camera}"
+            return f"Ground: none, {self.missing}{let_go}; {camera}"
+        return f"Ground: seen (feet stand in {_percent(self.contacts.share)} of frames{let_go}), {camera}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def grounding_before_fit(

@@ -107,7 +107,11 @@ def sample_grounding(seed: int, frames: int = FRAMES) -> Grounding:
     known = seed % 2 == 1
     return Grounding(
         gravity=Gravity(up=up, deviation=4.5),
-        contacts=Contacts(probability=random.random((frames, 2)), standing=random.random((frames, 2)) < 0.5),
+        contacts=Contacts(
+            probability=random.random((frames, 2)),
+            standing=random.random((frames, 2)) < 0.5,
+            let_go=random.random((frames, 2)) < 0.2,
+        ),
         ground=Ground(normal=up, offset=1.5, deviation=0.02) if known else None,
         missing="" if known else "the feet are not in the image",
     )

@@ -100,3 +100,17 @@ def test_feet_behind_the_camera_give_numbers():
     gravity = gravity_before_fit(lifted, made.confidence, CAMERA)
     found = contacts_of(made.xy, made.confidence, lifted, gravity, CAMERA, RATE, made.feet - (0.0, 0.0, 50.0))
     assert np.isfinite(found.probability).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+@pytest.mark.parametrize(("speed", "stays"), [(0.0, True), (0.01, True), (0.05, False), (0.2, False)])
+def test_a_foot_that_goes_on_in_the_image_is_let_go(noise: float, speed: float, stays: bool):
+    """Metres per second across the image, of somebody who stands for three seconds."""
+    made = walker(90)
+    points = np.repeat(made.points[:1], 90, axis=0)
+    points[..., 0] += speed * np.arange(90)[:, None] / RATE
+    xy = points[..., :2] / points[..., 2:] * CAMERA.focal + CAMERA.center
+    xy += noise * np.random.default_rng(1).standard_normal(xy.shape)
+    found = contacts(replace(made, points=points, xy=xy), contact=0.95)
+    assert (found.standing == stays).all() and (found.let_go != stays).all()
+    assert found.let_go_in_words(7) == ("" if stays else "left 7-96, right 7-96")

@@ -24,7 +24,9 @@ def a_grounding(*, ground: bool = True, deviation: float = 4.0) -> Grounding:
     random = np.random.default_rng(3)
     return Grounding(
         gravity=Gravity(up=up, deviation=deviation),
-        contacts=Contacts(probability=random.random((6, 2)), standing=random.random((6, 2)) < 0.5),
+        contacts=Contacts(
+            probability=random.random((6, 2)), standing=random.random((6, 2)) < 0.5, let_go=random.random((6, 2)) < 0.2
+        ),
         ground=Ground(normal=up, offset=1.4, deviation=0.03) if ground else None,
         missing="" if ground else "the feet are not in the image",
     )
@@ -92,6 +94,10 @@ def test_arrays_there_and_back(ground: bool):
     assert np.allclose(found.gravity.up, given.gravity.up) and found.gravity.deviation == given.gravity.deviation
     assert np.array_equal(found.contacts.standing, given.contacts.standing)
     assert np.array_equal(found.contacts.probability, given.contacts.probability)
+    assert np.array_equal(found.contacts.let_go, given.contacts.let_go)
+    before = {name: value for name, value in arrays.items() if name != "contacts_let_go"}
+    earlier = grounding_from(before, 6)
+    assert earlier is not None and not earlier.contacts.let_go.any()
     assert (found.ground is None) == (not ground)
     if found.ground is not None and given.ground is not None:
         assert (found.ground.offset, found.ground.deviation) == (given.ground.offset, given.ground.deviation)

@@ -20,7 +20,9 @@ from tests.samples.walkers import CAMERA, HEIGHT, RATE, SOLES, Walker, walker
 
 
 def true_contacts(made: Walker) -> Contacts:
-    return Contacts(probability=np.where(made.standing, 0.9, 0.1), standing=made.standing)
+    return Contacts(
+        probability=np.where(made.standing, 0.9, 0.1), standing=made.standing, let_go=np.zeros_like(made.standing)
+    )
 
 
 def ground_of(made: Walker, *, up: np.ndarray | None = None) -> Ground | str:
@@ -71,8 +73,8 @@ def test_feet_that_disagree_make_unsure():
 def test_no_floor_without_feet_and_the_reason_is_told():
     made = walker()
     gravity, none = Gravity(up=made.up, deviation=3.0), np.zeros(made.standing.shape)
-    unseen = Contacts(probability=none, standing=none.astype(bool))
-    moving = Contacts(probability=none + 0.1, standing=none.astype(bool))
+    unseen = Contacts(probability=none, standing=none.astype(bool), let_go=none.astype(bool))
+    moving = Contacts(probability=none + 0.1, standing=none.astype(bool), let_go=none.astype(bool))
     assert ground_under(made.feet, SOLES, unseen, gravity, RATE) == "the feet are not in the image"
     assert ground_under(made.feet, SOLES, moving, gravity, RATE) == "no foot stands still in the image"
 

@@ -24,7 +24,7 @@ from tests.fitting_core.io.motion.motions import swinging
 FRAMES = 7
 STANDING = np.array([[0, 0], [1, 0], [1, 0], [1, 1], [0, 1], [0, 0], [0, 1]], bool)
 SEEN = np.array([[1, 1], [1, 1], [1, 1], [1, 1], [1, 1], [1, 0], [1, 1]], float)
-CONTACTS = Contacts(probability=SEEN, standing=STANDING)
+CONTACTS = Contacts(probability=SEEN, standing=STANDING, let_go=np.zeros_like(STANDING))
 """Left: strikes in the second frame, off in the fifth. Right: strikes in the fourth; goes out of sight, comes back."""
 
 

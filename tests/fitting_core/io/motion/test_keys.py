@@ -111,7 +111,7 @@ def test_bounds_that_are_none_are_explained(within: float):
 def test_feet_keep_keys_where_they_begin_and_end_to_stand():
     standing = np.zeros((FRAMES, 2), bool)
     standing[10:20, 0] = standing[30:31, 0] = standing[:5, 1] = True
-    contacts = Contacts(probability=standing.astype(float), standing=standing)
+    contacts = Contacts(probability=standing.astype(float), standing=standing, let_go=np.zeros_like(standing))
     assert feet_held(contacts) == {JOINT["left_foot"]: [10, 19, 30], JOINT["right_foot"]: [0, 4]}
     assert feet_held(None) == {}
     found = fewer_keys(arm(np.zeros(FRAMES)), 0.001, held={1: [10, 19]})
@@ -127,7 +127,9 @@ def upright(free_body: BodyModel) -> Motion:
     standing = np.zeros((FRAMES, 2), bool)
     standing[11:30, 0] = True
     motion = swinging(free_body, FRAMES, amplitude=0.3).in_axes("y-up")
-    return replace(motion, contacts=Contacts(probability=standing.astype(float), standing=standing))
+    return replace(
+        motion, contacts=Contacts(probability=standing.astype(float), standing=standing, let_go=np.zeros_like(standing))
+    )
 
 
 @pytest.fixture(scope="module")

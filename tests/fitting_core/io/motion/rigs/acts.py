@@ -72,4 +72,6 @@ def weight_shifting(body: BodyModel, frames: int = 40) -> Motion:
     params = replace(params, camera_translation=torch.as_tensor(move))
     standing = np.ones((frames, 2), bool)
     standing[3 * frames // 4 :, 1] = False
-    return _motion(body, params, contacts=Contacts(probability=standing * 0.9, standing=standing))
+    return _motion(
+        body, params, contacts=Contacts(probability=standing * 0.9, standing=standing, let_go=np.zeros_like(standing))
+    )
