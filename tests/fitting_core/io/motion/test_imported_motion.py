@@ -240,6 +240,14 @@ def test_frames_are_those_of_the_images_that_they_are_named_after(tiny_body: Bod
     assert cover(motion, 4, clip_first=4, clip_rate=25, images=named, first_frame=4).places.tolist() == [0, 1, 2, 3]
 
 
+def test_a_result_of_frames_of_which_some_have_no_image(tiny_body: BodyModel, tmp_path: Path):
+    motion = _named(tiny_body, tmp_path, list(range(12)))
+    for form in ("walk_{:06d}", "shot{}"):
+        images = [form.format(n) for n in (0, 1, 2, 5, 6, 8)]
+        covered = cover(motion, 6, clip_first=0, clip_rate=25, images=images)
+        assert covered.places.tolist() == [0, 1, 2, 5, 6, 8] and covered.there.all() and not covered.notes
+
+
 def test_frames_that_do_not_reach_over_the_clip(tiny_body: BodyModel, tmp_path: Path):
     motion = _named(tiny_body, tmp_path, [0, 1, 2, 3])
     found, wanted = "has 4 frames at 25 per second, for the video's frames 0 to 3", "clip's 3 frames, 2 to 4 at 25 per"
