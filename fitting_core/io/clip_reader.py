@@ -85,7 +85,7 @@ class Shot:
         after = (*self.later_notes, *of_places, *self.rate_notes, *of_camera, *of_lens)
         return Clip(
             keypoints=straight,
-            camera=camera,
+            camera=replace(camera, notes=of_camera),
             frame_rate=self.frame_rate,
             name=self.name,
             source=self.images,

@@ -7,13 +7,19 @@ import cv2
 import numpy as np
 import pytest
 
-from fitting_core.camera import DEFAULT_FOCAL, ESTIMATED, Camera, focal_from_35mm
+from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
 from fitting_core.io.camera_rule import estimated, told_by_photographs
 from fitting_core.io.clip_reader import read_footage
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.video.test_exif import jpeg, tiff
 
-CAMERA = Camera(focal=(400.0, 400.0), center=(160.0, 120.0), size=(320, 240), source=DEFAULT_FOCAL)
+CAMERA = Camera(
+    focal=(400.0, 400.0),
+    center=(160.0, 120.0),
+    size=(320, 240),
+    focal_from=FocalFrom.DIAGONAL,
+    source=DEFAULT_FOCAL,
+)
 
 
 def photograph(path: Path, millimetres: int | None) -> None:
@@ -51,8 +57,8 @@ def test_no_person_no_estimate():
 def test_an_estimate_says_how_sure_it_is(monkeypatch: pytest.MonkeyPatch):
     found = replace_estimate(monkeypatch)
     camera = estimated(CAMERA, found, 30.0)
-    source = f"{ESTIMATED}, with 80 % confidence between 400 and 700 px"
-    assert camera == replace(CAMERA, focal=(500.0, 500.0), source=source)
+    source = "estimated from the clip, with 80 % confidence between 400 and 700 px"
+    assert camera == replace(CAMERA, focal=(500.0, 500.0), focal_from=FocalFrom.ESTIMATED, source=source)
     assert not camera.calibrated
 
 

@@ -16,7 +16,7 @@ from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
@@ -32,7 +32,13 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.priors.latent import LatentPrior
 from tests.fitting_core.priors.networks import random_latents, random_network
 
-CAMERA = Camera(focal=(900.0, 910.0), center=(310.0, 250.0), size=(640, 480), source="told by the results")
+CAMERA = Camera(
+    focal=(900.0, 910.0),
+    center=(310.0, 250.0),
+    size=(640, 480),
+    focal_from=FocalFrom.PROGRAM,
+    source="told by the results",
+)
 
 
 def params(seed: int, frames: int, *, hands: int = 12, angle: float = 0.6) -> BodyParams:
