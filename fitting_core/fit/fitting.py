@@ -300,7 +300,7 @@ class _Fit:
         state = yield from _events(_twice(run, consistency, state, held), 3)
         before = self.provenance or Provenance.unknown(len(state))
         self.provenance = replace(before, stopped=consistency.stopped)
-        yield self._finish(3, state, start, tuple(consistency.notes))
+        yield self._finish(3, state, start, tuple(consistency.notes), stages=consistency.stages)
 
     def _finish(
         self,
@@ -311,9 +311,10 @@ class _Fit:
         *,
         sample: tuple[State, Tensor] | None = None,
         poses: BodyParams | None = None,
+        stages: Stages | None = None,
     ) -> PhaseFinished:
         result = phase_result(
-            self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
+            stages or self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
         if poses is not None:
             result = replace(result, params=replace(poses, betas=result.params.betas))
