@@ -28,6 +28,7 @@ from fitting_core.fit.events import (
 from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.evidence.sides import SEEN
+from fitting_core.fit.fused.ready import say_if_slow
 from fitting_core.fit.grounded import grounded, stances_of_params
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
@@ -60,6 +61,7 @@ def _on_one_thread(
 
     @wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> Generator[FitEvent, None, Outcome]:
+        say_if_slow()
         events = function(*args, **kwargs)
         try:
             while True:

@@ -8,6 +8,7 @@ from typing import get_args
 
 from fitting_core.camera import (
     DEFAULT_FOCAL,
+    DEFAULT_RULE,
     Camera,
     FocalFrom,
     FocalRule,
@@ -62,7 +63,8 @@ class CameraGiven:
         """Raises InputError where these contradict each other."""
         focal = _focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
         file = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
-        return cls(file=file, focal=focal, center=center, automatic=focal_length == "auto")
+        rule = focal_length or DEFAULT_RULE
+        return cls(file=file, focal=focal, center=center, automatic=not (file or focal) and rule == "auto")
 
     def camera(
         self,

@@ -36,6 +36,7 @@ def test_photographs_tell_it(tmp_path: Path):
     camera = read_footage(tmp_path, focal_length="auto").camera
     assert camera.focal[0] == pytest.approx(focal_from_35mm(28, (320, 240))) and camera.calibrated
     assert camera.source == "35 mm equivalent of 28 mm, as the images tell"
+    assert read_footage(tmp_path).camera == camera, "the default, as of the commands"
     assert read_footage(tmp_path, focal_length="diagonal").camera == CAMERA
     single = told_by_photographs(CAMERA, tmp_path / "1.jpg")
     assert single is not None and single.focal == camera.focal
