@@ -53,7 +53,7 @@ def _balancing(name: str, default_focal: bool) -> Sample:
         truth = reference["points"] @ rotation.T + shift
     video, keypoints = folder / name / "video.mp4", folder / name / "keypoints"
     if default_focal:
-        return Sample(clip=read_clip(video, keypoints), truth=truth)
+        return Sample(clip=read_clip(video, keypoints, focal_length="diagonal"), truth=truth)
     focal = float(intrinsics[0, 0] + intrinsics[1, 1]) / 2
     center = (float(intrinsics[0, 2]), float(intrinsics[1, 2]))
     return Sample(clip=read_clip(video, keypoints, focal_length=focal, center=center), truth=truth)
@@ -62,7 +62,7 @@ def _balancing(name: str, default_focal: bool) -> Sample:
 def _signs(name: str, default_focal: bool) -> Sample:
     """A signer's upper body with hands and face; the camera is not known, so its focal length is always the default."""
     folder = data_folder() / "signs" / name
-    return Sample(clip=read_clip(folder / "video.mp4", folder / "keypoints"))
+    return Sample(clip=read_clip(folder / "video.mp4", folder / "keypoints", focal_length="diagonal"))
 
 
 CLIPS: dict[str, Callable[[str, bool], Sample]] = {

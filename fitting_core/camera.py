@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,12 +17,54 @@ if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
-"""`Camera.source` of a guess."""
+"""`Camera.source` of the image's diagonal."""
+DEFAULT_RULE: FocalRule = "auto"
+"""What commands and the library take where nobody says anything of the focal length."""
 FocalRule = Literal["auto", "diagonal"]
 """What stands in for a focal length that nobody gave: what the images tell, or else an estimate from the clip; or the
 image's diagonal."""
-ESTIMATED = "estimated from the clip"
-"""How `Camera.source` begins where the focal length was estimated from what the person does."""
+DEFAULT_RULE: FocalRule = "auto"
+"""What commands and the library take where nobody says anything of the focal length."""
+
+
+class FocalFrom(StrEnum):
+    """Where a focal length comes from."""
+
+    GIVEN = "given"
+    """By the user."""
+    FILE = "file"
+    """A calibration."""
+    PHOTOGRAPHS = "photographs"
+    """What the camera wrote into the images."""
+    ESTIMATED = "estimated"
+    """From what the person does in the clip."""
+    DIAGONAL = "diagonal"
+    """Nobody knows it: the image's diagonal stands in for it."""
+    PROGRAM = "program"
+    """Another program took it, which says no more: most take the same for all cameras."""
+
+
+_KNOWN = (FocalFrom.GIVEN, FocalFrom.FILE, FocalFrom.PHOTOGRAPHS)
+_IN_OLD_WORDS = {
+    "not known: assumed": FocalFrom.DIAGONAL,
+    "estimated from the clip": FocalFrom.ESTIMATED,
+    "camera file ": FocalFrom.FILE,
+    "35 mm equivalent of ": FocalFrom.PHOTOGRAPHS,
+}
+
+
+def focal_from_words(source: str) -> FocalFrom:
+    """Where a focal length comes from by `Camera.source`, in files of versions that kept only that."""
+    for begins, found in _IN_OLD_WORDS.items():
+        if source.startswith(begins):
+            return found
+    given = source.endswith((", as given", "own camera")) or source in (
+        "given",
+        "as given",
+        "as given when it was imported",
+        "set in the review",
+    )
+    return FocalFrom.GIVEN if given else FocalFrom.PROGRAM
 
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -129,6 +172,13 @@ class PathScale:
     """From what, in words for the user."""
 
 
+def with_focal_from(stored: Any) -> Any:
+    """The JSON of a camera with where its focal length comes from, which earlier versions kept in words only."""
+    if not isinstance(stored, dict) or "focal_from" in stored:
+        return stored
+    return {**stored, "focal_from": focal_from_words(str(stored.get("source")))}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Camera:
     """Pinhole camera without distortion. Camera space: x right, y down, z away from the camera, metres.
@@ -142,14 +192,17 @@ class Camera:
     """Principal point in pixels."""
     size: tuple[int, int]
     """Image width and height in pixels."""
+    focal_from: FocalFrom = FocalFrom.GIVEN
     source: str = "given"
-    """Where the focal length comes from, in words for the user."""
+    """The same in words for the user."""
     lens: Lens | None = None
     """What bent the pictures as they were filmed; None for nothing. Keypoints and frames of a clip are straightened."""
     world: World | None = None
     """Where the camera stands, as far as the user says it."""
     path: CameraPath | None = None
     """How it moves; None for a camera that stands still. Of as many frames as what it filmed."""
+    notes: tuple[str, ...] = field(default=(), compare=False)
+    """What a user should know of how it was read: they go when the clip gets another camera."""
 
     def __getitem__(self, frames: slice | Sequence[int]) -> Camera:
         """Of some frames."""
@@ -176,7 +229,7 @@ class Camera:
     @property
     def calibrated(self) -> bool:
         """Whether the focal length is known. Estimates are not: half of them are off by a factor of 1.4 or more."""
-        return self.source != DEFAULT_FOCAL and not self.source.startswith(ESTIMATED)
+        return self.focal_from in _KNOWN
 
 
 def path_of(rotation: Float[np.ndarray, "T 3 3"], translation: Float[np.ndarray, "T 3"]) -> CameraPath:

@@ -93,7 +93,7 @@ class Detection:
         The first progress says how much was stored before.
 
         Raises:
-            InputError: A frame cannot be decoded, a model cannot be run, or the store cannot be written.
+            InputError: A model cannot be run, or the store cannot be written.
         """
         store.begin()
         found: list[Part] = []

@@ -28,6 +28,7 @@ from fitting_core.fit.events import (
 from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.evidence.sides import SEEN
+from fitting_core.fit.fused.ready import say_if_slow
 from fitting_core.fit.grounded import grounded, stances_of_params
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
@@ -60,6 +61,7 @@ def _on_one_thread(
 
     @wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> Generator[FitEvent, None, Outcome]:
+        say_if_slow()
         events = function(*args, **kwargs)
         try:
             while True:
@@ -300,7 +302,7 @@ class _Fit:
         state = yield from _events(_twice(run, consistency, state, held), 3)
         before = self.provenance or Provenance.unknown(len(state))
         self.provenance = replace(before, stopped=consistency.stopped)
-        yield self._finish(3, state, start, tuple(consistency.notes))
+        yield self._finish(3, state, start, tuple(consistency.notes), stages=consistency.stages)
 
     def _finish(
         self,
@@ -311,9 +313,10 @@ class _Fit:
         *,
         sample: tuple[State, Tensor] | None = None,
         poses: BodyParams | None = None,
+        stages: Stages | None = None,
     ) -> PhaseFinished:
         result = phase_result(
-            self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
+            stages or self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
         if poses is not None:
             result = replace(result, params=replace(poses, betas=result.params.betas))

@@ -2,7 +2,8 @@
 
 | key | shape | |
 |---|---|---|
-| camera_focal, camera_center, image_size, camera_source | (2,), (2,), (2,), () | pixels, of straightened pictures |
+| camera_focal, camera_center, image_size | (2,), (2,), (2,) | pixels, of straightened pictures |
+| camera_focal_from, camera_source | (), () | where the focal length comes from: a `FocalFrom`, and in words |
 | lens_focal, lens_center, lens_distortion | (2,), (2,), (n,) | only of a lens that bends: its calibration |
 | world_rotation, world_translation, world_up | (3, 3), (3,), () | only where it is known where the camera stands: \
 x_camera = world_rotation @ x_world + world_translation, metres; up is an axis such as z, or empty |
@@ -15,7 +16,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from fitting_core.camera import Camera, CameraPath, Lens, Up, World, is_possible, path_of
+from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, Up, World, focal_from_words, is_possible, path_of
 
 
 def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
@@ -23,6 +24,7 @@ def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
     found: dict[str, Any] = {
         "camera_focal": camera.focal,
         "camera_center": camera.center,
+        "camera_focal_from": camera.focal_from,
         "camera_source": camera.source,
         "image_size": camera.size,
     }
@@ -50,6 +52,7 @@ def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
         focal=(fx, fy),
         center=(cx, cy),
         size=(width, height),
+        focal_from=focal_from_arrays(arrays),
         source=str(arrays["camera_source"]),
         lens=_lens(arrays) if "lens_focal" in arrays else None,
         world=_world(arrays) if "world_rotation" in arrays else None,
@@ -58,6 +61,13 @@ def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
     if not is_possible(camera):
         raise ValueError("its camera is none")
     return camera
+
+
+def focal_from_arrays(arrays: dict[str, np.ndarray]) -> FocalFrom:
+    """Where the focal length of `camera_arrays` comes from. Raises ValueError if it says what it cannot be."""
+    if "camera_focal_from" in arrays:
+        return FocalFrom(str(arrays["camera_focal_from"]))
+    return focal_from_words(str(arrays.get("camera_source", "")))
 
 
 def _lens(arrays: dict[str, np.ndarray]) -> Lens:

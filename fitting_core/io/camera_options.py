@@ -8,7 +8,9 @@ from typing import get_args
 
 from fitting_core.camera import (
     DEFAULT_FOCAL,
+    DEFAULT_RULE,
     Camera,
+    FocalFrom,
     FocalRule,
     PathScale,
     Up,
@@ -23,12 +25,12 @@ from fitting_core.io.cameras.reading import CameraFile, read_camera
 _FOV_RANGE = (0.5, 170.0)
 """Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
 _FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
-    "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels, as given"),
+    "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels"),
     "fov": (
         lambda degrees, size: focal_from_fov(degrees, size[0]),
-        "horizontal field of view of {:g} degrees, as given",
+        "horizontal field of view of {:g} degrees",
     ),
-    "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm, as given"),
+    "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm"),
 }
 """By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
 _MAX_CENTER = 2.0
@@ -61,7 +63,8 @@ class CameraGiven:
         """Raises InputError where these contradict each other."""
         focal = _focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
         file = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
-        return cls(file=file, focal=focal, center=center, automatic=focal_length == "auto")
+        rule = focal_length or DEFAULT_RULE
+        return cls(file=file, focal=focal, center=center, automatic=not (file or focal) and rule == "auto")
 
     def camera(
         self,
@@ -133,11 +136,11 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
         InputError: It sees an angle that no camera sees, or its principal point lies far from the image.
     """
     if focal is None:
-        pixels, source = default_focal(size), DEFAULT_FOCAL
+        pixels, told, source = default_focal(size), FocalFrom.DIAGONAL, DEFAULT_FOCAL
     else:
         to_focal, words = _FOCAL_OPTIONS[focal[0]]
-        pixels, source = to_focal(focal[1], size), words.format(focal[1])
-        _check_angle(pixels, size, source)
+        pixels, told, source = to_focal(focal[1], size), FocalFrom.GIVEN, f"{words.format(focal[1])}, as given"
+        _check_angle(pixels, size, words.format(focal[1]))
     middle = (size[0] / 2, size[1] / 2)
     if center is not None and not all(
         abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
@@ -146,14 +149,14 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
             f"center is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
             f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
         )
-    return Camera(focal=(pixels, pixels), center=center or middle, size=size, source=source)
+    return Camera(focal=(pixels, pixels), center=center or middle, size=size, focal_from=told, source=source)
 
 
-def _check_angle(focal: float, size: tuple[int, int], source: str) -> None:
+def _check_angle(focal: float, size: tuple[int, int], words: str) -> None:
     degrees = 2 * math.degrees(math.atan(size[0] / 2 / focal))
     if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
         raise InputError(
-            f"A camera with a {source.removesuffix(', as given')} sees {degrees:.3g} degrees of an image of "
+            f"A camera with a {words} sees {degrees:.3g} degrees of an image of "
             f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels (use "
             "focal_length_35mm for millimetres), fov in degrees."
         )

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fitting_core.camera import ESTIMATED, Camera, PathScale, focal_from_35mm
+from fitting_core.camera import Camera, FocalFrom, PathScale, focal_from_35mm
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.video.exif import focal_35mm
@@ -25,7 +25,8 @@ def told_by_photographs(camera: Camera, images: Path | None) -> Camera | None:
     if told or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
         return None
     focal = focal_from_35mm(millimetres, camera.size)
-    return replace(camera, focal=(focal, focal), source=f"35 mm equivalent of {millimetres:g} mm, as the images tell")
+    source = f"35 mm equivalent of {millimetres:g} mm, as the images tell"
+    return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
 
 
 def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera:
@@ -41,8 +42,8 @@ def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera
     found = estimate_focal(keypoints.xy, keypoints.confidence, camera, frame_rate)
     if found is None:
         return camera
-    sure = f"with 80 % confidence between {found.low:.0f} and {found.high:.0f} px"
-    return replace(camera, focal=(found.focal, found.focal), source=f"{ESTIMATED}, {sure}")
+    source = f"estimated from the clip, with 80 % confidence between {found.low:.0f} and {found.high:.0f} px"
+    return replace(camera, focal=(found.focal, found.focal), focal_from=FocalFrom.ESTIMATED, source=source)
 
 
 def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:

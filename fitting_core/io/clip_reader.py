@@ -85,7 +85,7 @@ class Shot:
         after = (*self.later_notes, *of_places, *self.rate_notes, *of_camera, *of_lens)
         return Clip(
             keypoints=straight,
-            camera=camera,
+            camera=replace(camera, notes=of_camera),
             frame_rate=self.frame_rate,
             name=self.name,
             source=self.images,
@@ -221,10 +221,11 @@ def read_clip(
         detector: What finds them: a name in DETECTORS, the path of an ONNX model of the RTMPose family, or what
             `find_detector` opened.
         tell: Is told how far finding them is, in this thread; what it raises ends it.
-        focal_length: Pixels; "auto" for what photographs tell, or else an estimate from the clip; or "diagonal".
+        focal_length: Pixels; "auto" for what photographs tell, or else an estimate from the clip; or "diagonal", the
+            image's.
         fov: Horizontal field of view in degrees.
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
-            default is the image diagonal.
+            default is "auto", as that of the commands.
         center: Principal point in pixels; the image's centre by default.
         camera: A calibration file, in place of the four before: any form of fitting_core.io.cameras.reading. Where it
             knows the lens's distortion, the clip is that of straightened pictures.

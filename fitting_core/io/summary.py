@@ -54,6 +54,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
             "focal": fit.camera.focal,
             "center": fit.camera.center,
             "size": fit.camera.size,
+            "focal_from": fit.camera.focal_from,
             "source": fit.camera.source,
             "lens": msgspec.to_builtins(fit.camera.lens),
             "world": msgspec.to_builtins(fit.camera.world),

@@ -1,38 +1,93 @@
 """A video file: what its container says, and the frame that is asked for, whatever is read before it."""
 
-import shlex
+import itertools
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+import av
 import cv2
 import numpy as np
-from jaxtyping import Float
+from av.container import InputContainer
+from av.error import FFmpegError
+from av.video.frame import VideoFrame
+from av.video.reformatter import Interpolation, VideoReformatter
+from av.video.stream import VideoStream
+from jaxtyping import Float, Int
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 
-_VP8 = cv2.VideoWriter.fourcc(*"VP80")
 _VP8_SHOWN = 0x10  # In the first byte of a packet (RFC 6386, section 9.1).
-_AV1 = "av01"
 _MP4_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"styp")
 
 
-def packet_times(path: Path) -> Float[np.ndarray, "P"]:
-    """When each packet is shown, in milliseconds and sorted: 30,000 packets take a tenth of a second.
+def packet_times(path: Path, *, early: bool) -> Int[np.ndarray, "P"]:
+    """When each packet is shown, in units of the stream and sorted: 30,000 packets take a tenth of a second.
 
-    VP8's packets that are never shown, only referred to (10 beside 180 frames), are left out. Not always when frames
-    are: see `_times_of_frames`. Empty if OpenCV's backend cannot read a file without decoding it.
+    Packets that are never shown are left out: VP8's that are only referred to (10 beside 180 frames), and those that an
+    edit list of MP4 cuts away. Empty where two are shown at once or a time is missing, as in raw streams.
+
+    Args:
+        path: Of the video.
+        early: Whether the file ends before its packets do. Those after the first that is missing are left out then:
+            packets come in the order of decoding.
     """
-    packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
-    some_hidden = int(packets.get(cv2.CAP_PROP_FOURCC)) == _VP8
-    times = []
-    while packets.grab():
-        if not some_hidden or int(packets.retrieve()[1].flat[0]) & _VP8_SHOWN:
-            times.append(packets.get(cv2.CAP_PROP_POS_MSEC))
-    packets.release()
-    return np.sort(np.array(times, dtype=float))  # Packets come in the order of decoding.
+    container, stream = opened(path)
+    with container:
+        some_hidden = stream.codec_context.name == "vp8"
+        times, decoded = [], 0
+        for packet in _packets(container, stream):
+            if not packet.size:
+                continue
+            decoded = decoded if packet.dts is None else packet.dts
+            hidden = packet.is_discard or (some_hidden and not bytes(packet)[0] & _VP8_SHOWN)
+            if not hidden and not (early and packet.is_corrupt):
+                times.append(packet.pts)
+    if None in times or len(set(times)) < len(times):
+        return np.zeros(0, dtype=np.int64)
+    shown = np.sort(np.array(times, dtype=np.int64))
+    return _before_gap(shown, decoded) if early and len(shown) > 1 else shown
+
+
+def _before_gap(times: Int[np.ndarray, "P"], decoded: int) -> Int[np.ndarray, "P"]:
+    """Those before the first gap. A packet that is missing is decoded, and so shown, after the last that is there."""
+    steps = np.diff(times)
+    gaps = np.flatnonzero((times[1:] > decoded) & (steps > 1.5 * np.median(steps)))
+    return times[: gaps[0] + 1] if len(gaps) else times
+
+
+def opened(path: Path) -> tuple[InputContainer, VideoStream]:
+    """A file and its video.
+
+    Raises:
+        InputError: It is no video, or of a kind that cannot be decoded.
+    """
+    regular_file(path, most=None)
+    try:
+        # "file:", for FFmpeg takes what stands before a colon for a protocol.
+        container = av.open(f"file:{path}", metadata_errors="replace")
+    except FFmpegError as error:
+        raise InputError(
+            f"{path} is not a video that can be opened (found {path.stat().st_size} bytes). If it plays elsewhere, "
+            "re-encode it as H.264 in MP4; if not, it is damaged or was not fully copied."
+        ) from error
+    stream = container.streams.best("video")
+    if stream is None or stream.codec_context is None:
+        container.close()
+        raise InputError(f"{path} has no video in it that can be decoded. Re-encode it as H.264 in MP4.")
+    assert isinstance(stream, VideoStream)
+    stream.thread_type = "AUTO"
+    return container, stream
+
+
+def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Packet]:
+    """Those that can be read, and an empty one that ends them; a damaged file may end before its last."""
+    try:
+        yield from container.demux(stream)
+    except FFmpegError:
+        return
 
 
 def ends_early(path: Path) -> bool:
@@ -94,19 +149,17 @@ def _element(file: BinaryIO) -> int | None:
 
 # Decoding on costs one frame each, a seek up to a whole group of pictures (often 12 to 250 frames).
 _SKIP = 12
-# The first tells how far ahead the packets are; of more, opening a 1088 x 1920 video of 100 frames (0.6 s) feels each.
-_PROBED = 3
-# The times of packets and of decoded frames come from the same numbers: they are equal or not each other's.
-_SAME_TIME_MS = 0.001
+_EARLIER = (0.0, 1.0, 10.0)
+"""Seconds before a frame at which it is looked for: some containers land behind the time that was asked for."""
+_TURNS = {1: cv2.ROTATE_90_COUNTERCLOCKWISE, 2: cv2.ROTATE_180, 3: cv2.ROTATE_90_CLOCKWISE}
 
 
 class VideoFile:
     """A video file, decoded on from the last frame or after a seek.
 
-    OpenCV takes frames for evenly spaced when it seeks, which phones' are not: it then lands next to the frame that was
-    asked for and says nothing. So the frame's time tells where it is, and the time of what was decoded after the seek
-    tells which frame that is. Times are compared at the start and with every frame that is decoded; once they
-    contradict the order of the frames there are no more seeks: going back starts again from the first frame.
+    The number of a frame is the place of its time among those of the packets, which are whole numbers: where one cannot
+    be decoded, those after it keep theirs. Where there are no times, or a frame has one that no packet has, it is the
+    place in the order of decoding, and going back starts again from the first frame.
     """
 
     stems = None
@@ -118,156 +171,149 @@ class VideoFile:
             InputError: It is no video, or none of its frames can be decoded.
         """
         self._path = path
-        if not _is_text(path):  # OpenCV crashes on such a name, and takes the process with it.
-            raise InputError(
-                f"{str(path)!r}: has a name that is not UTF-8. Rename the video or the folder that it is in."
-            )
-        self._capture = cv2.VideoCapture(str(regular_file(path, most=None)))
-        if not self._capture.isOpened():
-            raise InputError(
-                f"{path} is not a video that OpenCV can open (found {path.stat().st_size} bytes). If it plays "
-                "elsewhere, re-encode it as H.264 in MP4; if not, it is damaged or was not fully copied."
-            )
-        self._last = -1
-        self.pixel_aspect = _pixel_aspect(self._capture)
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.declared_frame_rate: float | None = float(rate) if np.isfinite(rate) and rate > 0 else None
+        self._early = ends_early(path)
+        self._times = packet_times(path, early=self._early)
+        self._broken: set[int] = set()
+        # One for all frames: a new one for each takes 2 ms more at 1088 x 1920.
+        self._reformatter = VideoReformatter()
+        self._container, self._stream = opened(path)
+        self._from_here()
+        rate = self._stream.average_rate or self._stream.guessed_rate
+        self.declared_frame_rate: float | None = float(rate) if rate else None
         # What the header says is an estimate in many containers: length times rate (MKV), more than is shown (MP4).
-        header_count = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        self._times = _times_of_frames(packet_times(path), self._first_times())
+        seconds = (self._container.duration or 0) / av.time_base
+        header_count = self._stream.frames or round(seconds * (self.declared_frame_rate or 0))
+        while self._frame is None and self._advance():
+            pass
+        if len(self._times) and self._last > 0:
+            self._times, self._last = self._times[self._last :], 0
+        self._turn = 0 if self._frame is None else round(self._frame.rotation / 90) % 4
+        self.pixel_aspect = _pixel_aspect(self._stream, lies=self._turn % 2 == 1)
         self.count = self._counted()
-        if self.count == 0 and _codec(self._capture) == _AV1:
-            raise InputError(
-                f"{path} is AV1, which the OpenCV on this computer cannot decode. Convert it, for example: ffmpeg -i "
-                f"{shlex.quote(path.name)} -c:v libx264 -crf 16 {shlex.quote(path.stem)}-h264.mp4"
-            )
         if self.count == 0:
             raise InputError(
                 f"{path} has no frame that can be decoded (the file says it has {header_count}); re-encode it."
             )
-        self.declared_count = max(self.count, header_count) if ends_early(path) else self.count
-        times = self._times[: self.count]
+        self.declared_count = max(self.count, header_count) if self._early else self.count
+        times = self._times[: self.count] * float(self._stream.time_base or 0)
         self.uneven = _uneven(times)
-        self.frame_rate = (
-            1000 * (len(times) - 1) / float(times[-1] - times[0]) if self.uneven else self.declared_frame_rate
-        )
+        self.frame_rate = (len(times) - 1) / float(times[-1] - times[0]) if self.uneven else self.declared_frame_rate
 
     def read(self, index: int) -> np.ndarray | None:
         """Frame as BGR; None if it cannot be decoded."""
-        if index < self._last or (index - self._last > _SKIP and len(self._times)):
+        if index in self._broken:
+            return None
+        if index < self._last or index - self._last > _SKIP:
             self._seek(index)
-        image = self._decode(index)
-        if image is None:
-            # Seeking can fail where decoding from the start does not: back in an AVI of one frame, for example.
+        if not self._reach(index):
+            # Seeking can fail where decoding from the start does not.
             self._reopen()
-            image = self._decode(index)
-        return image
+            if not self._reach(index):
+                self._broken.add(index)
+                return None
+        return self._image()
 
     def label(self, index: int) -> str:
         """The frame in words."""
         return f"Frame {index}"
 
     def close(self) -> None:
-        """Release the file."""
-        self._capture.release()
-
-    def _first_times(self) -> list[float]:
-        """Milliseconds that the decoder says of the first frames."""
-        times = []
-        while len(times) < _PROBED and self._capture.grab():
-            times.append(self._capture.get(cv2.CAP_PROP_POS_MSEC))
-        self._last = len(times) - 1
-        return times
+        """Release the file, and what its decoder holds: 40 MB at 1088 x 1920. Nothing can be read any more."""
+        self._container.close()
+        del self._container, self._stream, self._frames, self._frame
 
     def _counted(self) -> int:
-        """Frames that decode: from near the end on if its place can be told, else all are counted."""
+        """Frames: up to the last that decodes, of a file that ends early to the first that does not.
+
+        From near the end on if there are times, else all are decoded.
+        """
         if len(self._times):
             self._seek(len(self._times) - 1)
+        seen = {self._last}
         while self._advance():
-            pass
+            seen.add(self._last)
         count = self._last + 1
+        if self._early and len(self._times):
+            count = next(place for place in itertools.count(min(seen)) if place not in seen)
         self._last = count  # Past the end: whatever is read next is behind.
         return count
 
-    def _decode(self, index: int) -> np.ndarray | None:
-        while self._last < index:
-            if not self._advance():
-                return None
-        ok, image = self._capture.retrieve()
-        return image if ok else None
+    def _reach(self, index: int) -> bool:
+        """Decode on to a frame; whether it is there."""
+        while self._last < index and self._advance():
+            pass
+        return self._last == index
 
     def _advance(self) -> bool:
-        """One frame on; back to the start, for good without times, if its time is another frame's."""
-        if not self._capture.grab():
+        """One frame on; back to the start, for good without times, if its time is no packet's."""
+        frame = next(self._frames, None)
+        if frame is None:
             return False
-        self._last += 1
-        if self._last < len(self._times) and not self._at(self._last):
+        self._frame = frame
+        if not len(self._times):
+            self._last += 1
+            return True
+        place = -1 if frame.pts is None else int(np.searchsorted(self._times, frame.pts))
+        if place == len(self._times):
+            return False
+        if place >= 0 and self._times[place] == frame.pts:
+            self._last = place
+        else:
             self._times = self._times[:0]
             self._reopen()
         return True
 
-    def _at(self, index: int) -> bool:
-        return abs(self._times[index] - self._capture.get(cv2.CAP_PROP_POS_MSEC)) < _SAME_TIME_MS
-
     def _seek(self, index: int) -> None:
-        """Go to a frame or to one shortly before it; back to the start if its place cannot be told."""
-        place = min(index, len(self._times) - 1)
-        if place >= 0 and self.declared_frame_rate:
-            even = round((self._times[place] - self._times[0]) / 1000 * self.declared_frame_rate)
-            for margin in (0, _SKIP, 4 * _SKIP):
-                self._capture.set(cv2.CAP_PROP_POS_FRAMES, max(0, even - margin))
-                if self._capture.grab():
-                    self._last = int(np.abs(self._times - self._capture.get(cv2.CAP_PROP_POS_MSEC)).argmin())
-                    if self._last <= index and self._at(self._last):
-                        return
+        """Go to a frame or to one before it; back to the start if its place cannot be told."""
+        for seconds in _EARLIER if index < len(self._times) else ():
+            earlier = round(seconds / float(self._stream.time_base or 1))
+            try:
+                self._container.seek(max(int(self._times[0]), int(self._times[index]) - earlier), stream=self._stream)
+            except FFmpegError:
+                break
+            self._from_here()
+            if self._advance() and self._last <= index:
+                return
         self._reopen()
 
     def _reopen(self) -> None:
-        self._capture.release()
-        self._capture = cv2.VideoCapture(str(self._path))
+        self._container.close()
+        self._container, self._stream = opened(self._path)
+        self._from_here()
+
+    def _from_here(self) -> None:
+        self._frames = _decoded(self._container, self._stream, early=self._early)
+        self._frame: VideoFrame | None = None
         self._last = -1
 
-
-def _codec(capture: cv2.VideoCapture) -> str:
-    """Four letters."""
-    number = int(capture.get(cv2.CAP_PROP_FOURCC))
-    return (number & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1").lower()
-
-
-def _pixel_aspect(capture: cv2.VideoCapture) -> float:
-    """Width by height of a pixel of the upright image, which OpenCV turns by quarters and does not stretch."""
-    width, height = capture.get(cv2.CAP_PROP_SAR_NUM), capture.get(cv2.CAP_PROP_SAR_DEN)
-    if not (np.isfinite((width, height)).all() and width > 0 and height > 0):
-        return 1.0  # not told
-    lies = round(capture.get(cv2.CAP_PROP_ORIENTATION_META) / 90) % 2 == 1
-    return height / width if lies else width / height
+    def _image(self) -> np.ndarray:
+        """The last frame, upright; in OpenCV's colours to the bit, for 10 bits a channel as well."""
+        assert self._frame is not None
+        image = self._reformatter.reformat(
+            self._frame, format="bgr24", interpolation=Interpolation.BICUBIC
+        ).to_ndarray()
+        return cv2.rotate(image, _TURNS[self._turn]) if self._turn else image
 
 
-def _times_of_frames(packets: Float[np.ndarray, "P"], first: list[float]) -> Float[np.ndarray, "T"]:
-    """The decoder's times of the frames, in milliseconds; none if the packets' do not tell them.
+def _decoded(container: InputContainer, stream: VideoStream, *, early: bool) -> Iterator[VideoFrame]:
+    """The frames that the container gives next; what is damaged is passed over."""
+    for packet in _packets(container, stream):
+        try:
+            # The torn last packet of a file makes FFmpeg's threads lose whole frames before it.
+            yield from () if early and packet.is_corrupt else packet.decode()
+        except FFmpegError:
+            continue
 
-    Where a container has no times of presentation (AVI), the decoder says of a frame the time of the packet that it
-    took last, which is some packets ahead: all but the last few frames then have the times of the packets from there.
 
-    Args:
-        packets: Of all packets, sorted.
-        first: What the decoder says of the first frames.
-    """
-    if not len(packets) or not first or (np.diff(packets) < 2 * _SAME_TIME_MS).any():
-        return packets[:0]
-    times = packets[np.abs(packets - first[0]).argmin() :]
-    said = np.array(first)[: len(times)]
-    return times if (np.abs(times[: len(said)] - said) < _SAME_TIME_MS).all() else packets[:0]
+def _pixel_aspect(stream: VideoStream, *, lies: bool) -> float:
+    """Width by height of a pixel of the upright image, which is turned by quarters and not stretched."""
+    told = stream.sample_aspect_ratio
+    if not told:
+        return 1.0
+    return float(1 / told if lies else told)
 
 
 def _uneven(times: Float[np.ndarray, "T"]) -> bool:
-    steps = np.diff(times)
+    """Whether frames are; not by the first step, which is twice as long in AVI with B-frames, which has no times."""
+    steps = np.diff(times[1:])
     return len(steps) > 0 and bool((np.abs(steps - np.median(steps)) > 0.5 * np.median(steps)).any())
-
-
-def _is_text(path: Path) -> bool:
-    try:
-        str(path).encode("utf-8")
-    except UnicodeEncodeError:
-        return False
-    return True

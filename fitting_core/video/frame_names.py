@@ -1,7 +1,7 @@
 """Frames by their numbers: in file names, in words, and of two recordings whose frame rates differ."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from fitting_core.frame_runs import runs
 
@@ -29,6 +29,35 @@ def image_numbers(stems: Iterable[str]) -> dict[int, int]:
     if len({prefix for prefix, _ in names}) > 1:
         return {}
     return {number: t for t, (_, number) in enumerate(names) if number is not None}
+
+
+def among_images(
+    stems: Sequence[str], numbers: Sequence[int] | None, images: Sequence[str]
+) -> tuple[dict[int, int], str] | None:
+    """By the file: the place of its image, as their names or else the numbers in them tell; and how, in words.
+
+    One side must have all that the other has. Where frames are missing on both, more than half of the fewer must be
+    shared, and the images' numbers must have gaps: those that are merely counted from another number share most, too.
+
+    Args:
+        stems: The files' names.
+        numbers: In these, if only they differ.
+        images: Their names, in order; none for a video.
+    """
+    numbered = image_numbers(images)
+    gaps = bool(numbered) and max(numbered) - min(numbered) >= len(numbered)
+    named = {stem: t for t, stem in enumerate(images)}
+    late = bool(numbered) and min(numbered) > 1
+    ways: tuple[tuple[Sequence, dict, bool, str], ...] = (
+        (stems, named, True, "by the images' names"),
+        (numbers or (), numbered, gaps or late, "by the numbers in the images' names"),
+    )
+    for keys, places, sure, how in ways:
+        shared = {k: places[key] for k, key in enumerate(keys) if key in places}
+        whole = len(shared) == len(keys) or (sure and len(shared) == len(places))
+        if shared and (whole or (gaps and 2 * len(shared) > min(len(keys), len(places)))):
+            return shared, how
+    return None
 
 
 def spans(frames: list[int], most: int = 5) -> str:

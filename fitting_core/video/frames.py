@@ -15,13 +15,14 @@ from fitting_core.lens import Straightener
 from fitting_core.video.decoding import VideoFile
 from fitting_core.video.frame_names import natural_key
 
+_GREY = 96
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 class FrameSource:
     """A video file, an image, or a folder of images in natural order (``2.png`` before ``10.png``).
 
-    Frames come upright: OpenCV applies a video's rotation by quarters and a photo's EXIF orientation. Frames whose
+    Frames come upright: a video's rotation by quarters and a photo's EXIF orientation are applied. Frames whose
     pixels are not square come as they are stored. A context manager; one
     thread reads at a time, others wait.
 
@@ -33,8 +34,8 @@ class FrameSource:
     def __init__(self, path: Path, *, lens: Lens | None = None) -> None:
         """Open the path, decode its first frame, and find out how many there are.
 
-        Quick where the times of its frames can be trusted (MP4, MOV, MKV, WebM, TS, AVI); a file whose times cannot
-        (MPEG program streams, raw H.264) is decoded once from start to end.
+        Quick where the container tells the times of its frames; a file without them
+        (raw H.264) is decoded once from start to end.
 
         Args:
             path: Of the video, the image or the folder.
@@ -96,6 +97,18 @@ class FrameSource:
             )
         rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         return rgb if self._straighten is None else self._straighten(rgb)
+
+    def frame_or_grey(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
+        """One frame as RGB, or grey where it is broken: what shows a clip, or looks for people in it, goes on.
+
+        Raises:
+            InputError: There is no such frame.
+        """
+        self._check_index(index)
+        try:
+            return self.frame(index)
+        except InputError:
+            return np.full((self.size[1], self.size[0], 3), _GREY, np.uint8)
 
     def _check_index(self, index: int) -> None:
         if 0 <= index < self.count:

@@ -195,7 +195,7 @@ def _video(options: RenderOptions, source: ExportSource) -> Iterator[Draw | None
         yield None
         return
     with FrameSource(path, lens=motion.camera.lens) as frames:
-        yield lambda i: frames.frame(motion.first_frame + i)
+        yield lambda i: frames.frame_or_grey(motion.first_frame + i)
 
 
 def _vertices(motion: Motion, frames: Sequence[int]) -> Iterator[np.ndarray]:

@@ -31,7 +31,7 @@ def write_comparison(
     """Write the overlay video, over a plain background where the clip has no video.
 
     Raises:
-        InputError: No off-screen OpenGL or encoder works here (the message says what to install), or a frame is broken.
+        InputError: No off-screen OpenGL or encoder works here (the message says what to install).
     """
     mesh = shared_mesh(body)
     shown = [("phase 1: frame by frame", fit.phases[0].params)]
@@ -116,4 +116,4 @@ def _frames(clip: Clip) -> Iterator[Iterator[np.ndarray]]:
         yield (blank for _ in range(len(clip)))
         return
     with FrameSource(clip.source, lens=clip.camera.lens) as source:
-        yield (source.frame(clip.first_frame + i) for i in range(len(clip)))
+        yield (source.frame_or_grey(clip.first_frame + i) for i in range(len(clip)))

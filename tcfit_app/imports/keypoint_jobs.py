@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fitting_core.camera import DEFAULT_FOCAL, Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
@@ -152,12 +152,13 @@ class Detect:
         person = self.person if seen is None else None
         choice = choose_person(detections, person=person, seen=seen, first_frame=clip.first_frame)
         keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
+        guessed = clip.camera.focal_from is FocalFrom.DIAGONAL
         return FoundKeypoints(
             keypoints=keypoints,
             notes=(*detections.notes, *([choice.note] if choice.note else []), *of_lens),
             detector=found.points,
             silhouettes=silhouettes_of(found, choice.entries),
-            camera=estimated(clip.camera, keypoints, clip.frame_rate) if clip.camera.source == DEFAULT_FOCAL else None,
+            camera=estimated(clip.camera, keypoints, clip.frame_rate) if guessed else None,
         )
 
     def _seen(self, found: "Detected") -> tuple[int, int] | None:

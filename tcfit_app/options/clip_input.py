@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fitting_core.camera import World
+from fitting_core.camera import FocalFrom, World
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip, read_footage
@@ -136,7 +136,11 @@ def described(clip: Clip) -> list[str]:
         f"Focal length {camera.focal[0]:.1f} px: {camera.source}",
         *([] if camera.lens is None else ["Lens distortion is taken away from keypoints and pictures"]),
         *([] if camera.world is None else [_place(camera.world, moves=camera.path is not None)]),
-        *([] if camera.source.endswith("as given") else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]),
+        *(
+            []
+            if camera.focal_from in (FocalFrom.GIVEN, FocalFrom.FILE)
+            else ["  (set it by --focal-length, --fov or --focal-length-35mm)"]
+        ),
     ]
 
 

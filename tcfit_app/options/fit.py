@@ -314,15 +314,15 @@ def fit_config(options: MethodOptions) -> FitConfig:
 
 
 def camera_for(camera: CameraOptions, method: MethodOptions | None = None) -> CameraOptions:
-    """With the rule for a focal length that is not given; presets that follow a paper take the diagonal.
+    """With the image's diagonal where no focal length is given and the preset follows a paper.
 
     Raises:
         InputError: The method's configuration cannot be read.
     """
     given = (camera.focal_length, camera.fov, camera.focal_length_35mm, camera.camera)
-    if any(value is not None for value in given) or (method is not None and _of_preset(method)[0] in _AS_PUBLISHED):
+    if any(value is not None for value in given) or method is None or _of_preset(method)[0] not in _AS_PUBLISHED:
         return camera
-    return replace(camera, focal_length="auto")
+    return replace(camera, focal_length="diagonal")
 
 
 def _of_preset(options: MethodOptions) -> tuple[str, FitConfig]:

@@ -31,7 +31,6 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
-from fitting_core.io.cameras.reading import tells_of_camera_file
 from fitting_core.io.people_file import holds_people, refuse_several
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
@@ -264,7 +263,8 @@ class Project:
             before = self._stored
             if camera.size != before.camera.size:
                 raise InputError(f"The camera is of images of {camera.size}; expected {before.camera.size} pixels.")
-            kept = tuple(note for note in before.notes if not tells_of_camera_file(note, before.camera))
+            kept = tuple(note for note in before.notes if note not in before.camera.notes)
+            camera = replace(camera, notes=notes)
             stored = replace(before, camera=camera, notes=(*kept, *notes))
             if camera.lens == before.camera.lens:
                 replace_camera(self._database, camera, stored.notes)

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from fitting_core.camera import (
     DEFAULT_FOCAL,
-    ESTIMATED,
     Camera,
+    FocalFrom,
     default_focal,
     focal_from_35mm,
     focal_from_fov,
+    focal_from_words,
     project,
+    with_focal_from,
 )
 
 CAMERA = Camera(focal=(1000.0, 1100.0), center=(320.0, 240.0), size=(640, 480))
@@ -34,8 +36,30 @@ def test_scaling_a_scene_changes_no_pixel(x: float, y: float, z: float, scale: f
 
 
 def test_guesses_and_estimates_are_no_calibration():
-    assert CAMERA.calibrated
-    assert not any(replace(CAMERA, source=s).calibrated for s in (DEFAULT_FOCAL, f"{ESTIMATED}, between 1 and 2"))
+    known = {FocalFrom.GIVEN, FocalFrom.FILE, FocalFrom.PHOTOGRAPHS}
+    assert {told for told in FocalFrom if replace(CAMERA, focal_from=told).calibrated} == known
+    assert replace(CAMERA, focal_from=FocalFrom.GIVEN, source=DEFAULT_FOCAL).calibrated, "words are for readers"
+
+
+@pytest.mark.parametrize("words, told", [
+    (DEFAULT_FOCAL, FocalFrom.DIAGONAL),
+    ("estimated from the clip, with 80 % confidence between 700 and 1400 px", FocalFrom.ESTIMATED),
+    ("camera file a.toml, camera 1, as given", FocalFrom.FILE),
+    ("35 mm equivalent of 28 mm, as the images tell", FocalFrom.PHOTOGRAPHS),
+    ("35 mm equivalent focal length of 28 mm, as given", FocalFrom.GIVEN),
+    ("focal length of 800 pixels, as given", FocalFrom.GIVEN),
+    ("as given when it was imported", FocalFrom.GIVEN),
+    ("set in the review", FocalFrom.GIVEN),
+    ("the demo's own camera", FocalFrom.GIVEN),
+    ("SMPLify-X's default, as its results tell none", FocalFrom.PROGRAM),
+    ("told by the results", FocalFrom.PROGRAM),
+])  # fmt: skip
+def test_the_words_of_earlier_versions(words: str, told: FocalFrom):
+    """Files that say where the focal length comes from in words alone."""
+    assert focal_from_words(words) is told
+    stored = {"focal": [500.0, 500.0], "source": words}
+    assert with_focal_from(stored) == {**stored, "focal_from": told}
+    assert with_focal_from({**stored, "focal_from": "given"})["focal_from"] == "given"
 
 
 def test_field_of_view_reaches_the_image_border():

@@ -95,7 +95,7 @@ class MediaPipe:
         coming: Future[Part] | None = None
         try:
             for frames in parts:
-                stretch = Stretch(frames, [source.frame(frame) for frame in frames])
+                stretch = Stretch(frames, [source.frame_or_grey(frame) for frame in frames])
                 for done in followers.forwards(stretch):
                     yield (frames[0] - parts[0][0] + done + clip.done) // 2
                     if coming is not None and coming.done():

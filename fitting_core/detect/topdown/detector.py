@@ -74,7 +74,7 @@ class TopDown:
     def _boxed(self, source: FrameSource, frames: range) -> Iterator[list[Float[np.ndarray, "P 133 3"]]]:
         assert self._boxes is not None
         for start in range(0, len(frames), self._batch):
-            images = [source.frame(frame) for frame in frames[start : start + self._batch]]
+            images = [source.frame_or_grey(frame) for frame in frames[start : start + self._batch]]
             chosen = [_most_prominent(boxes) for boxes in self._boxes.find(images)]
             owners = [image for image, corners in zip(images, chosen, strict=True) for _ in corners]
             points = self._pose.points(owners, np.concatenate(chosen))
@@ -85,7 +85,7 @@ class TopDown:
     ) -> Iterator[list[Float[np.ndarray, "P 133 3"]]]:
         box = box_around(before, highest, source.size) if len(before) else None
         for frame in frames:
-            image = source.frame(frame)
+            image = source.frame_or_grey(frame)
             points = self._looked_for(image, highest, source.size) if box is None else self._in(image, box)
             box = box_around(points, highest, source.size)
             highest = max(highest, points[:, 2].max())

@@ -4,6 +4,7 @@ Without numba, or before anything was compiled, everything works all the same, i
 """
 
 import os
+import warnings
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
@@ -31,6 +32,7 @@ class _Use:
 
     allowed = True
     compiled = False
+    told = False
     threads = 0
 
 
@@ -63,6 +65,17 @@ def problem() -> str:
     return _missing() or ("" if _compiled() else NOT_YET)
 
 
+def say_if_slow() -> None:
+    """Warn, once in a process, where fits take several times as long as they could and nobody has asked for it."""
+    why = problem()
+    if not why or not _Use.allowed or _Use.told:
+        return
+    _Use.told = True
+    if why == NOT_YET:
+        why += f". Compile them once, in about {SECONDS} seconds: python -m fitting_core.fit.fused"
+    warnings.warn(f"Fits take several times as long as they could: {why}.", stacklevel=2)
+
+
 def _compiled() -> bool:
     if not _Use.compiled:
         from fitting_core.fit.fused.jit import kept_in
@@ -75,6 +88,7 @@ def prepare(say: Callable[[str], None]) -> None:
     """Compile the kernels unless that was done before; `say` is told that it takes a while."""
     if _missing() or _compiled():
         return
+    _Use.told = True
     from fitting_core.fit.fused.frames import compile_all
     from fitting_core.fit.fused.jit import kept_in
 

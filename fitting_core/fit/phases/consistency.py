@@ -55,7 +55,9 @@ class Consistency:
             begin, end = share
             part = (begin + (end - begin) * i / len(chosen), begin + (end - begin) * (i + 1) / len(chosen))
             minimisation = self.solver.minimise(problem, around[problem.frames], final=i == len(chosen) - 1)
-            solution = yield from reported(minimisation, label + stage_label(stage), part, self.solver.iterations)
+            solution = yield from reported(
+                minimisation, label + stage_label(stage), part, self.solver.iterations, frames=len(free)
+            )
             if "failed" in solution.reason:
                 self.notes.append(
                     f"consistency over time, {label}{stage_label(stage)}, failed: its frames stay as they were"

@@ -21,6 +21,7 @@ class Step:
     share: float
     """How much of the phase is done, 0 to 1."""
     cost: float
+    """Mean of the frames that are being fitted."""
     fitted: tuple[range, BodyParams] | None = None
     """Frames with a fit, the first one of phase 1 or the last one of phase 3."""
     terms: Callable[[], dict[str, float]] = dict
@@ -32,15 +33,20 @@ class Step:
 
 
 def reported(
-    minimisation: Generator[Progress, None, Solution], label: str, share: tuple[float, float], iterations: int
+    minimisation: Generator[Progress, None, Solution],
+    label: str,
+    share: tuple[float, float],
+    iterations: int,
+    *,
+    frames: int = 1,
 ) -> Generator[Step, None, Solution]:
-    """Passes a minimisation on as steps that lie between two shares of the phase."""
+    """Passes a minimisation on as steps that lie between two shares of the phase; its costs are sums over `frames`."""
     begin, end = share
 
     def step(progress: Progress) -> Step:
         done = min(1.0, progress.iteration / iterations)
         finite = progress.cost[progress.cost.isfinite()]
-        cost = float(finite.mean()) if len(finite) else float("inf")
+        cost = float(finite.mean()) / frames if len(finite) else float("inf")
         return Step(label, begin + (end - begin) * done, cost, terms=progress.terms)
 
     return (yield from mapped(minimisation, step))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera, CameraPath, Lens, PathScale, Up, Vector, World, path_of
+from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, PathScale, Up, Vector, World, path_of
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration
@@ -32,8 +32,6 @@ _MOST_NOWHERE = 0.25
 _FAR = 100.0
 """Metres from the origin from which a world is hardly one of metres."""
 _LISTED = 12
-_SOURCE = "camera file"
-"""How `Camera.source` begins."""
 _FORMS: dict[str, Callable[[Path], list[Calibration]]] = {".npz": read_camera_npz, **TABLES}
 """By the file's suffix; COLMAP's texts are known by their names."""
 EXPECTED = (
@@ -90,19 +88,16 @@ def read_camera(
     except ValueError as error:
         raise InputError(f"{file.path}: {_titled(chosen)}{error}.") from error
     name = f", camera {chosen.name}" if chosen.name else ""
-    source = legible(f"{_SOURCE} {file.path.name}{name}, as given")
-    camera = Camera(focal=sized.focal, center=sized.center, size=size, source=source, lens=lens)
+    source = legible(f"camera file {file.path.name}{name}, as given")
+    camera = Camera(
+        focal=sized.focal, center=sized.center, size=size, focal_from=FocalFrom.FILE, source=source, lens=lens
+    )
     world, path, world_notes = _world(file, chosen, poses)
     if path is not None and scale_of is not None and not _has_scale(file, chosen):
         world, path, world_notes = _world(file, chosen, poses, scale_of(replace(camera, path=path)))
     camera = replace(camera, world=world, path=path)
     notes = (*chosen.notes, *size_notes, *lens_notes, *path_notes, *world_notes)
     return camera, tuple(f"{file.path.name}: {_titled(chosen)}{note}" for note in notes)
-
-
-def tells_of_camera_file(note: str, camera: Camera) -> bool:
-    """Whether a note is one of those that `read_camera` gave with a camera."""
-    return camera.source.startswith(f"{_SOURCE} {note.partition(': ')[0]}, ")
 
 
 def camera_files(path: Path) -> list[Path]:

@@ -9,7 +9,7 @@ import numpy as np
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.keypoints import COUNT
-from fitting_core.video.frame_names import image_numbers
+from fitting_core.video.frame_names import among_images
 
 # Two stray files numbered 0 and 1000000 are no clip of a million frames.
 _MOST_MISSING = 1000
@@ -18,6 +18,7 @@ _BY_NUMBER, _FROM_FIRST = "by the numbers in their names", "by their numbers, fr
 _PERHAPS_FROM_1 = (
     ", counted from 0. Counted from 1 they fit as well: if the points come a frame after the person, number them from 0"
 )
+_LISTED = 12
 IN_ORDER = "in their order, from the start"
 
 
@@ -57,7 +58,8 @@ def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple
 
     The first of these that fits is used: the images' names; the numbers in them; the files' numbers, as frames counted
     from 0, from 1, or from the first file on. Numbers that run past the clip are kept where most of them follow each
-    other; else the files are taken in their order. Frames without a file have no people.
+    other; else the files are taken in their order. Frames without a file have no people, and files without a frame are
+    named.
 
     Raises:
         InputError: Files of several clips in one folder.
@@ -65,11 +67,13 @@ def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple
     places, how = _places(detections, timeline)
     count = len(timeline.numbers)
     kept = {place: k for k, place in places.items() if 0 <= place < count}
+    used = set(kept.values())
+    left_out = [stem for k, stem in enumerate(detections.stems) if k not in used]
     nobody = np.zeros((0, COUNT, 3))
     frames = tuple(detections.frames[kept[t]] if t in kept else nobody for t in range(count))
     stems = tuple(detections.stems[kept[t]] if t in kept else "" for t in range(count))
-    plain = list(places.values()) == list(range(count))
-    notes = () if plain else _notes(detections, len(kept), timeline, how)
+    plain = list(places.values()) == list(range(count)) and not left_out
+    notes = () if plain else _notes(detections, left_out, timeline, how)
     return replace(detections, frames=frames, stems=stems), notes
 
 
@@ -92,16 +96,12 @@ def chosen(timeline: Timeline, first_frame: int | None, last_frame: int | None) 
 
 def _places(detections: Detections, timeline: Timeline) -> tuple[Mapping[int, int], str]:
     """By the file: the place of its frame in the timeline; and how that was found, in words."""
-    if timeline.stems and set(detections.stems) <= set(timeline.stems):
-        place = {stem: t for t, stem in enumerate(timeline.stems)}
-        return {k: place[stem] for k, stem in enumerate(detections.stems)}, "by the images' names"
-    _forbid_mixed_clips(detections)
     numbers = detections.numbers
+    if pairs := among_images(detections.stems, numbers, timeline.stems or ()):
+        return pairs
+    _forbid_mixed_clips(detections)
     if numbers is None:
         return {k: k for k in range(len(detections))}, IN_ORDER
-    of_image = image_numbers(timeline.stems or ())
-    if set(numbers) <= set(of_image):
-        return {k: of_image[number] for k, number in enumerate(numbers)}, "by the numbers in the images' names"
     return counted(numbers, timeline.numbers)
 
 
@@ -125,7 +125,7 @@ def counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], st
     return {k: number - start for k, number in enumerate(numbers)}, how + _PERHAPS_FROM_1 * doubtful
 
 
-def _notes(detections: Detections, used: int, timeline: Timeline, how: str) -> tuple[str, ...]:
+def _notes(detections: Detections, left_out: list[str], timeline: Timeline, how: str) -> tuple[str, ...]:
     count, files = len(timeline.numbers), len(detections)
     one_file = detections.source.is_file()
     there = f"{detections.source.name} has {files} frames" if one_file else f"There are {files} keypoint files"
@@ -133,11 +133,14 @@ def _notes(detections: Detections, used: int, timeline: Timeline, how: str) -> t
         f"{timeline.source.name} has {count} frames" if timeline.source else f"the files' numbers span {count} frames"
     )
     sentences = [f"{there}, {frames}; they were aligned {how}."]
-    if used < files:
-        what = "frames of keypoints have no frame of the clip" if one_file else "files have no frame"
-        sentences.append(f"The last {files - used} {what} and are left out.")
-    if used < count:
-        sentences.append(f"{count - used} frames have no keypoints and count as not detected.")
+    if left_out:
+        what = "its frames" if one_file else "the files"
+        has, are = ("have", "are") if len(left_out) > 1 else ("has", "is")
+        more = f" and {len(left_out) - _LISTED} more" if len(left_out) > _LISTED else ""
+        names = ", ".join(left_out[:_LISTED])
+        sentences.append(f"{len(left_out)} of {what} {has} no frame of the clip and {are} left out: {names}{more}.")
+    if without := count - (files - len(left_out)):
+        sentences.append(f"{without} frames have no keypoints and count as not detected.")
     return (" ".join(sentences),)
 
 

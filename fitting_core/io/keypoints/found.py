@@ -28,7 +28,7 @@ def find_keypoints(
         tell: Is told how far it is.
 
     Raises:
-        InputError: The detector is not on this computer, a frame cannot be decoded, what is found cannot be kept, or
+        InputError: The detector is not on this computer, what is found cannot be kept, or
             nobody is found.
     """
     opened = find_detector(detector) if isinstance(detector, str) else detector

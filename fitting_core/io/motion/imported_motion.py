@@ -13,11 +13,11 @@ from fitting_core.body import rotations
 from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.seen_points import SeenPoints
-from fitting_core.video.frame_names import frames_for_one, image_numbers, spans
+from fitting_core.video.frame_names import among_images, frames_for_one, spans
 
 _NEAREST = 0.5
 """Metres: a body of which something is nearer to the camera is not in front of it."""
@@ -108,15 +108,15 @@ class ImportedMotion:
     def _own_camera(self, camera: Camera, focal_length: float | None) -> Camera:
         if self.camera is not None:
             return self._scaled(self.camera, camera.size)
-        focal = self.focal_for(camera.size)
+        focal, told = self.focal_for(camera.size), FocalFrom.PROGRAM
         if focal_length is not None:
             if not (np.isfinite(focal_length) and focal_length > 0):
                 raise InputError(f"The focal length is {focal_length:g}; expected pixels, above 0.")
-            focal = (focal_length, "as given when it was imported")
+            focal, told = (focal_length, "as given when it was imported"), FocalFrom.GIVEN
         if focal is None:
             return camera
         middle = (camera.size[0] / 2, camera.size[1] / 2)
-        return Camera(focal=(focal[0], focal[0]), center=middle, size=camera.size, source=focal[1])
+        return Camera(focal=(focal[0], focal[0]), center=middle, size=camera.size, focal_from=told, source=focal[1])
 
     def _scaled(self, camera: Camera, size: tuple[int, int]) -> Camera:
         x, y = size[0] / camera.size[0], size[1] / camera.size[1]
@@ -284,13 +284,15 @@ def cover(
     if first_frame is None and len(motion) == frames and whole and not named:
         return CoveredFrames(places=np.arange(frames), there=np.ones(frames, bool), notes=())
     ratio = 1.0 if named else frames_for_one(motion.frame_rate or clip_rate, clip_rate)
-    numbers = np.array(_places(motion, images) if first_frame is None else motion.numbers, float) / ratio
-    start = float(first_frame) if first_frame is not None else numbers[0] if motion.numbered else float(clip_first)
-    numbers += start - numbers[0]
+    numbers = (_places(motion, images) if first_frame is None else np.array(motion.numbers, float)) / ratio
+    first, last = numbers[np.isfinite(numbers)][[0, -1]]
+    start = float(first_frame) if first_frame is not None else first if motion.numbered else float(clip_first)
+    numbers, last = numbers + (start - first), last + (start - first)
     wanted = clip_first + np.arange(frames)
-    inside = (wanted >= numbers[0] - 0.5) & (wanted <= numbers[-1] + 0.5)
+    inside = (wanted >= start - 0.5) & (wanted <= last + 0.5)
     if not (inside.any() if partly else inside.all()):
-        raise InputError(_not_covered(motion, frames, clip_first, clip_rate, int(start), numbers[-1]))
+        raise InputError(_not_covered(motion, frames, clip_first, clip_rate, int(start), last))
+    numbers[np.isnan(numbers)] = np.inf
     places = np.abs(numbers[None] - wanted[:, None]).argmin(1)
     there = np.abs(numbers[places] - wanted) <= 0.5 + 1e-9
     notes = []
@@ -307,15 +309,13 @@ def cover(
     return CoveredFrames(places=places, there=there, notes=tuple(notes))
 
 
-def _places(motion: ImportedMotion, images: Sequence[str]) -> Sequence[int]:
-    """Of the motion's frames among the images, by their names or by the numbers in these; else its own numbers."""
-    by_name = {stem: place for place, stem in enumerate(images)}
-    if motion.stems and all(stem in by_name for stem in motion.stems):
-        return [by_name[stem] for stem in motion.stems]
-    by_number = image_numbers(images)
-    if motion.stems and motion.numbered and all(number in by_number for number in motion.numbers):
-        return [by_number[number] for number in motion.numbers]
-    return motion.numbers
+def _places(motion: ImportedMotion, images: Sequence[str]) -> Float[np.ndarray, "n"]:
+    """Of the motion's frames among the images, by their names or by the numbers in these, not a number where there is
+    no such image; else its own numbers."""
+    pairs = among_images(motion.stems, motion.numbers if motion.numbered else None, images) if motion.stems else None
+    if pairs is None:
+        return np.array(motion.numbers, float)
+    return np.array([pairs[0].get(k, np.nan) for k in range(len(motion))])
 
 
 def _not_covered(

@@ -28,7 +28,7 @@ from torch import Tensor
 from fitting_core.body.files.archives import Member, open_members
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import AXES
@@ -249,4 +249,6 @@ def _camera(path: Path, frames: list[ResultFrame]) -> Camera | None:
     if not (min(fx, fy) > 0 and min(width, height) >= 1):
         raise InputError(f"{path}: has a focal length of {fx:g} x {fy:g} for {width:g} x {height:g} pixels.")
     size = (int(width), int(height))
-    return Camera(focal=(fx, fy), center=(cx, cy), size=size, source="told by the results")
+    return Camera(
+        focal=(fx, fy), center=(cx, cy), size=size, focal_from=FocalFrom.PROGRAM, source="told by the results"
+    )

@@ -10,7 +10,8 @@
 | gender, mocap_frame_rate or mocap_framerate | () | |
 | axes, camera_to_world, camera_place | (), (3, 3), (3,), or N of these two | tcfit's: the world of poses and trans. \
 Without them, AMASS's: z up |
-| camera_focal, camera_center, image_size, camera_source, first_frame, body_kind, body_hash | | tcfit's, optional |
+| camera_focal, camera_center, image_size, camera_focal_from, camera_source, first_frame, body_kind, body_hash | | \
+tcfit's, optional |
 """
 
 from collections.abc import Iterable
@@ -23,7 +24,7 @@ import torch
 from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS
-from fitting_core.camera import Camera, are_rotations
+from fitting_core.camera import Camera, FocalFrom, are_rotations, focal_from_words
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 from fitting_core.io.motion.animation_npz import POSE_KEYS
@@ -55,7 +56,7 @@ _MAX_ANGLE, _MAX_LENGTH = 1e3, 1e6
 _KEYS = (
     "poses trans betas expressions gender surface_model_type mocap_frame_rate mocap_framerate axes camera_to_world "
     "camera_place "
-    "camera_focal camera_center image_size camera_source first_frame body_kind body_hash"
+    "camera_focal camera_center image_size camera_focal_from camera_source first_frame body_kind body_hash"
 ).split()
 
 
@@ -233,4 +234,6 @@ def _camera(arrays: dict[str, np.ndarray]) -> Camera | None:
     if not (min(fx, fy) > 0 and min(width, height) >= 1):
         raise _Wrong(f"the camera has a focal length of {fx:g} x {fy:g} and an image of {width:g} x {height:g} pixels")
     source = _text(arrays, "camera_source", "told by the file")
-    return Camera(focal=(fx, fy), center=(cx, cy), size=(int(width), int(height)), source=source)
+    told = _text(arrays, "camera_focal_from", focal_from_words(source))
+    focal_from = next((one for one in FocalFrom if one == told), FocalFrom.PROGRAM)
+    return Camera(focal=(fx, fy), center=(cx, cy), size=(int(width), int(height)), focal_from=focal_from, source=source)

@@ -16,7 +16,7 @@ from assets import MOTION_SUITE
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.camera import DEFAULT_FOCAL, Camera, default_focal
+from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.synthetic.motion_suite.framing import Shot, view_of
@@ -172,7 +172,7 @@ def _inside(camera: Camera, xy: Float[np.ndarray, "T K 2"]) -> Bool[np.ndarray, 
 
 def _with_default_focal(camera: Camera) -> Camera:
     focal = default_focal(camera.size)
-    return replace(camera, focal=(focal, focal), source=DEFAULT_FOCAL)
+    return replace(camera, focal=(focal, focal), focal_from=FocalFrom.DIAGONAL, source=DEFAULT_FOCAL)
 
 
 def _truth(sequence: MotionSequence, world: BodyParams, body: BodyModel, view: View) -> Truth:

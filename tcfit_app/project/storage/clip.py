@@ -8,6 +8,7 @@ import shutil
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +16,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from fitting_core.camera import DEFAULT_FOCAL, Camera, default_focal, is_possible
+from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal, is_possible, with_focal_from
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
@@ -96,14 +97,15 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
         None,
         "one that stands still and sees all keypoints stands in for it",
     )
+    notes = row.read("notes", json_of(tuple[str, ...]), (), "they are left out")
     clip = Clip(
         keypoints=keypoints,
-        camera=camera or _camera_around(keypoints),
+        camera=_with_notes(camera, notes) if camera else _camera_around(keypoints),
         frame_rate=row.read("frame_rate", of(_RATE), 30.0, "30 frames per second stand in for it"),
         name=row.read("name", line, name_of_file(folder.resolve().stem), "that of the folder stands in for it"),
         first_frame=row.read("first_frame", of(Count), 0, "frames are counted from 0"),
         detector=detector,
-        notes=row.read("notes", json_of(tuple[str, ...]), (), "they are left out"),
+        notes=notes,
         silhouettes=silhouettes,
     )
     return clip, _link(row)
@@ -130,7 +132,7 @@ def _checksum(value: Any) -> str:
 
 
 def _camera(value: Any, frames: int) -> Camera:
-    camera = json_of(Camera)(value)
+    camera = msgspec.convert(with_focal_from(json_of(dict[str, Any])(value)), Camera)
     if not is_possible(camera):
         raise ValueError("it is no camera")
     if camera.path is not None and len(camera.path) != frames:
@@ -138,12 +140,21 @@ def _camera(value: Any, frames: int) -> Camera:
     return camera
 
 
+def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
+    """With its own of a clip's notes: earlier versions kept these only there, and each begins with the file's name."""
+    if camera.notes or camera.focal_from is not FocalFrom.FILE:
+        return camera
+    own = (note for note in notes if camera.source.startswith(f"camera file {note.partition(': ')[0]}, "))
+    return replace(camera, notes=tuple(own))
+
+
 def _camera_around(keypoints: Keypoints) -> Camera:
     """Of a guessed focal length, for images that hold all that was detected."""
     seen = keypoints.xy * (keypoints.confidence > 0)[..., None]
     width, height = (max(1, int(np.ceil(farthest))) for farthest in seen.max((0, 1)))
     focal = default_focal((width, height))
-    return Camera(focal=(focal, focal), center=(width / 2, height / 2), size=(width, height), source=DEFAULT_FOCAL)
+    middle, size = (width / 2, height / 2), (width, height)
+    return Camera(focal=(focal, focal), center=middle, size=size, focal_from=FocalFrom.DIAGONAL, source=DEFAULT_FOCAL)
 
 
 def same_detections(one: Keypoints, other: Keypoints) -> bool:

@@ -25,7 +25,7 @@ import numpy as np
 import torch
 
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera, is_possible
+from fitting_core.camera import Camera, is_possible, with_focal_from
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
@@ -107,7 +107,8 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
     """
     try:
         arrays = read_npz(path)
-        about = msgspec.json.decode(str(arrays["about"]), type=_About)
+        stored = msgspec.json.decode(str(arrays["about"]), type=dict[str, Any])
+        about = msgspec.convert(stored | {"camera": with_focal_from(stored.get("camera"))}, _About)
         if about.format != FORMAT:
             raise ValueError(f"it is a {about.format!r}, expected {FORMAT!r}")
         phases = tuple(_phase(arrays, p) for p in about.phases)

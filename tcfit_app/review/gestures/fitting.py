@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from msgspec import structs
 
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice, Shown
@@ -154,4 +154,5 @@ def camera_of(settings: FitSettings, camera: Camera) -> Camera:
     if not (math.isfinite(settings.focal) and settings.focal > 0):
         raise InputError(f"The focal length is {settings.focal:g}; expected pixels, above 0.")
     x, y = camera.focal
-    return replace(camera, focal=(settings.focal, settings.focal * y / x), source=FOCAL_SOURCE)
+    focal = (settings.focal, settings.focal * y / x)
+    return replace(camera, focal=focal, focal_from=FocalFrom.GIVEN, source=FOCAL_SOURCE)

@@ -1,6 +1,5 @@
 """Paths that are no plain files: told apart without being opened, by every reader."""
 
-import os
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -125,11 +124,3 @@ def test_nothing_there_and_no_path_at_all(tmp_path: Path):
         regular_file(tmp_path / "missing")
     with pytest.raises(InputError, match="is no path, expected that of a file"):
         regular_file(Path("a\0b"))
-
-
-def test_a_video_whose_name_is_no_text(tmp_path: Path):
-    """OpenCV crashes on such a name."""
-    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/w\xe4lk.mp4"))
-    path.write_bytes(b"no video")
-    with pytest.raises(InputError, match=r"w\\udce4lk\.mp4.*has a name that is not UTF-8. Rename the video"):
-        FrameSource(path)

@@ -7,13 +7,19 @@ import cv2
 import numpy as np
 import pytest
 
-from fitting_core.camera import DEFAULT_FOCAL, ESTIMATED, Camera, focal_from_35mm
+from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
 from fitting_core.io.camera_rule import estimated, told_by_photographs
 from fitting_core.io.clip_reader import read_footage
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.video.test_exif import jpeg, tiff
 
-CAMERA = Camera(focal=(400.0, 400.0), center=(160.0, 120.0), size=(320, 240), source=DEFAULT_FOCAL)
+CAMERA = Camera(
+    focal=(400.0, 400.0),
+    center=(160.0, 120.0),
+    size=(320, 240),
+    focal_from=FocalFrom.DIAGONAL,
+    source=DEFAULT_FOCAL,
+)
 
 
 def photograph(path: Path, millimetres: int | None) -> None:
@@ -30,6 +36,7 @@ def test_photographs_tell_it(tmp_path: Path):
     camera = read_footage(tmp_path, focal_length="auto").camera
     assert camera.focal[0] == pytest.approx(focal_from_35mm(28, (320, 240))) and camera.calibrated
     assert camera.source == "35 mm equivalent of 28 mm, as the images tell"
+    assert read_footage(tmp_path).camera == camera, "the default, as of the commands"
     assert read_footage(tmp_path, focal_length="diagonal").camera == CAMERA
     single = told_by_photographs(CAMERA, tmp_path / "1.jpg")
     assert single is not None and single.focal == camera.focal
@@ -51,8 +58,8 @@ def test_no_person_no_estimate():
 def test_an_estimate_says_how_sure_it_is(monkeypatch: pytest.MonkeyPatch):
     found = replace_estimate(monkeypatch)
     camera = estimated(CAMERA, found, 30.0)
-    source = f"{ESTIMATED}, with 80 % confidence between 400 and 700 px"
-    assert camera == replace(CAMERA, focal=(500.0, 500.0), source=source)
+    source = "estimated from the clip, with 80 % confidence between 400 and 700 px"
+    assert camera == replace(CAMERA, focal=(500.0, 500.0), focal_from=FocalFrom.ESTIMATED, source=source)
     assert not camera.calibrated
 
 

@@ -56,7 +56,7 @@ def neck_numbers(clip: Clip) -> list[int | None]:
 def alignment_note(clip: Clip) -> str:
     notes = [note for note in clip.notes if "keypoint files" in note]
     assert len(notes) <= 1
-    return notes[0] if notes else ""
+    return re.sub(r"_0+(?=\d)", "_", notes[0]) if notes else ""
 
 
 def test_matching_counts_need_no_note(video, walk):
@@ -83,15 +83,17 @@ ALIGNMENTS = {
     "numbered from 1000": ([1000, 1001, 1003], [0, 1, None, 3, None, None], "3 keypoint files, walk.avi has "
                            "6 frames; they were aligned by their numbers, from the first file on. 3 frames have no"),
     "too many": (list(range(8)), [0, 1, 2, 3, 4, 5], "8 keypoint files, walk.avi has 6 frames; they were aligned by "
-                 "the numbers in their names. The last 2 files have no frame and are left out."),
+                 "the numbers in their names. 2 of the files have no frame of the clip and are left "
+                 "out: walk_6, walk_7."),
     "too many, with a gap": ([0, 1, 4, 5, 6, 7], [0, 1, None, None, 4, 5], "6 keypoint files, walk.avi has 6 frames; "
-                             "they were aligned by the numbers in their names. The last 2 files have no frame and are "
-                             "left out. 2 frames have no keypoints"),
-    "too many, nobody at first": ([2, 3, 4, 5, 6, 7, 8], [None, None, 2, 3, 4, 5], "by the numbers in their names. The "
-                                  "last 3 files"),
-    "too many, from 1": ([1, 2, 4, 5, 6, 7, 8], [1, 2, None, 4, 5, 6], "by their numbers, counted from 1. The last 2"),
+                             "they were aligned by the numbers in their names. 2 of the files have no frame of the "
+                             "clip and are left out: walk_6, walk_7. 2 frames have no keypoints"),
+    "too many, nobody at first": ([2, 3, 4, 5, 6, 7, 8], [None, None, 2, 3, 4, 5], "by the numbers in their names. 3 "
+                                  "of the files have no frame of the clip and are left out: walk_6, walk_7, walk_8."),
+    "too many, from 1": ([1, 2, 4, 5, 6, 7, 8], [1, 2, None, 4, 5, 6], "by their numbers, counted from 1. 2 of the "
+                         "files"),
     "too many, from 1000": ([1000, 1001, 1003, 1004, 1005, 1006], [0, 1, None, 3, 4, 5], "by their numbers, from the "
-                            "first file on. The last 1 files"),
+                            "first file on. 1 of the files has no frame of the clip and is left out: walk_1006."),
     "far apart": ([3, 10, 20], [3, 10, 20, None, None, None], "3 keypoint files, walk.avi has 6 frames; they were "
                   "aligned in their order, from the start. 3 frames have no keypoints"),
 }  # fmt: skip
@@ -126,6 +128,40 @@ def test_images_are_matched_by_their_numbers(tmp_path, walk, numbers, expected):
     clip = read_clip(tmp_path / "images", walk(numbers))
     assert neck_numbers(clip) == expected
     assert ("by the numbers in the images' names" in alignment_note(clip)) == (numbers == [3, 4])
+
+
+GAPS = (0, 1, 2, 5, 6, 8)
+WITH_GAPS = {
+    "keypoints of all frames": (
+        "walk",
+        GAPS,
+        range(12),
+        [0, 1, 2, 5, 6, 8],
+        "left out: walk_3, walk_4, walk_7, walk_9",
+    ),
+    "of another name": ("shot", GAPS, range(10), [0, 1, 2, 5, 6, 8], "by the numbers in the images' names"),
+    "gaps on both sides": ("walk", GAPS, (0, 1, 3, 5, 6), [0, 1, None, 5, 6, None], "left out: walk_3. 2 frames"),
+    "the same, of another name": ("shot", GAPS, (0, 1, 3, 5, 6), [0, 1, None, 5, 6, None], "left out: walk_3"),
+    "images of a part": (
+        "shot",
+        range(4, 8),
+        range(12),
+        [4, 5, 6, 7],
+        "left out: walk_0, walk_1, walk_2, walk_3, walk_8",
+    ),
+    "images counted from 1": ("walk", range(1, 7), range(6), [0, 1, 2, 3, 4, 5], ""),
+}
+
+
+@pytest.mark.parametrize("name, images, files, expected, note", WITH_GAPS.values(), ids=WITH_GAPS)
+def test_images_with_gaps_in_their_numbers(tmp_path, walk, name, images, files, expected, note):
+    """Each image gets the keypoints of its own frame; those that have no image are named."""
+    (tmp_path / "images").mkdir()
+    for number in images:
+        cv2.imwrite(str(tmp_path / "images" / f"{name}_{number}.png"), np.zeros((240, 320, 3), dtype=np.uint8))
+    clip = read_clip(tmp_path / "images", walk(files))
+    assert neck_numbers(clip) == expected
+    assert note in alignment_note(clip) and bool(note) == bool(alignment_note(clip))
 
 
 def test_without_video_the_files_numbers_are_the_frames(walk):
@@ -202,7 +238,7 @@ def test_normalised_keypoints(video, write_people, figure):
 
 CAMERAS = {
     "the diagonal, asked for": ({"focal_length": "diagonal"}, 400.0, "not known: assumed to be the image diagonal"),
-    "default": ({}, 400.0, "not known: assumed to be the image diagonal"),
+    "default": ({}, None, "estimated from the clip"),
     "pixels": ({"focal_length": 555.0}, 555.0, "focal length of 555 pixels, as given"),
     "fov": ({"fov": 90.0}, 160.0, "horizontal field of view of 90 degrees, as given"),
     "35 mm": ({"focal_length_35mm": 26.0}, 26 / math.hypot(36, 24) * 400, "35 mm equivalent focal length of 26 mm"),
@@ -212,7 +248,7 @@ CAMERAS = {
 @pytest.mark.parametrize("options, focal, source", CAMERAS.values(), ids=CAMERAS)
 def test_camera(video, walk, options, focal, source):
     camera = read_clip(video(1), walk([0]), center=(150.0, 130.0), **options).camera
-    assert camera.focal == pytest.approx((focal, focal))
+    assert focal is None or camera.focal == pytest.approx((focal, focal))
     assert camera.center == (150.0, 130.0)
     assert camera.source.startswith(source)
 

@@ -177,7 +177,7 @@ def test_summary(tmp_path: Path, result: Callable[..., Result]):
     accelerations = joints[2:] - 2 * joints[1:-1] + joints[:-2]
     expected = 1e3 * np.linalg.norm(accelerations, axis=-1).mean()
     assert summary["jitter"]["phase3"]["camera_space_mm_per_frame2"] == pytest.approx(expected)
-    seen = {"focal": [700, 710], "center": [310, 250], "size": [640, 480], "source": "as given"}
+    seen = {"focal": [700, 710], "center": [310, 250], "size": [640, 480], "focal_from": "given", "source": "as given"}
     assert summary["camera"] == seen | {"lens": None, "world": None, "moves": False}
     assert summary["body"] == {"kind": "smplx", "gender": "female", "source": "SMPLX_FEMALE.npz", "hash": body.hash}
     assert summary["config"]["temporal"]["window_size"] == 7 and summary["warnings"] == ["gap in 3"]

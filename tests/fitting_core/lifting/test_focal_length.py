@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from fitting_core.camera import DEFAULT_FOCAL, Camera, default_focal
+from fitting_core.camera import Camera, FocalFrom, default_focal
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.keypoints import INDEX
@@ -25,7 +25,7 @@ from fitting_core.lifting.rays import N_FEATURES, POINTS
 from fitting_core.synthetic.motion_suite import clips
 from fitting_core.synthetic.motion_suite.clips import make_motion, motion_sequences
 
-CAMERA = Camera(focal=(1000.0, 1000.0), center=(400.0, 300.0), size=(800, 600), source=DEFAULT_FOCAL)
+CAMERA = Camera(focal=(1000.0, 1000.0), center=(400.0, 300.0), size=(800, 600), focal_from=FocalFrom.DIAGONAL)
 SHARE = torch.full((len(LOG_EXTENTS),), 1 / len(LOG_EXTENTS))
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
-from fitting_core.camera import DEFAULT_FOCAL, Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
@@ -115,7 +115,7 @@ def test_a_gap_of_one_frame_is_bridged(weights: Path):
 
 def test_a_guessed_focal_length_is_told(weights: Path):
     xy, confidence = detections(20)
-    guess = Camera(focal=CAMERA.focal, center=CAMERA.center, size=CAMERA.size, source=DEFAULT_FOCAL)
+    guess = Camera(focal=CAMERA.focal, center=CAMERA.center, size=CAMERA.size, focal_from=FocalFrom.DIAGONAL)
     assert CAMERA.calibrated and not guess.calibrated
     assert not np.array_equal(
         lifted(weights, xy, confidence).points, lifted(weights, xy, confidence, camera=guess).points

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
-from fitting_core.camera import ESTIMATED
+from fitting_core.camera import FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.result import FitResult, PhaseResult
@@ -80,7 +80,7 @@ def test_settings_and_the_focal_length_make_fits_of_their_own(fitted: list[tuple
     assert not other.camera.calibrated and other.camera.focal[0] == pytest.approx(np.hypot(*other.camera.size))
     np.testing.assert_array_equal(clip.keypoints.xy, other.keypoints.xy)
     assert clip.camera == motion_sequences()[NAME].shot.camera
-    assert estimated.camera.source.startswith(ESTIMATED) and not estimated.camera.calibrated
+    assert estimated.camera.focal_from is FocalFrom.ESTIMATED and not estimated.camera.calibrated
     assert len(list(tmp_path.glob("fits/*/*/*/fit.key"))) == 3
 
 

@@ -80,6 +80,18 @@ def test_frames_start_at_the_first_fitted_one(
     assert [int(frame[0, 0, 0]) for frame in written["frames"]] == [5 * i for i in range(3, FRAMES + 3)]
 
 
+def test_a_broken_frame_is_grey(clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path):
+    (tmp_path / "images").mkdir()
+    for i in range(FRAMES):
+        cv2.imwrite(str(tmp_path / "images" / f"{i:03d}.png"), np.full((48, 64, 3), 5 * i, np.uint8))
+    (tmp_path / "images" / "004.png").write_bytes(b"")
+    write_comparison(
+        tmp_path / "overlay.mp4", _fit(_phase(1, 4.0)), replace(clip, source=tmp_path / "images"), free_body
+    )
+    levels = [int(frame[0, 0, 0]) for frame in written["frames"]]
+    assert levels == [96 if i == 4 else 5 * i for i in range(FRAMES)]
+
+
 @pytest.mark.usefixtures("off_screen_gl")
 def test_video_over_a_plain_background(clip: Clip, free_body: BodyModel, tmp_path: Path):
     write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0), _phase(3, 4.0)), clip, free_body)

@@ -1,5 +1,7 @@
 """Another camera for a project: what changes with it, what stays, and when another lens comes too late."""
 
+import json
+import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.camera import Camera, Lens
+from fitting_core.camera import Camera, FocalFrom, Lens
 from fitting_core.errors import InputError
 from fitting_core.lens import filmed_keypoints
 from tcfit_app.project.edits.kinds import SwapSides
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage import database
 from tests.samples.project_samples import BODY, CONFIG, random_edit, sample_clip, sample_fit
 
 
@@ -23,7 +26,7 @@ def project(tmp_path: Path) -> Iterator[Project]:
 
 def bent(camera: Camera, strength: float = -0.05) -> Camera:
     lens = Lens(focal=camera.focal, center=camera.center, distortion=(strength, 0.0, 0.0, 0.0))
-    return replace(camera, lens=lens, source="camera file a.toml, as given")
+    return replace(camera, lens=lens, focal_from=FocalFrom.FILE, source="camera file a.toml, as given")
 
 
 def test_another_focal_length_is_kept_and_runs_have_theirs(project: Project):
@@ -33,7 +36,7 @@ def test_another_focal_length_is_kept_and_runs_have_theirs(project: Project):
     project.append(random_edit(0))
     corrected, fitted = project.clip.keypoints, project.runs.load(run.id).camera
     for name, focal in (("a.toml", 800.0), ("b.toml", 900.0)):
-        camera = replace(before.camera, focal=(focal, focal), source=f"camera file {name}, camera 1, as given")
+        camera = replace(before.camera, focal=(focal, focal), source=f"camera file {name}, camera 1")
         project.set_camera(camera, (f"{name}: camera 1 stands somewhere.",))
     for one in (project, Project.open(project.folder, read_only=True)):
         assert one.clip.camera == camera and one.runs.load(run.id).camera == fitted
@@ -80,3 +83,24 @@ def _finished(project: Project) -> int:
 def test_a_camera_of_other_images_is_refused(project: Project):
     with pytest.raises(InputError, match=r"images of \(2, 2\); expected"):
         project.set_camera(replace(project.clip.camera, size=(2, 2)))
+
+
+def test_a_project_of_an_earlier_version(project: Project):
+    """It says where the focal length comes from in words alone, and has the camera file's notes among the clip's."""
+    words = "camera file b.toml, camera 1, as given"
+    camera = replace(project.clip.camera, focal_from=FocalFrom.FILE, source=words)
+    notes = (*project.clip.notes, "b.toml: it has several cameras.")
+    project.set_camera(camera, notes[-1:])
+    run = project.runs.start(CONFIG, body=BODY, edits_seen=0)
+    project.runs.finish(run.id, replace(sample_fit(0), camera=replace(camera, focal_from=FocalFrom.PROGRAM)))
+    project.close()
+    with sqlite3.connect(project.folder / database.NAME) as connection:
+        (stored,) = connection.execute("SELECT camera FROM clip").fetchone()
+        old = {key: value for key, value in json.loads(stored).items() if key not in ("focal_from", "notes")}
+        connection.execute("UPDATE clip SET camera = ?", (json.dumps(old),))
+    connection.close()
+    with Project.open(project.folder) as again:
+        assert again.clip.camera.focal_from is FocalFrom.FILE and again.clip.notes == notes
+        assert again.runs.load(run.id).camera.focal_from is FocalFrom.PROGRAM
+        again.set_camera(replace(camera, source="another"))
+        assert again.clip.notes == notes[:-1]

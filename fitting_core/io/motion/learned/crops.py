@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from fitting_core.body.files.pickles import as_array
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.io.motion.learned.tracks import (
     SMPL_JOINTS,
@@ -77,7 +77,8 @@ def _square_pixels(focal: float, size: Sequence[float] | np.ndarray, source: str
     width, height = round(float(size[0])), round(float(size[1]))
     if not (1 <= width <= 10**5 and 1 <= height <= 10**5):
         raise InputError(f"was found on images of {width} x {height} pixels")
-    return Camera(focal=(focal, focal), center=(width / 2, height / 2), size=(width, height), source=source)
+    middle, size = (width / 2, height / 2), (width, height)
+    return Camera(focal=(focal, focal), center=middle, size=size, focal_from=FocalFrom.PROGRAM, source=source)
 
 
 def _phalp_frames(content: Any, person: int | None = None) -> Iterator[tuple[str, int, int, dict[Any, Any]]]:

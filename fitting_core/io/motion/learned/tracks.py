@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from fitting_core.body import rotations
 from fitting_core.body.files.pickles import as_array
 from fitting_core.body.model import N_BETAS
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.io.motion.learned.unpickling import plain
 from fitting_core.io.motion.seen_points import SeenPoints
@@ -222,7 +222,8 @@ def centred(focal: float, center: Sequence[float], source: str) -> Camera:
     size = (round(2 * center[0]), round(2 * center[1]))
     if not (focal > 0 and min(size) >= 1 and max(size) <= 10**5):
         raise InputError(f"has a focal length of {focal:g} pixels and a principal point at {list(center)}")
-    return Camera(focal=(focal, focal), center=(center[0], center[1]), size=size, source=source)
+    middle = (center[0], center[1])
+    return Camera(focal=(focal, focal), center=middle, size=size, focal_from=FocalFrom.PROGRAM, source=source)
 
 
 def positive(numbers: np.ndarray, key: str) -> np.ndarray:

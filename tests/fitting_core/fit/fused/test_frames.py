@@ -47,6 +47,29 @@ def without_kernels() -> Iterator[None]:
         ready.use(kernels=True)
 
 
+@pytest.mark.parametrize("why, mend", [
+    (ready.NOT_YET, "in about 40 seconds: python -m fitting_core.fit.fused"),
+    ("numba cannot be used (no such module); pip install numba", "numba cannot be used .*; pip install numba"),
+])  # fmt: skip
+def test_a_fit_without_kernels_warns_once(monkeypatch: pytest.MonkeyPatch, why: str, mend: str):
+    monkeypatch.setattr(ready, "problem", lambda: why)
+    monkeypatch.setattr(ready._Use, "told", False)
+    with pytest.warns(UserWarning, match=f"several times as long as they could.*{mend}") as told:
+        ready.say_if_slow()
+        ready.say_if_slow()
+    assert len(told) == 1
+
+
+def test_a_fit_whose_kernels_are_turned_off_or_ready_does_not_warn(
+    monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
+):
+    monkeypatch.setattr(ready._Use, "told", False)
+    ready.say_if_slow()
+    with without_kernels():
+        ready.say_if_slow()
+    assert not recwarn.list
+
+
 def config_of(preset: str, prior: str | None = None) -> FitConfig:
     config = PRESETS[preset]
     config = replace(config, weights=replace(config.weights, collision=NO_COLLISION))

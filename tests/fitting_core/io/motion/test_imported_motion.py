@@ -16,7 +16,7 @@ from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
@@ -32,7 +32,13 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.priors.latent import LatentPrior
 from tests.fitting_core.priors.networks import random_latents, random_network
 
-CAMERA = Camera(focal=(900.0, 910.0), center=(310.0, 250.0), size=(640, 480), source="told by the results")
+CAMERA = Camera(
+    focal=(900.0, 910.0),
+    center=(310.0, 250.0),
+    size=(640, 480),
+    focal_from=FocalFrom.PROGRAM,
+    source="told by the results",
+)
 
 
 def params(seed: int, frames: int, *, hands: int = 12, angle: float = 0.6) -> BodyParams:
@@ -238,6 +244,14 @@ def test_frames_are_those_of_the_images_that_they_are_named_after(tiny_body: Bod
     with pytest.raises(InputError, match="for the video's frames 2 to 5; expected all of the clip's 4 frames, 4 to 7"):
         cover(motion, 4, clip_first=4, clip_rate=25, images=named)
     assert cover(motion, 4, clip_first=4, clip_rate=25, images=named, first_frame=4).places.tolist() == [0, 1, 2, 3]
+
+
+def test_a_result_of_frames_of_which_some_have_no_image(tiny_body: BodyModel, tmp_path: Path):
+    motion = _named(tiny_body, tmp_path, list(range(12)))
+    for form in ("walk_{:06d}", "shot{}"):
+        images = [form.format(n) for n in (0, 1, 2, 5, 6, 8)]
+        covered = cover(motion, 6, clip_first=0, clip_rate=25, images=images)
+        assert covered.places.tolist() == [0, 1, 2, 5, 6, 8] and covered.there.all() and not covered.notes
 
 
 def test_frames_that_do_not_reach_over_the_clip(tiny_body: BodyModel, tmp_path: Path):
