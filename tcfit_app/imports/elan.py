@@ -68,7 +68,8 @@ def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, aut
 
 def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[WriteNotes | None, ElanNotes]:
     """What `import_notes` would do; None if there is nothing to be kept. Raises InputError as it does."""
-    found = read_eaf(path)
+    source = project.clip.source
+    found = read_eaf(path, "" if source is None else source.name)
     chosen = _chosen(found, tiers, path)
     exported = any(tier.name in OWN for tier in found)
     clip, there = project.clip, list(project.notes)
