@@ -1,5 +1,6 @@
 """Put keypoint files and video frames together, frame by frame."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -144,6 +145,11 @@ def _notes(detections: Detections, used: int, timeline: Timeline, how: str) -> t
 def _forbid_mixed_clips(detections: Detections) -> None:
     if detections.numbers is None and len(detections) > 1 and len(detections.prefixes) > 1:
         names = ", ".join(f"{prefix}..." for prefix in detections.prefixes[:3])
+        if len({re.sub(r"\d+", "0", stem) for stem in detections.stems}) == 1:
+            raise InputError(
+                f"{detections.source}: the names of its files differ in several numbers ({detections.stems[0]}, "
+                f"{detections.stems[1]}); expected one, which counts the frames. Rename them, or move the clips apart."
+            )
         raise InputError(
             f"{detections.source} holds keypoint files of {len(detections.prefixes)} clips ({names}); expected one "
             "clip per folder. Move them apart."

@@ -1,5 +1,6 @@
 """What a keypoint reader returns: every person that a detector saw, frame by frame, before one of them is chosen."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from jaxtyping import Float
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.json_points import short
 from fitting_core.keypoint_noise import DETECTORS
-from fitting_core.video.frame_names import split_number
+from fitting_core.video.frame_names import frame_numbers, split_number
 
 PIXELS, UNIT, SIGNED = "pixels", "0..1", "-1..1"
 SCALES: dict[str, tuple[float, float]] = {UNIT: (0.0, 1.0), SIGNED: (-1.0, 1.0)}
@@ -66,16 +67,21 @@ class Detections:
 
     @property
     def numbers(self) -> tuple[int, ...] | None:
-        """The frame numbers in the files' names; None unless every name ends in one and only the numbers differ."""
-        numbers = [split_number(stem)[1] for stem in self.stems]
-        if len(self.prefixes) > 1 or None in numbers:
-            return None
-        return tuple(n for n in numbers if n is not None)
+        """The frame numbers in the files' names; None unless every name has one and these alone differ."""
+        return frame_numbers(self.stems)
 
     def detected_points(self) -> Float[np.ndarray, "N 2"]:
         """Positions of everything that was detected, of all people in all frames."""
         rows = np.concatenate([people.reshape(-1, 3) for people in self.frames] or [np.zeros((0, 3))])
         return rows[rows[:, 2] > 0, :2]
+
+
+def numbering(stems: Sequence[str]) -> tuple[str, ...]:
+    """A note on the frames' numbers where they do not end the names of their files."""
+    numbers = frame_numbers(stems)
+    if numbers is None or all(split_number(stem)[1] == number for stem, number in zip(stems, numbers, strict=True)):
+        return ()
+    return (f"The frames' numbers are those in which the names differ: {numbers[0]} of {stems[0]}.",)
 
 
 def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:

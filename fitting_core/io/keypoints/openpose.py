@@ -1,6 +1,7 @@
 """OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,21 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.io.keypoints.detections import Detections, told_detector
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, short, stray_confidences
+from fitting_core.io.keypoints.detections import Detections, numbering, told_detector
+from fitting_core.io.keypoints.json_points import (
+    checked_points,
+    first_bytes,
+    is_json,
+    json_files,
+    kind,
+    numbers,
+    read_json,
+    short,
+    stray_confidences,
+)
 from fitting_core.keypoint_noise import OPENPOSE
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
-from fitting_core.video.frame_names import natural_key, split_number
+from fitting_core.video.frame_names import frame_numbers, natural_key
 
 SUFFIX = "_keypoints.json"
 DETECTOR = "detector"
@@ -51,12 +62,14 @@ _ADVICE = "run the detector again, or remove the file so that its frame counts a
 
 
 def read_openpose(path: Path) -> Detections:
-    """Read a folder of ``<name>_<number>_keypoints.json`` files, or one such file.
+    """Read a folder with a file for each frame, or one file.
 
-    Frames come in the order of their numbers. Body lists can be BODY_25 or COCO-18 (feet are then not detected, and
-    mid-hip is the mean of the hips); any list can be empty or absent; ``person_id`` and 3D lists are not used.
-    Positions stay as in the files, pixels or normalised. Confidences slightly below 0 or above 1 count as 0 and 1,
-    which is noted. Beside the people a file can say who detected them, as `write_openpose` does; else it was OpenPose.
+    Where files are called as OpenPose does, ``<name>_keypoints.json``, these alone count, else all that hold people.
+    Frames come in the order of their numbers, by the one number in which the names differ. Body lists can be BODY_25 or
+    COCO-18 (feet are then not detected, and mid-hip is the mean of the hips); any list can be empty or absent;
+    ``person_id`` and 3D lists are not used. Positions stay as in the files, pixels or normalised. Confidences slightly
+    below 0 or above 1 count as 0 and 1, which is noted. Beside the people a file can say who detected them, as
+    `write_openpose` does; else it was OpenPose.
 
     Raises:
         InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
@@ -70,13 +83,14 @@ def read_openpose(path: Path) -> Detections:
     told = [content.get(DETECTOR, OPENPOSE) for content in contents]
     _forbid_mixed_detectors(files, told)
     detector, of_detector = told_detector(path, told[0])
+    stems = tuple(stem_of(file.name) for file in files)
     return Detections(
         frames=frames,
-        stems=tuple(_stem(file) for file in files),
+        stems=stems,
         source=path,
         scale="auto",
         detector=detector,
-        notes=(*of_detector, *stray_confidences(path, _confidences(raw))),
+        notes=(*of_detector, *numbering(stems), *stray_confidences(path, _confidences(raw))),
     )
 
 
@@ -148,35 +162,40 @@ def _entry(points: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[
     return {"person_id": [-1], **lists}
 
 
-def _stem(file: Path) -> str:
-    return file.name.removesuffix(SUFFIX).removesuffix(".json")
+def stem_of(name: str) -> str:
+    """What the name of a keypoint file is without its ending."""
+    return re.sub(rf"({SUFFIX}|\.json)$", "", name, flags=re.IGNORECASE)
 
 
 def _json_files(folder: Path) -> list[Path]:
     # Names that start with a dot are what macOS and network drives leave beside the real files.
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-    files = [entry for entry in entries if entry.name.endswith(SUFFIX)]
+    files = [entry for entry in entries if entry.name.lower().endswith(SUFFIX)] or [
+        entry for entry in json_files(folder) if holds_people(first_bytes(entry))
+    ]
     if not files:
         names = sorted(entry.name for entry in entries)
         found = f"{len(names)} other files, such as {names[0]}" if names else "an empty folder"
         raise InputError(
-            f"No keypoint files in {folder}: found {found}; expected one file per frame named "
-            f"<name>_000000000000{SUFFIX}, as OpenPose's --write_json makes them."
+            f"No keypoint files in {folder}: found {found}; expected one JSON file per frame with a list 'people', as "
+            "OpenPose's --write_json makes them."
         )
-    return sorted(files, key=lambda file: natural_key(_stem(file)))
+    return sorted(files, key=lambda file: natural_key(stem_of(file.name)))
+
+
+def holds_people(start: bytes) -> bool:
+    """Whether a JSON file that starts so is one of OpenPose's, or was to be one."""
+    return not start.strip() or (is_json(start) and b'"people"' in start)
 
 
 def _forbid_same_number(files: Sequence[Path]) -> None:
-    seen: dict[tuple[str, int], Path] = {}
-    for file in files:
-        prefix, number = split_number(_stem(file))
-        if number is None:
-            continue
-        if other := seen.get((prefix, number)):
+    seen: dict[int, Path] = {}
+    for file, number in zip(files, frame_numbers([stem_of(file.name) for file in files]) or (), strict=False):
+        if other := seen.get(number):
             raise InputError(
                 f"Frame {number} is there twice in {file.parent}: {other.name} and {file.name}. Remove one of them."
             )
-        seen[prefix, number] = file
+        seen[number] = file
 
 
 def _read_content(file: Path) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
 from fitting_core.io.motion.smplifyx_pickle import CAMERA, LATENT, WIDTHS, ResultFrame, pickled, read_result
-from fitting_core.video.frame_names import natural_key, split_number
+from fitting_core.video.frame_names import frame_numbers, natural_key
 
 FOCAL = 5000.0
 """Pixels: what SMPLify-X takes where nobody tells it the focal length, and its results do not say."""
@@ -210,10 +210,10 @@ def _forbid_mixed(path: Path, frames: list[ResultFrame]) -> None:
 
 def _numbers(stems: list[str]) -> tuple[tuple[int, ...], bool]:
     """Frame numbers, and whether the names tell them."""
-    split = [split_number(stem) for stem in stems]
-    numbers = tuple(number for _, number in split if number is not None)
-    told = len({prefix for prefix, _ in split}) == 1 and len(set(numbers)) == len(stems)
-    return (numbers, True) if told else (tuple(range(len(stems))), False)
+    numbers = frame_numbers(stems)
+    if numbers is None or len(set(numbers)) < len(stems):
+        return tuple(range(len(stems))), False
+    return numbers, True
 
 
 def _params(path: Path, frames: list[ResultFrame], decode: Decode | None) -> BodyParams:

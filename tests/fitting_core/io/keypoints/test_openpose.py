@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
+from fitting_core.io.keypoints.alignment import timeline_of_keypoints
 from fitting_core.io.keypoints.detections import guess_scale, to_pixels
 from fitting_core.io.keypoints.openpose import read_openpose, write_openpose
 from fitting_core.keypoints import BODY, BODY_25, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
@@ -126,6 +127,50 @@ def test_byte_order_mark_and_hidden_files(write_people):
     assert len(read_openpose(folder)) == 1
 
 
+NAMED = {
+    "plain numbers": "{}",
+    "OpenPose's own": "walk_{:012}_keypoints",
+    "a camera before": "cam01.{:04}",
+    "without a separator": "frame{}",
+    "the image's name": "frame_{:04}.png_keypoints",
+    "brackets": "clip ({})_keypoints",
+    "a rate behind": "walk_{:04}_30fps_keypoints",
+    "the same number twice": "{0}/../walk_{0}_of_{0}",
+    "capitals": "walk_{}.JSON",
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_frames_are_found_by_the_number_in_which_names_differ(tmp_path: Path, name: str):
+    folder = tmp_path / "keypoints"
+    folder.mkdir()
+    (folder / "notes.json").write_text('{"filmed": "in 2024"}')
+    for k in range(12):
+        stem = NAMED[name].format(k).rpartition("/")[2]
+        (folder / (stem if stem.endswith(".JSON") else f"{stem}.json")).write_text(
+            json.dumps({"people": [{"pose_keypoints_2d": changed(BODY_LIST, 0, 100 + k)}]})
+        )
+    found = read_detections(folder)
+    assert [people[0, 0, 0] for people in found.frames] == list(range(100, 112))
+    assert found.numbers == tuple(range(12))
+    assert timeline_of_keypoints(found).numbers == range(12)
+    told = name in ("the image's name", "brackets", "a rate behind")
+    assert [f"0 of {found.stems[0]}" in note for note in found.notes] == [True] * told
+
+
+def test_names_that_differ_in_two_numbers(write_people):
+    found = read_detections(write_people({"walk_1_33": [PERSON], "walk_2_66": [PERSON]}))
+    with pytest.raises(InputError, match=r"differ in several numbers \(walk_1_33, walk_2_66\); expected one, which"):
+        timeline_of_keypoints(found)
+
+
+def test_an_empty_file_among_files_of_plain_names_is_named(tmp_path: Path):
+    (tmp_path / "0.json").write_text(json.dumps({"people": [PERSON]}))
+    (tmp_path / "1.json").touch()
+    with pytest.raises(InputError, match=r"1\.json is not readable as JSON"):
+        read_detections(tmp_path)
+
+
 def test_position_of_an_undetected_point_is_dropped(write_people):
     values = changed(BODY_LIST, 2, 0.0)
     assert read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0, 0].tolist() == [0, 0, 0]
@@ -234,7 +279,7 @@ def test_a_folder_in_place_of_a_file_is_named(tmp_path):
 
 
 def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one file per frame"):
+    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one JSON file per"):
         read_detections(tmp_path)
 
 
