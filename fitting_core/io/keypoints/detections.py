@@ -13,13 +13,15 @@ from fitting_core.io.keypoints.json_points import short
 from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.video.frame_names import frame_numbers, split_number
 
-PIXELS, UNIT, SIGNED = "pixels", "0..1", "-1..1"
+PIXELS, UNIT, SIGNED, SHARES = "pixels", "0..1", "-1..1", "shares"
 SCALES: dict[str, tuple[float, float]] = {UNIT: (0.0, 1.0), SIGNED: (-1.0, 1.0)}
-"""Normalised coordinates: the values of the first and of the last pixel's centre, along x and y."""
+"""OpenPose's normalised coordinates: the values of the first and of the last pixel's centre, along x and y."""
 
 # Keypoints can lie outside the image by some of its size, and nobody's clip shows a person of 2 pixels.
 _NORMALISED_LIMIT = 2.0
 _SIGNED_LIMIT = -0.25
+_SAME_SHAPE = 0.03
+"""By how much the shares of a resized image's width and height may differ: whole pixels are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,7 @@ class Detections:
     source: Path
     """The file or folder that was read."""
     scale: str = PIXELS
-    """"pixels", "0..1", "-1..1", or "auto" where the file does not say it."""
+    """PIXELS, UNIT, SIGNED, SHARES of the image's width and height, or "auto" where the file does not say it."""
     size: tuple[int, int] | None = None
     """Image width and height in pixels, where the file tells them."""
     frame_rate: float | None = None
@@ -105,10 +107,11 @@ def guess_scale(points: Float[np.ndarray, "N 2"]) -> str:
 def to_pixels(
     detections: Detections, size: tuple[int, int] | None, *, keypoint_scale: str = "auto"
 ) -> tuple[Detections, tuple[str, ...]]:
-    """Detections in pixels, and a note on the scale where they were not.
+    """Detections in pixels of the image, and notes on their scale and on an image that is of another size.
 
     Normalised coordinates are OpenPose's: 0..1 (its ``--keypoint_scale 3``) and -1..1 (``4``) run from the centre of
-    the first pixel to that of the last, so a step of 1 or 2 is the image's width (or height) less one.
+    the first pixel to that of the last, so a step of 1 or 2 is the image's width (or height) less one. Pixels of an
+    image that has another size and the same shape are those of the image resized.
 
     Args:
         detections: What a reader returned.
@@ -122,23 +125,39 @@ def to_pixels(
     if keypoint_scale not in known:
         raise InputError(f"keypoint_scale is {keypoint_scale!r}; expected one of {', '.join(known)}.")
     scale = detections.scale if keypoint_scale == "auto" else keypoint_scale
-    how = "by the option keypoint_scale"
+    how = "as the file says" if keypoint_scale == "auto" else "by the option keypoint_scale"
     if scale == "auto":
         scale, how = guess_scale(detections.detected_points()), "judged by their range"
     if scale == PIXELS:
-        return replace(detections, scale=PIXELS), ()
+        return _resized(replace(detections, scale=PIXELS), size)
     if size is None:
         raise InputError(
             f"The keypoints in {detections.source} are normalised to {scale} ({how}), so the image size is needed to "
             "turn them into pixels. Give the video, or image_size=(width, height)."
         )
-    low, high = SCALES[scale]
-    step = (np.array(size) - 1) / (high - low)
+    low, high = SCALES.get(scale, (0.0, 1.0))
+    step = (np.array(size) - (scale in SCALES)) / (high - low)
     frames = tuple(_scaled(people, low, step) for people in detections.frames)
     note = f"The keypoints are normalised to {scale} ({how}); turned into pixels of {size[0]} x {size[1]}."
     return replace(detections, frames=frames, scale=PIXELS), (note,)
 
 
-def _scaled(people: Float[np.ndarray, "P 137 3"], low: float, step: Float[np.ndarray, "2"]) -> np.ndarray:
+def _resized(detections: Detections, size: tuple[int, int] | None) -> tuple[Detections, tuple[str, ...]]:
+    """Pixels of the image that the file tells of in those of the one that is known, and a note if it is another."""
+    if detections.size is None or size is None or detections.size == size:
+        return detections, ()
+    shares = np.array(size) / detections.size
+    told, known = (f"{width} x {height}" for width, height in (detections.size, size))
+    says = f"{detections.source.name} says that the image is {told} pixels, and it is {known}"
+    if abs(shares[0] / shares[1] - 1) > _SAME_SHAPE:
+        return detections, (f"{says}, which is of another shape: the keypoints are taken as they are.",)
+    # Coordinates count from the first pixel's centre.
+    frames = tuple(_scaled(people, (1 / shares - 1) / 2, shares) for people in detections.frames)
+    return replace(detections, frames=frames), (f"{says}: the keypoints were scaled to that.",)
+
+
+def _scaled(
+    people: Float[np.ndarray, "P 137 3"], low: float | Float[np.ndarray, "2"], step: Float[np.ndarray, "2"]
+) -> np.ndarray:
     xy = np.where(people[..., 2:] > 0, (people[..., :2] - low) * step, 0.0)
     return np.concatenate([xy, people[..., 2:]], axis=-1)
