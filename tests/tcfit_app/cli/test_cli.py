@@ -125,6 +125,7 @@ REFUSED = {
     "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
     "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female"),
     "body": (["--body-model", "scape"], "'scape' is no body model, expected one of smplx"),
+    "no such body": (["--body-model", "smplh", "--models", "."], "Or leave out --body-model and --models: there is a"),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
     "folder and file": (["--body-model", "a.npz", "--models", "m"], "give one of them"),
     "models": (["--models", "."], "No neutral SMPL-X body"),
