@@ -171,6 +171,10 @@ class _Reader(c3d.Reader):
     def _check_metadata(self) -> None:
         """Header and parameters may disagree on analogue signals."""
 
+    def get_analog_transform_parameters(self) -> tuple[float, np.ndarray, np.ndarray]:
+        """Analogue signals are not read: their scale, which some programs write as one number, does not count."""
+        return 1.0, np.ones(self.analog_used), np.zeros(self.analog_used, int)
+
     @property
     def first_frame(self) -> int:
         """Not of 16 bits, which overflow behind the frame 65535."""
